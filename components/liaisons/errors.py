@@ -1,0 +1,43 @@
+"""Errors that name the object, the value received and the fix."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class LiaisonsError(Exception):
+    """Base class of every error that this package raises on purpose."""
+
+
+class ComponentError(LiaisonsError):
+    """A component is declared wrongly: unknown symbol, singular mass matrix, missing unit, ..."""
+
+
+class BuildError(LiaisonsError):
+    """An FMU could not be built; nothing was written."""
+
+
+class ConnectionError(LiaisonsError):  # noqa: A001 - the field's word for it; import it qualified
+    """Two ports or variables of a system do not fit each other."""
+
+
+class SimulationError(LiaisonsError):
+    """An FMU refused a value or a step; the message carries the FMU's own words."""
+
+
+class ValidityError(LiaisonsError, ValueError):
+    """A closed form was asked for a case that it does not cover."""
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """``", did you mean 'x'?"`` for the closest of the known names, else the list of them.
+
+    :param name: what was asked for.
+    :param known: what there is.
+    """
+    known = sorted(known)
+    near = difflib.get_close_matches(name, known, n=1)
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    return f"; known: {', '.join(known)}" if known else "; there are none"

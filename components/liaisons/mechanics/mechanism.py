@@ -1,0 +1,216 @@
+"""A mechanism: free and active coordinates, energies, friction.  Its instance holds the symbols of M 3.4."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from liaisons.errors import ComponentError
+from liaisons.mechanics.assembly import assemble
+from liaisons.mechanics.component import Component, call, declared, scalar
+from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Condition, Coordinate, Output, Point
+from liaisons.mechanics.equations import mass_matrix, start_values
+from liaisons.mechanics.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class FreeColumns:
+    """Symbols of the f free coordinates, their rates, accelerations and momenta; each (f, 1)."""
+
+    q: ca.SX
+    q_dot: ca.SX
+    q_ddot: ca.SX
+    p: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveColumns:
+    """Symbols of the a active coordinates, their rates, accelerations and the operator's forces; each (a, 1)."""
+
+    s: ca.SX
+    s_dot: ca.SX
+    s_ddot: ca.SX
+    force: ca.SX
+
+
+class Mechanism(Component, abstract=True):
+    """Mechanical system with active constraints, described by its energies; abstract.
+
+    A subclass declares parameters and coordinates and defines :meth:`kinetic_energy` and, as needed,
+    :meth:`potential_energy`, :meth:`friction_coefficient`, :meth:`lagrangian`, points, outputs and conditions.
+
+    :raises ComponentError: when the subclass is defined, if a symbol is unknown, a size or unit is wrong, two names
+        clash, or the mass matrix at the start is not positive definite.
+    """
+
+    coordinates: ClassVar[tuple[Coordinate, ...]] = ()
+    actives: ClassVar[tuple[ActiveCoordinate, ...]] = ()
+    points: ClassVar[tuple[Point, ...]] = ()
+    outputs: ClassVar[tuple[Output, ...]] = ()
+    calculated_parameters: ClassVar[tuple[Calculated, ...]] = ()
+    conditions: ClassVar[tuple[Condition, ...]] = ()
+    free: FreeColumns
+    active: ActiveColumns
+
+    def __init__(self) -> None:
+        super().__init__()
+        free = [c.name for c in self.coordinates]
+        active = [c.name for c in self.actives]
+        self.free = FreeColumns(
+            q=self._symbols(free),
+            q_dot=self._symbols(f"{q}_dot" for q in free),
+            q_ddot=self._symbols(f"{q}_ddot" for q in free),
+            p=self._symbols(f"p_{q}" for q in free),
+        )
+        self.active = ActiveColumns(
+            s=self._symbols(active),
+            s_dot=self._symbols(f"{s}_dot" for s in active),
+            s_ddot=self._symbols(f"{s}_ddot" for s in active),
+            force=self._symbols(f"{s}_force" for s in active),
+        )
+
+    # ---- what a component defines -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def kinetic_energy(self) -> ca.SX:
+        """T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
+
+    def potential_energy(self) -> ca.SX:
+        """V(q, s); zero unless the component says otherwise."""
+        return ca.SX(0)
+
+    def friction_coefficient(self) -> ca.SX:
+        """η of K eq. 64, Q = −η ∂T/∂q̇; zero unless the component says otherwise."""
+        return ca.SX(0)
+
+    def lagrangian(self) -> ca.SX:
+        """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24)."""
+        return self.kinetic_energy() - self.potential_energy()
+
+    # ---- what it may use --------------------------------------------------------------------------------------
+
+    def dot(self, expression: ca.SX) -> ca.SX:
+        """Total time derivative along the motion of an expression of coordinates and rates; of any shape."""
+        free, active = self.free, self.active
+        where = ca.vertcat(free.q, active.s, free.q_dot, active.s_dot)
+        rates = ca.vertcat(free.q_dot, active.s_dot, free.q_ddot, active.s_ddot)
+        return ca.jtimes(ca.SX(expression), where, rates)
+
+    def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
+        """|ṙ|² of a point given by its Cartesian components."""
+        return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
+
+    def momentum(self, coordinate: ca.SX) -> ca.SX:
+        """p = ∂L/∂q̇ of a free coordinate; for outputs."""
+        return self._of(f"p_{coordinate}", "momentum", self.coordinates)
+
+    def operator_force(self, coordinate: ca.SX) -> ca.SX:
+        """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs."""
+        return self._of(f"{coordinate}_force", "operator_force", self.actives)
+
+    def _of(self, name: str, method: str, kind: tuple[Coordinate, ...] | tuple[ActiveCoordinate, ...]) -> ca.SX:
+        if name not in self.symbols:
+            names = ", ".join(c.name for c in kind) or "none is declared"
+            raise ComponentError(f"{type(self).__name__}: {method}() takes one of its coordinates: {names}")
+        return self.symbols[name]
+
+    # ---- what the package makes of it -------------------------------------------------------------------------
+
+    @classmethod
+    def model(cls) -> Model:
+        return assemble(cls)
+
+    @classmethod
+    def variable_names(cls) -> list[str]:
+        picture = cls()
+        names = [p.name for p in (*cls.parameters, *cls.outputs, *cls.calculated_parameters)]
+        for name in (f"{point.name}_{axis}" for point in cls.points for axis in _components(picture, point)):
+            names += [name, f"{name}_dot", f"{name}_ddot", f"{name}_load"]
+        for q in (c.name for c in cls.coordinates):
+            names += [f"{q}_0", f"{q}_dot_0", q, f"{q}_dot", f"{q}_ddot", f"p_{q}", f"p_{q}_dot"]
+            names += [f"{q}_force", f"{q}_load"]
+        for s in (c.name for c in cls.actives):
+            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power"]
+        names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
+        return [*names, "power", "dissipation"]
+
+    @classmethod
+    def _collect(cls) -> None:
+        super()._collect()
+        cls.coordinates = declared(cls, Coordinate)
+        cls.actives = declared(cls, ActiveCoordinate)
+        cls.points = declared(cls, Point)
+        cls.outputs = declared(cls, Output)
+        cls.calculated_parameters = declared(cls, Calculated)
+        cls.conditions = declared(cls, Condition)
+
+    @classmethod
+    def _check(cls) -> None:
+        if not cls.coordinates:
+            raise ComponentError(f"{cls.__name__}: declare at least one Coordinate that moves freely")
+        picture = cls()
+        parameters = _named(picture, picture.parameter_column)
+        configuration = parameters | _named(picture, picture.free.q, picture.active.s)
+        motion = configuration | _named(picture, picture.free.q_dot, picture.active.s_dot)
+        everything = picture.symbols
+
+        kinetic = scalar(cls, "kinetic_energy", call(picture, "kinetic_energy"), motion)
+        scalar(cls, "potential_energy", call(picture, "potential_energy"), configuration)
+        scalar(cls, "friction_coefficient", call(picture, "friction_coefficient"), parameters)
+        lagrangian = scalar(cls, "lagrangian", call(picture, "lagrangian"), motion)
+        for item in cls.points:
+            for axis, component in _components(picture, item).items():
+                scalar(cls, f"{item.name}[{axis!r}]", component, configuration)
+        for item in cls.outputs:
+            scalar(cls, item.name, call(picture, item.name), everything)
+        for item in cls.calculated_parameters:
+            scalar(cls, item.name, call(picture, item.name), parameters)
+        for item in cls.conditions:
+            scalar(cls, item.name, call(picture, item.name), motion)
+        _check_mass_matrix(picture, lagrangian, kinetic, motion)
+
+
+def _components(picture: Mechanism, item: Point) -> Mapping[str, ca.SX]:
+    components = call(picture, item.name)
+    if not isinstance(components, Mapping) or not components:
+        raise ComponentError(
+            f"{type(picture).__name__}.{item.name}: return the components, e.g. {{'x': ..., 'z': ...}}"
+        )
+    return components
+
+
+def _named(picture: Mechanism, *columns: ca.SX) -> dict[str, ca.SX]:
+    names = {str(element) for column in columns for element in ca.vertsplit(column)}
+    return {name: picture.symbols[name] for name in names}
+
+
+def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
+    name = type(picture).__name__
+    metric = mass_matrix(picture, lagrangian)
+    if ca.depends_on(metric, ca.vertcat(picture.free.q_dot, picture.active.s_dot)):
+        raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them")
+    start = start_values(picture)
+    function = ca.Function("check", list(motion.values()), [metric, kinetic])
+    values, energy = function(*(start[symbol] for symbol in motion))
+    matrix = np.asarray(values)
+    at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*picture.coordinates, *picture.actives))
+    if not (np.all(np.isfinite(matrix)) and np.isfinite(float(energy))):
+        raise ComponentError(
+            f"{name}: the kinetic energy is not finite at the start ({at_start}); move the start value"
+        )
+    for column, coordinate in zip(matrix.T, picture.coordinates, strict=True):
+        if not column.any():
+            raise ComponentError(
+                f"{name}: mass matrix is singular at the start ({at_start}): no kinetic energy belongs to "
+                f"{coordinate.name}; let kinetic_energy depend on its rate, or make it an ActiveCoordinate"
+            )
+    if np.min(np.linalg.eigvalsh(matrix)) <= 1e-14 * np.max(np.abs(matrix)):
+        raise ComponentError(
+            f"{name}: mass matrix {matrix.tolist()} is not positive definite at the start ({at_start}); "
+            "check the masses and that every free coordinate moves one"
+        )
