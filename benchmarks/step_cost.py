@@ -78,13 +78,17 @@ def _stepper(slave: FMU2Slave) -> Callable[[int], float]:
 def _load(fmu: Path) -> FMU2Slave:
     description = fmpy.read_model_description(str(fmu), validate=False)
     folder = fmpy.extract(str(fmu), unzipdir=str(fmu.with_suffix("")))
-    identifier = description.coSimulation.modelIdentifier
-    return _instantiate(FMU2Slave, Path(folder), identifier, description.guid)
+    identifier = fmu.stem  # of our FMUs, and of pythonfmu's
+    return _instantiate(FMU2Slave, Path(folder), identifier, description.guid or "")
 
 
 def _instantiate(kind: type[FMU2Slave], folder: Path, identifier: str, guid: str) -> FMU2Slave:
     slave = kind(
-        guid=guid, modelIdentifier=identifier, unzipDirectory=str(folder), instanceName=identifier, requireFunctions=False
+        guid=guid,
+        modelIdentifier=identifier,
+        unzipDirectory=str(folder),
+        instanceName=identifier,
+        requireFunctions=False,
     )
     slave.instantiate()
     slave.setupExperiment(startTime=0.0)
@@ -101,9 +105,9 @@ def _compile_by_hand(folder: Path) -> Path:
     binaries.mkdir(parents=True)
     library = binaries / f"pendulum{fmpy.sharedLibraryExtension}"
     headers = Path(fmpy.__file__).parent / "c-code"
-    source = HERE / "by_hand" / "pendulum.c"
+    sources = [str(HERE / "by_hand" / name) for name in ("pendulum.c", "unused.c")]
     flags = ["-std=c99", "-O2", "-fPIC", "-shared", f"-I{headers}"]
-    subprocess.run([compiler, *flags, str(source), "-o", str(library), "-lm"], check=True)
+    subprocess.run([compiler, *flags, *sources, "-o", str(library), "-lm"], check=True)
     return folder
 
 

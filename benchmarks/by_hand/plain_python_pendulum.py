@@ -13,7 +13,7 @@ class PlainPythonPendulum(Fmi2Slave):
         self.register_variable(Real("theta", causality=Fmi2Causality.output))
         self.register_variable(Real("p_theta", causality=Fmi2Causality.output))
 
-    def do_step(self, current_time: float, step_size: float) -> bool:
+    def do_step(self, current_time: float, step_size: float) -> bool:  # noqa: ARG002 - pythonfmu's signature
         h, theta, p = step_size, self.theta, self.p_theta
         a1, b1 = p, -9.81 * sin(theta)
         a2, b2 = p + h / 2 * b1, -9.81 * sin(theta + h / 2 * a1)

@@ -178,7 +178,7 @@ def test_point_must_return_components() -> None:
     with pytest.raises(ComponentError, match=r"Vector\.bob: return the components"):
 
         class Vector(_Bead):
-            @point("m", "the bob")
+            @point("m", "the bob")  # pyright: ignore[reportArgumentType]
             def bob(self) -> ca.SX:
                 return ca.vertcat(self.x, 0)
 

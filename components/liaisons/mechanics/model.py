@@ -113,7 +113,7 @@ class Model:
     * ``outputs``     (t, y, u, k, m) → (z,)        all readable variables
     * ``jump``        (t, y, u, k, m) → (y,)        state after the inputs have jumped: books the impulse's work
     * ``remember``    (t, y, u, k, m) → (m,)        memory after a completed step or jump
-    * ``nominals``    (t, y, u, k) → (n,)           size of each state, evaluated at initialization: scales the tolerance
+    * ``nominals``    (t, y, u, k) → (n,)           size of each state, at initialization; scales the tolerance
     * ``conditions``  (t, y, u, k) → (c,)           each entry must stay > 0 (a singularity lies at 0)
     * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted
     """

@@ -1,0 +1,127 @@
+"""``liaisons check``: what must hold of every FMU, ours or not."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from liaisons.check import Verdict, table, verdict
+from liaisons.cli._command import command
+from liaisons.errors import SimulationError
+from liaisons.library import fmu_file
+
+if TYPE_CHECKING:
+    from liaisons.cli._command import Commands
+    from liaisons.cosim import Result
+    from liaisons.cosim.description import Fmu
+
+
+def register(commands: Commands) -> None:
+    """Add the command."""
+    parser = command(
+        commands,
+        "check",
+        _check,
+        "put an FMU to the validators and to what must hold of its default experiment; exit status 1 when it fails",
+        "liaisons check fmus/Pendulum.fmu\nliaisons check Pendulum",
+    )
+    parser.add_argument("fmu", metavar="FMU|NAME|FILE.py", help="a file, or a component, which is built if need be")
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from fmpy.validation import validate_fmu
+
+    from liaisons.cosim.description import read
+
+    path = fmu_file(arguments.fmu)
+    fmu = read(path)
+    problems = validate_fmu(str(path))
+    for problem in problems:
+        print(problem)
+    verdicts = [verdict("fmpy's validator finds no problem", error=len(problems), tolerance=0), *_runs(fmu)]
+    print(table(verdicts))
+    return 0 if all(v.passed for v in verdicts) else 1
+
+
+def _runs(fmu: Fmu) -> Iterator[Verdict]:
+    """Verdicts on the default experiment."""
+    from liaisons.cosim import simulate
+
+    stop_time = fmu.experiment.stop_time or 1.0
+    steps = max(2, round(stop_time / (fmu.experiment.step_size or stop_time / 100)))
+    step_size = stop_time / steps
+    tolerance = fmu.experiment.tolerance or 1e-6  # what FMI tools take where nothing is said
+    coarse, fine = (
+        simulate(fmu.path, stop_time=stop_time, step_size=h, tolerance=tolerance) for h in (step_size, step_size / 2)
+    )
+    yield verdict("all signals are finite", error=int(np.count_nonzero(~np.isfinite(fine.values))), tolerance=0)
+    # Local errors of the solver add up over the run and are amplified; a factor of 1000 leaves room for both.
+    yield verdict(
+        f"communication steps of {step_size:g} and {step_size / 2:g} s agree, relative to the largest of each unit",
+        error=_relative_difference(coarse, fine),
+        tolerance=1e3 * tolerance,
+    )
+    if "energy_balance" in fine.names:
+        scale = sum(np.max(np.abs(fine[name])) for name in ("kinetic_energy", "potential_energy", "work"))
+        yield verdict(
+            "energy = energy at start + work - dissipated",
+            error=np.max(np.abs(fine["energy_balance"])),
+            tolerance=10 * tolerance * scale * stop_time,
+            unit="J",
+        )
+    difference = _roll_back(fmu, step_size, tolerance)
+    if difference is not None:
+        yield verdict("a step that is rolled back and repeated gives the same bits", error=difference, tolerance=0)
+
+
+def _relative_difference(coarse: Result, fine: Result) -> float:
+    """Largest difference at common times, beside the largest signal of the unit: a balance is small, not imprecise."""
+    scales: dict[str, float] = {}
+    for name in coarse.names:
+        scales[coarse.units[name]] = max(scales.get(coarse.units[name], 0.0), float(np.max(np.abs(coarse[name]))))
+    differences = (
+        float(np.max(np.abs(coarse[name] - fine[name][::2]))) / (scales[coarse.units[name]] or 1.0)
+        for name in coarse.names
+    )
+    return max(differences, default=0.0)
+
+
+def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
+    """Largest difference between a step and its repetition; None if the FMU cannot restore its state."""
+    import fmpy
+    from fmpy.fmi1 import FMICallException
+    from fmpy.fmi2 import FMU2Slave
+
+    description = fmpy.read_model_description(fmu.path, validate=False)
+    if description.coSimulation is None or not description.coSimulation.canGetAndSetFMUstate:
+        return None
+    references = [fmu.variables[name].reference for name in fmu.reals("output")]
+    with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
+        fmpy.extract(fmu.path, folder)
+        instance = FMU2Slave(
+            guid=fmu.guid, modelIdentifier=fmu.identifier, unzipDirectory=folder, libraryPath=f"{folder}/{fmu.binary}"
+        )
+        try:
+            instance.instantiate()
+            instance.setupExperiment(tolerance=tolerance, startTime=0.0)
+            instance.enterInitializationMode()
+            instance.exitInitializationMode()
+            instance.doStep(0.0, step_size)  # the history of solver and inputs has to come back, too
+            state = instance.getFMUstate()
+            results = []
+            for _ in range(2):
+                instance.setFMUstate(state)
+                instance.doStep(step_size, step_size)
+                instance.doStep(2 * step_size, step_size)
+                results.append(np.array(instance.getReal(references)))
+            instance.freeFMUstate(state)
+            instance.terminate()
+        except FMICallException as error:
+            raise SimulationError(f"{fmu.path}: roll-back: {error}") from error
+        finally:
+            instance.freeInstance()
+    return float(np.max(np.abs(results[0] - results[1]), initial=0.0))

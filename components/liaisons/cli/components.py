@@ -1,0 +1,88 @@
+"""``liaisons list`` and ``liaisons build``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from liaisons.check import table
+from liaisons.cli._command import command
+from liaisons.library import catalogue
+from liaisons.library import components as find
+from liaisons.project import declared_components, fmus_directory
+
+if TYPE_CHECKING:
+    from liaisons.cli._command import Commands
+    from liaisons.mechanics import Component
+
+
+def register(commands: Commands) -> None:
+    """Add the commands."""
+    listing = command(
+        commands,
+        "list",
+        _list,
+        "show the components: free and active coordinates, and what each one is",
+        "liaisons list\nliaisons list my_component.py",
+    )
+    listing.add_argument("targets", nargs="*", metavar="FILE.py", help="show those of these files instead")
+    build = command(
+        commands,
+        "build",
+        _build,
+        "build FMUs",
+        "liaisons build\n"
+        "liaisons build Pendulum Sinusoid --backend python\n"
+        "liaisons build my_component.py --output /tmp/fmus --platforms all",
+    )
+    build.add_argument(
+        "targets", nargs="*", metavar="NAME|FILE.py", help="what to build; everything in fmus/fmus.toml unless given"
+    )
+    build.add_argument(
+        "--backend",
+        choices=("auto", "native", "python"),
+        default="auto",
+        help="native: generated C; python: pythonfmu; auto (default): native where a C compiler is found",
+    )
+    build.add_argument(
+        "--platforms",
+        choices=("host", "all"),
+        default="host",
+        help="binaries inside a native FMU: for this machine (default), or for Linux, Windows and macOS",
+    )
+    build.add_argument("--output", type=Path, metavar="DIR", help="where they go (default: fmus/)")
+
+
+def names() -> list[str]:
+    """Names of the components in the catalogue."""
+    return sorted(catalogue())
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    targets = arguments.targets or catalogue()
+    print(table([_row(component) for target in targets for component in find(target)]))
+    return 0
+
+
+def _build(arguments: argparse.Namespace) -> int:
+    from liaisons.fmu import build
+
+    # All are found before the first is built: a misspelt name must not cost a compilation.
+    found = [component for target in arguments.targets or declared_components() for component in find(target)]
+    for component in found:
+        output = arguments.output or fmus_directory()
+        print(build(component.model(), output, backend=arguments.backend, platforms=arguments.platforms), flush=True)
+    return 0
+
+
+def _row(component: type[Component]) -> dict[str, str]:
+    from liaisons.mechanics import Mechanism
+
+    mechanism = component if issubclass(component, Mechanism) else None
+    return {
+        "name": component.__name__,
+        "free": ", ".join(c.name for c in mechanism.coordinates) if mechanism else "-",
+        "active": ", ".join(c.name for c in mechanism.actives) or "-" if mechanism else "-",
+        "what it is": component.summary(),
+    }

@@ -1,0 +1,243 @@
+"""The simulation of one FMU or of several: arguments are checked, the run is made, a result comes of it."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons.cosim import schedule
+from liaisons.cosim.component import INPUT_RECONSTRUCTION, Component, component
+from liaisons.cosim.execution import Execution, Function, Signal, evaluate
+from liaisons.cosim.ports import Link
+from liaisons.cosim.result import IncompleteError, Interrupted, Result
+from liaisons.cosim.schedule import Coupling, Place
+from liaisons.errors import SimulationError
+
+_logger = logging.getLogger("liaisons.cosim")
+
+
+def simulate(
+    fmu: Path | str,
+    /,
+    *,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    start_time: float = 0.0,
+    times: ArrayLike | None = None,
+    tolerance: float | None = None,
+    record: Iterable[str] | None = None,
+    inputs: Mapping[str, Function] | None = None,
+    **starts: float | bool | str,
+) -> Result:
+    """Simulate one FMU; what is not given is taken from its default experiment.
+
+    :param fmu: path of the file.
+    :param stop_time: end [s].
+    :param step_size: distance of the communication points [s], as in :meth:`System.simulate`.
+    :param start_time: begin [s].  (A *parameter* of this name can be set in a :class:`System`.)
+    :param times: the communication points themselves [s], increasing, in place of the three above.
+    :param tolerance: relative tolerance of the FMU's solver.
+    :param record: names of real variables; all outputs and inputs if None.
+    :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
+        return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
+        from a connected source.
+    :param starts: values of parameters and inputs at the start, where they differ from the FMU's.
+    :returns: signals under their own names, ``result["theta"]``.
+    :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
+    """
+    path = Path(fmu)
+    single = component(path.stem, path, starts)
+    experiment = single.fmu.experiment
+    if times is None:
+        stop_time = experiment.stop_time if stop_time is None else stop_time
+        step_size = experiment.step_size if step_size is None else step_size
+        if stop_time is None or step_size is None:
+            missing = "stop_time" if stop_time is None else "step_size"
+            raise SimulationError(f"{path.name} has no default {missing}: give simulate() one")
+    points = communication_points(start_time, stop_time, step_size, times)
+    names = single.fmu.reals("output", "input") if record is None else record
+    return run(
+        path.stem,
+        {path.stem: single},
+        recorded={name: real(single, name) for name in names},
+        times=points,
+        signals=_signals(single, inputs or {}, points[0]),
+        tolerance=experiment.tolerance if tolerance is None else tolerance,
+    )
+
+
+def run(
+    title: str,
+    components: Mapping[str, Component],
+    *,
+    recorded: Mapping[str, Place],
+    times: Sequence[float],
+    links: Sequence[Link] = (),
+    signals: Sequence[Signal] = (),
+    tolerance: float | None = None,
+    coupling: Coupling = "gauss-seidel",
+    progress: bool = False,
+) -> Result:
+    """Simulate what is connected; see :meth:`liaisons.cosim.System.simulate`.
+
+    :param recorded: name in the result -> variable.
+    """
+    feeds = {link.target.place: link.source.place for link in links}
+    _check(components, feeds, times, tolerance, coupling)
+    execution = Execution(
+        components,
+        feeds,
+        signals,
+        list(recorded.values()),
+        times,
+        tolerance=tolerance,
+        coupling=coupling,
+        progress=title if progress else "",
+    )
+    units = {name: _unit(components, links, place) for name, place in recorded.items()}
+
+    def result() -> Result:
+        return Result(title, np.array(times[: execution.count]), tuple(recorded), execution.values, units)
+
+    try:
+        execution.run()
+    except (SimulationError, KeyboardInterrupt) as error:
+        if execution.count == 0:
+            raise
+        if isinstance(error, SimulationError):
+            raise IncompleteError(str(error), result()) from error
+        reached = f"{title}: interrupted at t = {times[execution.count - 1]:.10g} of {times[-1]:.10g} s"
+        raise Interrupted(f"{reached}; .result of this exception has what there is", result()) from None
+    return result()
+
+
+def communication_points(
+    start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None = None
+) -> list[float]:
+    """t_i = start_time + i * step_size, and stop_time [s]; or the given times, where these are not evenly spaced.
+
+    A rest of less than a millionth of a step is taken for rounding and makes no step of its own.
+
+    :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if ``times`` do not
+        increase, or come together with the others.
+    """
+    if times is not None:
+        return _given(times, start_time, stop_time, step_size)
+    if stop_time is None or step_size is None:
+        raise SimulationError("give stop_time and step_size, or the communication points themselves as times")
+    for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
+        _finite(name, value)
+    if step_size <= 0:
+        raise SimulationError(f"step_size = {step_size!r}: must be > 0")
+    if stop_time <= start_time:
+        raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
+    steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
+    return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
+
+
+def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
+    if (stop_time, step_size) != (None, None) or start_time != 0.0:
+        raise SimulationError("times are the communication points; leave out start_time, stop_time and step_size")
+    points = np.asarray(times, dtype=float)
+    if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
+        raise SimulationError(f"times of shape {points.shape}: give two finite numbers at least")
+    late = np.flatnonzero(np.diff(points) <= 0)
+    if late.size:
+        here, before = float(points[late[0] + 1]), float(points[late[0]])
+        raise SimulationError(f"times[{late[0] + 1}] = {here!r}: must be greater than {before!r}, the one before")
+    return points.tolist()
+
+
+def real(owner: Component, name: str) -> Place:
+    """The place of a real variable.
+
+    :raises SimulationError: if there is none of this name, or it is of another type.
+    """
+    if name not in owner.fmu.variables:
+        raise SimulationError(f"{owner.name}: {owner.fmu.unknown(name)}")
+    kind = owner.fmu.variables[name].type
+    if kind != "Real":
+        raise SimulationError(f"{owner.name}.{name} is {kind}; only Real variables can be recorded and driven")
+    return owner.name, name
+
+
+def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float) -> list[Signal]:
+    signals: list[Signal] = []
+    for name, function in inputs.items():
+        place = real(owner, name)
+        causality = owner.fmu.variables[name].causality
+        if causality != "input":
+            raise SimulationError(f"inputs: {owner.name}.{name} is of causality {causality!r}, so it cannot be driven")
+        if not callable(function):
+            raise SimulationError(
+                f"inputs: {name} = {function!r} is no function of time; give a constant as start value"
+            )
+        port = owner[name].port()
+        whole = port is not None and evaluate(function, name, start_time).ndim > 0
+        signals.append(Signal(function, tuple(end.place for end in port) if port and whole else (place,)))
+    driven = [place for source in signals for place in source.inputs]
+    for _, variable in driven:
+        if driven.count((owner.name, variable)) > 1:
+            raise SimulationError(f"inputs: {owner.name}.{variable} is driven twice, by itself and by its port")
+    return signals
+
+
+def _check(
+    components: Mapping[str, Component],
+    feeds: Mapping[Place, Place],
+    times: Sequence[float],
+    tolerance: float | None,
+    coupling: Coupling,
+) -> None:
+    if tolerance is not None:
+        _finite("tolerance", tolerance)
+        if tolerance <= 0:
+            raise SimulationError(f"tolerance = {tolerance!r}: must be > 0")
+    if coupling not in get_args(Coupling):
+        raise SimulationError(f"coupling = {coupling!r}: choose one of {', '.join(map(repr, get_args(Coupling)))}")
+    groups = schedule.groups(components, feeds)
+    for group in groups:
+        if len(group) > 1:
+            _logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
+    order = [name for group in groups for name in group]
+    first, odd = times[1] - times[0], _odd_step(times)
+    for name, owner in components.items():
+        late = schedule.late_inputs(order, feeds, name, coupling) if owner.interpolates else []
+        if late:
+            cure = ", or coupling='gauss-seidel'" if coupling == "jacobi" else "; the connections go round in a cycle"
+            raise SimulationError(
+                f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs inputs at the end of a step, but "
+                f"{'.'.join(feeds[late[0]])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
+            )
+        if odd is not None and not owner.fmu.variable_step:
+            raise SimulationError(
+                f"{name}: takes steps of one size only, {first:.10g} s, and one would be {odd:.10g} s: "
+                "choose a step_size that divides stop_time - start_time, or even times"
+            )
+
+
+def _odd_step(times: Sequence[float]) -> float | None:
+    """A step that is not as long as the first one, up to the rounding that communication_points allows."""
+    steps = np.diff(times)
+    odd = steps[~np.isclose(steps, steps[0], rtol=2e-6, atol=0)]
+    return float(odd[-1]) if odd.size else None
+
+
+def _unit(components: Mapping[str, Component], links: Sequence[Link], place: Place) -> str:
+    """Unit of a variable; if it has none, that of what it is connected with."""
+    name, variable = place
+    own = components[name].fmu.variables[variable].unit
+    near = (end.variable.unit for link in links for end in link.opposite(place) if end.variable.unit)
+    return own or next(near, "")
+
+
+def _finite(name: str, value: float) -> None:
+    if not isinstance(value, Real) or not math.isfinite(value):
+        raise SimulationError(f"{name} = {value!r}: must be a finite number")

@@ -1,0 +1,50 @@
+"""The .fmu file: a zip archive that is the same for the same members, and that is there whole or not at all."""
+
+from __future__ import annotations
+
+import secrets
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from liaisons.errors import BuildError
+
+_EARLIEST = (1980, 1, 1, 0, 0, 0)  # the first date that a zip archive can hold
+
+
+def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
+    """Write an archive beside its final place and move it there in one go; folders are made as needed.
+
+    :param path: the file to write or replace.
+    :param members: contents by name inside the archive, with ``/``.
+    :raises BuildError: if the file cannot be written; what was there before is still there.
+    """
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with zipfile.ZipFile(partial, "x", zipfile.ZIP_DEFLATED) as archive:
+                for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
+                    archive.writestr(_entry(name), members[name])
+            partial.replace(path)
+        finally:  # an interrupt leaves nothing behind either
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise BuildError(f"{path} cannot be written: {error.strerror}; choose another folder with output=") from error
+
+
+def read_member(path: Path, name: str) -> bytes | None:
+    """One member of an archive; None if there is no such archive or member, or it is damaged."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.read(name)
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return None
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(name, _EARLIEST)
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.create_system = 3  # Unix, wherever it is written
+    entry.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
+    return entry

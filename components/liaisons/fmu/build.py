@@ -1,0 +1,91 @@
+"""From a model to an .fmu file."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from pathlib import Path
+from typing import Literal
+from uuid import UUID
+from xml.etree import ElementTree
+
+from liaisons.fmu.archive import read_member, write_archive
+from liaisons.fmu.code import source_files
+from liaisons.fmu.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
+from liaisons.fmu.description import model_description
+from liaisons.fmu.documentation import index_page
+from liaisons.mechanics.model import Model
+
+# Stands for the guid, which is a hash of everything else, until that is known.
+_NO_GUID = "{00000000-0000-0000-0000-000000000000}"
+_log = logging.getLogger(__name__)
+
+
+def build(
+    model: Model,
+    output: Path | str = "fmus",
+    *,
+    backend: Literal["native", "python", "auto"] = "auto",
+    platforms: Literal["host", "all"] = "host",
+) -> Path:
+    """Build the FMU of a model; an FMU that is there already and up to date is left as it is.
+
+    :param model: what ``Pendulum.model()`` returns.
+    :param output: folder; the file is ``NAME.fmu`` in it for the native back end, ``python/NAME.fmu`` for the other.
+    :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
+    :param platforms: binaries for this machine, or for Linux, Windows and macOS (native back end, needs ziglang).
+    :returns: path of the FMU.
+    :raises BuildError: if it cannot be compiled or written; then nothing is written.
+    """
+    if backend == "auto" and not (system_compiler() or zig_compiler()):
+        _log.warning("no C compiler is found: building %s in Python; for native FMUs: pip install ziglang", model.name)
+        backend = "python"
+    return _build_python(model, Path(output)) if backend == "python" else _build_native(model, Path(output), platforms)
+
+
+def _build_native(model: Model, output: Path, platforms: str) -> Path:
+    path = output / f"{model.name}.fmu"
+    sources = source_files(model, _NO_GUID)
+    members = {
+        "modelDescription.xml": model_description(model, guid=_NO_GUID, backend="native"),
+        "documentation/index.html": index_page(model),
+        **{f"sources/{name}": content for name, content in sources.items()},
+    }
+    guid, members = _identified(members)
+    targets = {f"binaries/{t.folder}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])}
+    if _is_current(path, guid) and all(read_member(path, name) for name in targets):
+        return path
+    code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
+    for name, target in targets.items():
+        members[name] = compile_library(code, target, cross=platforms == "all")
+    write_archive(path, members)
+    return path
+
+
+def _build_python(model: Model, output: Path) -> Path:
+    from liaisons.fmu.python_backend import python_members
+
+    path = output / "python" / f"{model.name}.fmu"
+    guid, members = _identified(python_members(model, _NO_GUID))
+    if not _is_current(path, guid):
+        write_archive(path, members)
+    return path
+
+
+def _identified(members: dict[str, bytes]) -> tuple[str, dict[str, bytes]]:
+    """The guid, a hash of all members and of how they are compiled, and the members with it in place."""
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    for name in sorted(members):
+        digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
+    guid = f"{{{UUID(bytes=digest.digest()[:16])}}}"
+    return guid, {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
+
+
+def _is_current(path: Path, guid: str) -> bool:
+    description = read_member(path, "modelDescription.xml")
+    if description is None:
+        return False
+    try:
+        return ElementTree.fromstring(description).get("guid") == guid
+    except ElementTree.ParseError:
+        return False

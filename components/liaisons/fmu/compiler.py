@@ -1,0 +1,128 @@
+"""C compilers: the system's, or the one in the ``ziglang`` wheel, which also compiles for other platforms."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from liaisons.errors import BuildError
+
+# The same sources give the same bytes: no contraction to fused operations, no build id, no symbols, no paths.
+FLAGS = (
+    *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off"),
+    *("-fPIC", "-shared", "-fvisibility=hidden", "-g0"),
+)
+TIME_OUT = 900.0  # [s] for one binary
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A platform: its folder in ``binaries/`` (FMI 2.0.4), its extension, and its name for zig."""
+
+    folder: str
+    extension: str
+    triple: str
+    flags: tuple[str, ...] = ()
+
+
+_ELF = ("-Wl,--build-id=none", "-s", "-lm")
+TARGETS = (
+    Target("linux64", ".so", "x86_64-linux-gnu.2.17", _ELF),
+    Target("aarch64-linux", ".so", "aarch64-linux-gnu.2.17", _ELF),
+    Target("win64", ".dll", "x86_64-windows-gnu", ("-s",)),
+    Target("darwin64", ".dylib", "x86_64-macos"),
+    Target("aarch64-darwin", ".dylib", "aarch64-macos"),
+)
+
+
+def host() -> Target:
+    """The platform that we run on.
+
+    :raises BuildError: if it is none of those that we know.
+    """
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    system = {"win32": "windows", "darwin": "macos"}.get(sys.platform, sys.platform)
+    for target in TARGETS:
+        if target.triple.startswith(f"{machine}-{system}"):
+            return target
+    raise BuildError(f"native FMUs cannot be built on {machine} {system}; use backend='python'")
+
+
+def system_compiler() -> list[str] | None:
+    """Command of the C compiler of this machine; None if there is none."""
+    paths = (shutil.which(name) for name in ("cc", "gcc", "clang"))
+    return next(([path] for path in paths if path), None)
+
+
+def zig_compiler() -> list[str] | None:
+    """Command of the C compiler in the ``ziglang`` wheel; None if it is not installed."""
+    return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else None
+
+
+def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool = False) -> bytes:
+    """Compile and link C sources to a shared library.
+
+    :param sources: contents of the ``.c`` and ``.h`` files by name.
+    :param cross: by zig for the oldest system that it knows, instead of for this machine by any compiler.
+    :returns: the library; the same bytes for the same sources and compiler.
+    :raises BuildError: if there is no compiler, or it fails or does not end; with its first words.
+    """
+    zig = zig_compiler()
+    compiler = zig if cross else system_compiler() or zig
+    if compiler is None:
+        tool = "binaries for other platforms need" if cross else "no C compiler is found; install one, or"
+        raise BuildError(f"{tool} the compiler in the ziglang package: pip install ziglang")
+    aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
+    with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
+        for name, content in sources.items():
+            Path(folder, name).write_bytes(content)
+        library = Path(folder, f"library{target.extension}")
+        files = sorted(name for name in sources if name.endswith(".c"))
+        # Names relative to the folder: no path gets into the library.
+        _run([*compiler, *aim, *FLAGS, "-I.", *files, "-o", library.name, *target.flags], folder)
+        return library.read_bytes()
+
+
+def _run(command: list[str], folder: str) -> None:
+    try:
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise BuildError(f"the C compiler {command[0]} cannot be started: {error.strerror}") from error
+    with process:
+        try:
+            output, _ = process.communicate(timeout=TIME_OUT)
+        except BaseException as error:  # an interrupt must not leave compilers running either
+            _kill(process)
+            if isinstance(error, subprocess.TimeoutExpired):
+                raise BuildError(f"the C compiler {command[0]} did not end within {TIME_OUT:g} s") from None
+            raise
+    if process.returncode != 0:
+        lines = output.splitlines()
+        said = [line for line in lines if "error" in line.lower()] or lines or ["it said nothing"]
+        raise BuildError(f"the C compiler {command[0]} failed: {' | '.join(said[:3])}")
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    """End a compiler together with all processes that it has started."""
+    if os.name == "posix":
+        os.killpg(process.pid, signal.SIGKILL)
+    else:
+        subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)

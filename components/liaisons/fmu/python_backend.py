@@ -1,0 +1,120 @@
+"""Python FMU: a component through pythonfmu, stepped by CasADi's integrators at run time.
+
+Contents of the archive beside modelDescription.xml and documentation::
+
+    binaries/linux64/NAME.so, binaries/win64/NAME.dll     pythonfmu's wrapper around a Python interpreter
+    resources/slavemodule.txt, resources/liaisons_slave_*.py    what the wrapper imports
+    resources/liaisons_runtime_*/                         our slave (python_runtime), without liaisons
+    resources/component.json                              variables and serialized CasADi functions
+    resources/requirements.txt                            what the host's Python has to have
+    resources/pythonfmu/                                  pythonfmu itself, with its licence
+
+The host needs Python with numpy and casadi.  Inside a Python process the wrapper uses that interpreter; any other
+host has to load a Python that has them beforehand (Linux: ``LD_PRELOAD=libpython3.11.so``, and ``PYTHONPATH`` with
+the packages).  pythonfmu 0.7.0 brings binaries for Linux and Windows on x86_64, knows no directional derivatives and
+no derivatives of inputs, and its wrapper passes on no message unless the importer switches logging on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+
+from liaisons.fmu.description import model_description
+from liaisons.fmu.documentation import index_page
+from liaisons.mechanics.model import Model, Variable
+
+_BINARY_SUFFIXES = (".so", ".dll", ".dylib")
+
+# The module that pythonfmu's wrapper imports once and executes at each instantiation.  The wrapper (0.7.0) releases
+# the module's dictionary each time without owning it; unless something holds on to it, it is gone after a few.
+_MODULE = """\
+from {package}.slave import Slave, held
+
+held.append(globals())
+"""
+
+
+def python_members(model: Model, guid: str) -> dict[str, bytes]:
+    """All members of the Python FMU of a model, by path in the archive; the same bytes for the same arguments.
+
+    :param model: the component.
+    :param guid: the FMU's guid.
+    """
+    members = {
+        "modelDescription.xml": model_description(model, guid=guid, backend="python"),
+        "documentation/index.html": index_page(model),
+        "resources/component.json": _component(model, guid),
+    }
+    members |= _runtime() | _pythonfmu(model.name)
+    return dict(sorted(members.items()))
+
+
+def _component(model: Model, guid: str) -> bytes:
+    """The table that ``python_runtime.table`` reads."""
+    names = [variable.name for variable in model.inputs]
+    functions = {
+        "start": model.start,
+        "derivatives": model.derivatives,
+        "outputs": model.outputs_function,
+        "jump": model.jump,
+        "remember": model.remember,
+        "nominals": model.nominals,
+        "conditions": model.conditions,
+    }
+    document = {
+        "name": model.name,
+        "guid": guid,
+        "tolerance": model.experiment.tolerance,
+        "parameters": [_entry(variable) for variable in model.parameters],
+        "inputs": [_entry(variable) for variable in model.inputs],
+        "outputs": [_entry(variable) for variable in model.outputs],
+        "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
+        "condition_texts": model.condition_texts,
+        "functions": {name: function.serialize() for name, function in functions.items()},
+    }
+    return json.dumps(document, indent=1, allow_nan=False).encode()
+
+
+def _entry(variable: Variable) -> dict[str, Any]:
+    return {
+        "name": variable.name,
+        "causality": variable.causality,
+        "variability": variable.variability,
+        "start": variable.start,
+        "minimum": variable.minimum,
+        "maximum": variable.maximum,
+        "strict": variable.strict,
+        "domain": variable.domain() if variable.minimum is not None or variable.maximum is not None else "",
+    }
+
+
+def _runtime() -> dict[str, bytes]:
+    """Our slave.  Its modules carry a hash of their text: one process may hold FMUs of several versions."""
+    folder = resources.files("liaisons.fmu") / "python_runtime"
+    sources = {item.name: item.read_bytes() for item in folder.iterdir() if item.name.endswith(".py")}
+    version = hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()[:12]
+    package, module = f"liaisons_runtime_{version}", f"liaisons_slave_{version}"
+    members = {f"resources/{package}/{name}": text for name, text in sources.items()}
+    members[f"resources/{module}.py"] = _MODULE.format(package=package).encode()
+    members["resources/slavemodule.txt"] = module.encode()
+    members["resources/requirements.txt"] = b"casadi>=3.8\nnumpy>=2.0\n"  # for `pythonfmu deploy`
+    return members
+
+
+def _pythonfmu(identifier: str) -> dict[str, bytes]:
+    """pythonfmu's package and, named after the model, its binaries for all of its platforms."""
+    import pythonfmu
+
+    folder = Path(pythonfmu.__file__).parent
+    members = {f"resources/pythonfmu/{path.name}": path.read_bytes() for path in folder.glob("*.py")}
+    for path in (folder / "resources" / "binaries").rglob("*"):
+        if path.suffix in _BINARY_SUFFIXES:
+            members[f"binaries/{path.parent.name}/{identifier}{path.suffix}"] = path.read_bytes()
+    for file in metadata.files("pythonfmu") or ():
+        if file.name == "LICENSE":
+            members["resources/pythonfmu/LICENSE"] = file.read_binary()
+    return members

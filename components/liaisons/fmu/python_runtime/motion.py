@@ -1,0 +1,225 @@
+"""How the state moves through one communication step [t, t + H]: input polynomials and CasADi's integrators.
+
+Inside a step every input is a polynomial in τ = (t' − t)/H, by ``input_reconstruction``:
+
+=================  ==========================================================================================
+0 hold             σ, σ̇, σ̈ constant, each as given
+1 extrapolate      Taylor polynomial of σ from the values at t; other inputs constant
+2 interpolate      quintic Hermite polynomial of σ between the values at t and at t + H; other inputs linear
+=================  ==========================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from functools import lru_cache, reduce
+
+import casadi as ca
+import numpy as np
+
+from .calls import Array, Call, view
+from .table import Table
+
+HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
+TIGHTEST, LOOSEST = 1e-14, 1e-2  # tolerances are kept between these
+_MOST_STEPS = 100_000
+
+# Error of an internal step: this part of the importer's tolerance, so that hundreds of periods stay near it, and not
+# less than rounding allows.
+_PART, _LEAST = 0.02, 1e-14
+
+
+class Step:
+    """One communication step of one instance, on arrays that the caller shares.
+
+    :param mode: input_reconstruction.
+    :param tolerance: of the importer.
+    :param now: array (t, y, u) at the start of the step; :meth:`advance` leaves y and u of the end in ``next``.
+    :param H: array with the length of the step.
+    :param given: inputs as set by the importer, at t or (interpolate) at t + H.
+    :param size: sizes of the states, which the tolerance is relative to.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        mode: int,
+        tolerance: float,
+        *,
+        now: Array,
+        H: Array,
+        given: Array,
+        k: Array,
+        size: Array,
+    ) -> None:
+        self.mode, self.tolerance = mode, tolerance
+        self._table, self._H, self._k, self._size = table, H, k, size
+        self._t, self._y, u = np.split(now, [1, 1 + size.size])
+        end = np.zeros(now.size)
+        self.next = view(end)
+        _, self._y_next, self._u_next = np.split(end, [1, 1 + size.size])
+        self._tau = np.ones(1)
+        inputs, coefficients = _reconstruction(table, mode)
+        self._inputs = Call(inputs, (self._tau, H, u, given), (self._u_next,))
+        if not size.size:
+            return
+        largest = max(_PART * tolerance, _LEAST)
+        short, long = _integrators(table, mode, largest)
+        error = np.ones(1)
+        self._error, self._largest_error = view(error), largest**2
+        self._short = Call(short, (self._t, H, self._y, u, given, k, size), (self._y_next, self._u_next, error))
+        self._c = np.zeros(coefficients.numel_out(0))
+        self._coefficients = Call(coefficients, (H, u, given), (self._c,))
+        self._p, self._x, self._x_next = np.zeros(long.numel_in("p")), np.zeros(size.size), np.zeros(size.size)
+        self._long = Call(long, (self._x, np.zeros(0), self._p), (self._x_next,))
+
+    def advance(self) -> bool:
+        """Compute y and u at t + H; False if that cannot be done."""
+        if not self._size.size:
+            self._inputs.run()
+            return True
+        self._short.run()
+        return self._error[0] <= self._largest_error or self._integrate(1.0)
+
+    def _integrate(self, fraction: float) -> bool:
+        """The same with as many internal steps as it takes, over a fraction of the step."""
+        self._coefficients.run()
+        self._p[:] = np.concatenate((self._t, self._H, (fraction,), self._c, self._k, self._size))
+        self._x[:] = self._y / self._size
+        self._long.run()
+        self._y_next[:] = self._x_next * self._size
+        return self._long.succeeded and bool(np.isfinite(self._y_next).all())
+
+    def obstacle(self) -> str:
+        """What made :meth:`advance` fail, and when."""
+        t, H = self._t[0], self._H[0]
+        bounded = [(i, entry) for i, entry in enumerate(self._table.inputs) if entry.domain]
+        for fraction in np.linspace(0.0, 1.0, 1025):
+            self._tau[0] = fraction
+            self._inputs.run()
+            for i, entry in bounded:
+                if not entry.allows(self._u_next[i]):
+                    return entry.violation(self._u_next[i], t + fraction * H)
+        if self._long.internal_steps >= _MOST_STEPS:
+            return f"more than {_MOST_STEPS} internal steps are needed: choose a smaller step"
+        return self._singularity()
+
+    def _singularity(self) -> str:
+        """Where the motion ends, by bisection, and the condition that is about to fail there."""
+        reached, failed, y = 0.0, 1.0, self._y.copy()
+        for _ in range(20):
+            middle = (reached + failed) / 2
+            if self._integrate(middle):
+                reached, y = middle, self._y_next.copy()
+            else:
+                failed = middle
+        self._tau[0] = reached
+        self._inputs.run()
+        t = self._t[0] + reached * self._H[0]
+        # Conditions are distances from a singularity, of order 1 elsewhere.
+        condition = self._table.failed_condition(t, y, self._u_next, self._k, 1e-3)
+        return condition or f"no step from t = {t:.9g} is small enough for the tolerance {self.tolerance:g}"
+
+
+@lru_cache(maxsize=64)
+def _reconstruction(table: Table, mode: int) -> tuple[ca.Function, ca.Function]:
+    """Inputs inside a step, (τ, H, u at t, u given) → (u,), and the coefficients of their polynomials."""
+    tau, H = ca.SX.sym("tau"), ca.SX.sym("H")
+    u_0, u_1 = (ca.SX.sym(name, len(table.inputs)) for name in ("u_0", "u_1"))
+    rows = _polynomials(table, mode, H, u_0, u_1)
+    # At τ = 1 the polynomials have rounding errors that the given values have not.
+    u = ca.if_else(tau == 1, u_1, _evaluate(rows, tau)) if mode == INTERPOLATE else _evaluate(rows, tau)
+    return (
+        ca.Function("inputs", [tau, H, u_0, u_1], [u]),
+        ca.Function("coefficients", [H, u_0, u_1], [ca.densify(_column(c for row in rows for c in row))]),
+    )
+
+
+@lru_cache(maxsize=64)
+def _integrators(table: Table, mode: int, tolerance: float) -> tuple[ca.Function, ca.Function]:
+    """CasADi's integrators over one step.
+
+    ``short`` (t, H, y, u_0, u_1, k, n) → (y, u, squared error / (n + abs(y))²) is the classical Runge-Kutta method
+    over one element and over two: their difference is the error, of order 5, and is taken off the better one.
+    ``long`` (y/n, z, (t, H, w, c, k, n)) → (y/n at t + w H,) is the adaptive pair of order 5(4).  A call of it costs
+    ten times as much, so it does what ``short`` cannot.
+    """
+    f, conditions = table.functions["derivatives"], table.functions["conditions"]
+    y, u_0, u_1, k = (ca.SX.sym(name, f.size1_in(i)) for name, i in (("y", 1), ("u_0", 2), ("u_1", 2), ("k", 3)))
+    n, x = ca.SX.sym("n", y.numel()), ca.SX.sym("x", y.numel())
+    t, H, w, tau = (ca.SX.sym(name) for name in ("t", "H", "w", "tau"))
+    inputs, coefficients = _reconstruction(table, mode)
+    c = ca.SX.sym("c", coefficients.numel_out(0))
+    rows = _split(c, _polynomials(table, mode, H, u_0, u_1))
+
+    def derivatives(tau: ca.SX, y: ca.SX) -> ca.SX:
+        """dy/dτ; NaN where an input or a condition is out of bounds, which the integrators take as a failure."""
+        u = _evaluate(rows, tau)
+        valid = ca.vertsplit(conditions(t + tau * H, y, u, k) > 0)
+        for entry, value in zip(table.inputs, ca.vertsplit(u), strict=True):
+            valid += [margin > 0 if entry.strict else margin >= 0 for margin in entry.margins(value)]
+        trap = ca.if_else(reduce(ca.logic_and, valid), 0, math.nan) if valid else 0
+        return H * (f(t + tau * H, y, u, k) + trap)
+
+    def runge_kutta(elements: int) -> ca.SX:
+        problem = {"x": y, "t": tau, "p": ca.vertcat(t, H, c, k), "ode": derivatives(tau, y)}
+        options = {"number_of_finite_elements": elements, "simplify": True}
+        p = ca.vertcat(t, H, coefficients(H, u_0, u_1), k)
+        return ca.integrator("short", "rk", problem, 0, 1, options)(x0=y, p=p)["xf"]
+
+    coarse, fine = runge_kutta(1), runge_kutta(2)
+    error = (fine - coarse) / 15
+    results = [fine + error, inputs(1, H, u_0, u_1), ca.sumsqr(error / (n + ca.fabs(fine)))]
+    p = ca.vertcat(t, H, w, c, k, n)
+    problem = {"x": x, "t": tau, "p": p, "ode": w * derivatives(w * tau, n * x) / n}
+    options = {
+        "abstol": tolerance,
+        "reltol": tolerance,
+        "step0": 1.0,  # try the whole step first: estimating the first step costs as much as rejecting it
+        "max_num_steps": _MOST_STEPS,
+        "show_eval_warnings": False,
+    }
+    return (
+        ca.Function("short", [t, H, y, u_0, u_1, k, n], ca.cse(results)),
+        ca.integrator("long", "erk", problem, 0, 1, options),
+    )
+
+
+def _polynomials(table: Table, mode: int, H: ca.SX, u_0: ca.SX, u_1: ca.SX) -> list[list[ca.SX]]:
+    """Coefficients in τ of every input, lowest first."""
+    start, end = ca.vertsplit(u_0), ca.vertsplit(u_1)
+    rows = [[a, b - a] if mode == INTERPOLATE else [a] for a, b in zip(start, end, strict=True)]
+    for s, s_dot, s_ddot in table.active if mode != HOLD else ():
+        row = [start[s], H * start[s_dot], H**2 * start[s_ddot] / 2]
+        if mode == INTERPOLATE:
+            # What the parabola from t misses at t + H: value, rate, acceleration.
+            a = end[s] - sum(row)
+            b = H * end[s_dot] - row[1] - 2 * row[2]
+            c = H**2 * end[s_ddot] - 2 * row[2]
+            row += [10 * a - 4 * b + c / 2, -15 * a + 7 * b - c, 6 * a - 3 * b + c / 2]
+        rows[s] = row
+        rows[s_dot] = _derivative(row, H)
+        rows[s_ddot] = _derivative(rows[s_dot], H)
+    return rows
+
+
+def _derivative(row: list[ca.SX], H: ca.SX) -> list[ca.SX]:
+    """Coefficients of the derivative with respect to t' = t + τ H."""
+    return [i * coefficient / H for i, coefficient in enumerate(row)][1:]
+
+
+def _split(c: ca.SX, rows: list[list[ca.SX]]) -> list[list[ca.SX]]:
+    """The entries of c in the pattern of the rows."""
+    entries = iter(ca.vertsplit(c))
+    return [[next(entries) for _ in row] for row in rows]
+
+
+def _evaluate(rows: list[list[ca.SX]], tau: ca.SX) -> ca.SX:
+    """All polynomials at τ."""
+    return _column(reduce(lambda value, coefficient: value * tau + coefficient, reversed(row)) for row in rows)
+
+
+def _column(expressions: Iterable[ca.SX]) -> ca.SX:
+    rows = list(expressions)
+    return ca.vertcat(*rows) if rows else ca.SX(0, 1)

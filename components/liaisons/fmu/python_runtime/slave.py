@@ -1,0 +1,279 @@
+"""The FMI face of a component: pythonfmu's slave over the numbers of one instance.
+
+Variables live in one array in the order of the value references: parameters, inputs, everything else.
+Outputs are evaluated when they are read, once per change.
+
+pythonfmu's wrapper knows three answers: OK; Discard, from ``do_step`` alone; Fatal, when a method raises, after
+which it goes on with freed objects.  So nothing here raises: what is refused is logged at once, changes nothing,
+and makes the next step Discard with the same message.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from typing import Any
+
+import numpy as np
+from pythonfmu import Fmi2Slave
+from pythonfmu.enums import Fmi2Status
+
+from .calls import Call, view
+from .motion import EXTRAPOLATE, HOLD, INTERPOLATE, LOOSEST, TIGHTEST, Step
+from .table import load
+
+held: list[dict[str, Any]] = []  # see python_backend
+
+# What makes up the state of an instance, beside whether it is stepping.
+_ARRAYS = ("_t", "_k", "_given", "_u", "_y", "_m", "_size")
+_SCALARS = ("_mode", "_tolerance", "_started", "_jumped", "_unusable")
+
+
+class Slave(Fmi2Slave):
+    """One instance of the component in the resources folder."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        resources = kwargs["resources"]
+        if resources in sys.path:  # put there by the wrapper at each instantiation, and done with
+            sys.path.remove(resources)
+        self._table = table = load(resources)
+        self._first_input = len(table.parameters)
+        self._first_output = self._first_input + len(table.inputs)
+        self._mode = EXTRAPOLATE
+        self._tolerance = table.tolerance
+        self._step: Step | None = None  # there is one from the end of initialization on
+        self._settable = set(range(self._first_output))
+        self._started = False  # y and m belong to the parameters and inputs as they are
+        self._remembered = True  # m belongs to the end of the last step
+        self._jumped = False  # something was set since then: the energy may have jumped
+        self._evaluated = False  # the outputs belong to all the rest
+        self._unusable = ""  # why initialization failed
+        self._refused: dict[int, str] = {}  # by value reference: set calls that the next step answers for
+
+        f = table.functions
+        self._values = np.array([entry.start or 0.0 for entry in table.variables])
+        self._k = self._values[: self._first_input]
+        self._given = self._values[self._first_input : self._first_output]  # inputs as set by the importer
+        self._z = self._values[self._first_output :]
+        states = f["start"].numel_out(0)
+        self._now = np.zeros(1 + states + self._given.size)
+        self._t, self._y, self._u = np.split(self._now, [1, 1 + states])  # present time, state, inputs
+        self._m = np.zeros(f["start"].numel_out(1))
+        self._y_jumped, self._m_next = self._y.copy(), self._m.copy()
+        self._H, self._size = np.zeros(1), np.ones(states)
+        self._number, self._now_view, self._H_view = map(view, (self._values, self._now, self._H))
+        self._u_view, self._given_view = view(self._u), view(self._given)
+        point = (self._t, self._y, self._u, self._k)
+        self._start = Call(f["start"], (self._t, self._u, self._k), (self._y, self._m))
+        self._measure = Call(f["nominals"], point, (self._size,))
+        self._output = Call(f["outputs"], (*point, self._m), (self._z,))
+        self._jump = Call(f["jump"], (*point, self._m), (self._y_jumped,))
+        self._remember = Call(f["remember"], (*point, self._m), (self._m_next,))
+
+    # ---- initialization ---------------------------------------------------------------------------------------
+
+    def setup_experiment(
+        self,
+        start_time: float,
+        stop_time: float | None,  # noqa: ARG002
+        tolerance: float | None,
+    ) -> None:
+        self._t[0] = start_time
+        self._started = self._evaluated = False
+        if tolerance is not None:
+            self._tolerance = min(max(tolerance, TIGHTEST), LOOSEST)
+            if self._tolerance != tolerance:
+                text = f"tolerance = {tolerance:g} is out of range, {self._tolerance:g} is used"
+                self.log(text, Fmi2Status.warning)
+
+    def exit_initialization_mode(self) -> None:
+        self._initialize()
+        self._measure.run()
+        self._size[~((self._size > 0) & np.isfinite(self._size))] = 1.0
+        self._unusable = self._bad_start()
+        if self._unusable:
+            self._unusable += "; reset, set another value and initialize again"
+            self.log(self._unusable, Fmi2Status.error)
+        self._jumped = self._evaluated = False
+        self._enter(stepping=True)
+
+    def _initialize(self) -> None:
+        """State and memory from parameters and inputs."""
+        if not self._started:
+            self._u[:] = self._given
+            self._start.run()
+            self._started = True
+
+    def _bad_start(self) -> str:
+        """What forbids this initialization; empty if nothing does."""
+        t = self._t[0]
+        for entry, value in zip(self._table.settable, self._values, strict=False):
+            if not entry.allows(value):
+                return entry.violation(value, t)
+        if not np.isfinite(self._y).all():
+            return "the initial state is not finite"
+        return self._table.failed_condition(t, self._y, self._u, self._k, 0.0)
+
+    def _enter(self, *, stepping: bool) -> None:
+        """Enter the phase before the end of initialization, where all can be set, or the one after it."""
+        fixed = [vr for vr, entry in enumerate(self._table.parameters) if stepping and entry.variability == "fixed"]
+        self._settable = set(range(self._first_output)).difference(fixed)
+        if not stepping:
+            self._step = None
+        elif self._step is None or (self._step.mode, self._step.tolerance) != (self._mode, self._tolerance):
+            arrays = {"now": self._now, "H": self._H, "given": self._given, "k": self._k, "size": self._size}
+            self._step = Step(self._table, self._mode, self._tolerance, **arrays)
+
+    # ---- stepping ---------------------------------------------------------------------------------------------
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        now = self._now_view
+        before = now.tobytes()
+        try:
+            problem = self._attempt(current_time, step_size)
+        except BaseException as reason:  # noqa: BLE001 - an interrupt, say; see above
+            problem = f"broken off by {reason!r}; the step from t = {current_time:.9g} is taken back"
+        if not problem:
+            return True
+        now[:] = memoryview(before).cast("d")
+        self.log(problem, Fmi2Status.discard)
+        return False
+
+    def _attempt(self, t: float, H: float) -> str:
+        """Do the step from t to t + H; empty, or what stands in its way."""
+        step, now = self._step, self._now_view
+        if step is None or self._unusable:
+            return self._unusable or "initialize the instance first"
+        if self._refused:
+            problem = "; ".join(self._refused.values())
+            self._refused.clear()
+            return problem
+        if not 0 < H < math.inf:
+            return f"step size = {H:g}: it must be > 0 and finite"
+        if not abs(t - now[0]) <= 1e-6 * H + 1e-12 * abs(t):  # rounding of the importer's clock
+            return f"step from t = {t:.15g}: the instance is at t = {now[0]:.15g}"
+        now[0], self._H_view[0] = t, H
+        if self._mode != INTERPOLATE:
+            self._take_inputs()
+        if self._jumped:
+            self._jump.run()
+            self._y[:] = self._y_jumped
+        if not step.advance():
+            return f"{step.obstacle()}; the step from t = {t:.9g} is taken back"
+        step.next[0] = t + H
+        now[:] = step.next
+        self._remembered = self._jumped = self._evaluated = False
+        return ""
+
+    def _take_inputs(self) -> None:
+        """What the importer gave becomes the inputs of the present time."""
+        if self._u_view.tobytes() != self._given_view.tobytes():
+            self._close_step()
+            self._u_view[:] = self._given_view
+            self._jumped = True
+            self._evaluated = False
+
+    def _close_step(self) -> None:
+        """Remember the end of the last step; put off until it matters."""
+        if not self._remembered:
+            self._remember.run()
+            self._m[:] = self._m_next
+            self._remembered = True
+
+    # ---- variables --------------------------------------------------------------------------------------------
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        if not self._evaluated:
+            self._evaluate()
+        number = self._number
+        try:
+            return [number[vr] for vr in vrs]
+        except IndexError:
+            self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
+            return [math.nan] * len(vrs)
+
+    def _evaluate(self) -> None:
+        self._initialize()
+        self._close_step()
+        self._output.run()
+        if self._unusable:
+            self._z[:] = math.nan
+        self._evaluated = True
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        number, settable, first_input = self._number, self._settable, self._first_input
+        for vr, value in zip(vrs, values, strict=True):
+            if vr not in settable or not math.isfinite(value):
+                self._refuse_real(vr, value)
+                return
+        for vr, value in zip(vrs, values, strict=True):
+            if vr < first_input and number[vr] != value:  # a tunable parameter: the energy may jump with it, too
+                self._close_step()
+                self._jumped, self._evaluated = True, False
+            number[vr] = value
+        if self._refused:
+            for vr in vrs:
+                self._refused.pop(vr, None)
+        if self._step is None:
+            self._started = self._evaluated = False
+        elif self._mode != INTERPOLATE:
+            self._take_inputs()
+
+    def _refuse_real(self, vr: int, value: float) -> None:
+        if vr in self._settable:
+            self._refuse(vr, value, f"set a finite number; it stays {self._number[vr]:.9g}")
+        elif vr < self._first_input:
+            self._refuse(vr, value, "it is a fixed parameter; set it before initialization ends")
+        else:
+            self._refuse(vr, value, "it is calculated; set parameters and inputs")
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        return [self._mode] * len(vrs)  # there is but one: input_reconstruction
+
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        for vr, value in zip(vrs, values, strict=True):
+            if self._step is not None:
+                self._refuse(vr, value, "it is a fixed parameter; set it before initialization ends")
+            elif value not in (HOLD, EXTRAPOLATE, INTERPOLATE):
+                self._refuse(vr, value, "set 0 (hold), 1 (extrapolate) or 2 (interpolate)")
+            else:
+                self._mode = value
+                self._refused.pop(vr, None)
+
+    def _refuse(self, vr: int, value: float, why: str) -> None:
+        """Log that a value was not taken, and let the next step answer for it."""
+        names = [*(entry.name for entry in self._table.variables), "input_reconstruction"]
+        name = names[vr] if 0 <= vr < len(names) else f"value reference {vr}"
+        self._refused[vr] = f"{name} = {value:.9g}: {why}"
+        self.log(self._refused[vr], Fmi2Status.discard)
+
+    # ---- state ------------------------------------------------------------------------------------------------
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        self._close_step()
+        state = {name: getattr(self, name) for name in _SCALARS}
+        state |= {name: getattr(self, name).tolist() for name in _ARRAYS}
+        return state | {"guid": self._table.guid, "stepping": self._step is not None}
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        if state.get("guid") != self._table.guid:
+            self._refused[-1] = "the state to restore is damaged or belongs to another FMU; the present one is kept"
+            self.log(self._refused[-1], Fmi2Status.discard)
+            return
+        for name in _SCALARS:
+            setattr(self, name, state[name])
+        for name in _ARRAYS:
+            getattr(self, name)[:] = state[name]
+        self._refused.clear()
+        self._remembered, self._evaluated = True, False
+        self._enter(stepping=state["stepping"])
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
+        try:
+            document = json.loads(state)
+        except ValueError:
+            document = None
+        return document if isinstance(document, dict) else {}  # the empty one will be refused

@@ -1,0 +1,94 @@
+"""The component as the FMU carries it: a JSON table with CasADi functions, in the resources folder."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .calls import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What the slave has to know of one variable."""
+
+    name: str
+    causality: str
+    variability: str
+    start: float | None
+    minimum: float | None
+    maximum: float | None
+    strict: bool  # True: the bounds themselves are forbidden too
+    domain: str  # the allowed values in words; empty when all are allowed
+
+    def margins(self, value: Any) -> list[Any]:
+        """Distances to the bounds there are; the value is allowed while each is > 0, or >= 0 if not strict.
+
+        :param value: a number or a CasADi expression.
+        """
+        below = [] if self.minimum is None else [value - self.minimum]
+        above = [] if self.maximum is None else [self.maximum - value]
+        return below + above
+
+    def allows(self, value: float) -> bool:
+        """Whether the value lies in the domain."""
+        return all(margin > 0 or (margin == 0 and not self.strict) for margin in self.margins(value))
+
+    def violation(self, value: float, t: float) -> str:
+        return f"{self.name} = {value:.9g} at t = {t:.9g}: it must be {self.domain}"
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A component at run time.  Value reference = place in parameters + inputs + outputs."""
+
+    name: str
+    guid: str
+    tolerance: float  # when the importer gives none
+    parameters: tuple[Entry, ...]
+    inputs: tuple[Entry, ...]
+    outputs: tuple[Entry, ...]
+    active: tuple[tuple[int, int, int], ...]  # places of s, s_dot, s_ddot among the inputs
+    condition_texts: tuple[str, ...]
+    functions: dict[str, ca.Function]
+
+    @property
+    def settable(self) -> tuple[Entry, ...]:
+        return self.parameters + self.inputs
+
+    @property
+    def variables(self) -> tuple[Entry, ...]:
+        return self.settable + self.outputs
+
+    def failed_condition(self, t: float, y: Array, u: Array, k: Array, least: float) -> str:
+        """The first condition whose margin is not greater than the least one; empty if there is none."""
+        margins = np.asarray(self.functions["conditions"](t, y, u, k)).ravel()
+        for text, margin in zip(self.condition_texts, margins, strict=True):
+            if not margin > least:
+                return f"{text}; at t = {t:.9g} it {'hardly does' if margin > 0 else 'does not'} ({margin:.3g})"
+        return ""
+
+
+def load(resources: str) -> Table:
+    """Read the component of an FMU; all instances of it share one table.
+
+    :param resources: the unpacked resources folder.
+    """
+    return _decode((Path(resources) / "component.json").read_text(encoding="utf-8"))
+
+
+@lru_cache(maxsize=64)
+def _decode(text: str) -> Table:
+    document = json.loads(text)
+    for kind in ("parameters", "inputs", "outputs"):
+        document[kind] = tuple(Entry(**entry) for entry in document[kind])
+    for kind in ("active", "condition_texts"):
+        document[kind] = tuple(document[kind])
+    functions = {name: ca.Function.deserialize(code) for name, code in document.pop("functions").items()}
+    return Table(**document, functions=functions)

@@ -1,0 +1,164 @@
+#include "solver.h"
+
+#include <math.h>
+#include <string.h>
+
+/* The coefficients; those that are missing are 0.  c: stages, a: their weights, b: order 8, bhh: order 3,
+ * e: difference of b to order 5. */
+static const double
+    c_2 = 0.05260015195876773, c_3 = 0.0789002279381516, c_4 = 0.1183503419072274, c_5 = 0.2816496580927726,
+    c_6 = 0.3333333333333333, c_7 = 0.25, c_8 = 0.3076923076923077, c_9 = 0.6512820512820513, c_10 = 0.6,
+    c_11 = 0.8571428571428571, c_12 = 1.0;
+static const double
+    a_2_1 = 0.05260015195876773;
+static const double
+    a_3_1 = 0.0197250569845379, a_3_2 = 0.0591751709536137;
+static const double
+    a_4_1 = 0.02958758547680685, a_4_3 = 0.08876275643042054;
+static const double
+    a_5_1 = 0.2413651341592667, a_5_3 = -0.8845494793282861, a_5_4 = 0.924834003261792;
+static const double
+    a_6_1 = 0.037037037037037035, a_6_4 = 0.17082860872947386, a_6_5 = 0.12546768756682242;
+static const double
+    a_7_1 = 0.037109375, a_7_4 = 0.17025221101954405, a_7_5 = 0.06021653898045596, a_7_6 = -0.017578125;
+static const double
+    a_8_1 = 0.03709200011850479, a_8_4 = 0.17038392571223998, a_8_5 = 0.10726203044637328,
+    a_8_6 = -0.015319437748624402, a_8_7 = 0.008273789163814023;
+static const double
+    a_9_1 = 0.6241109587160757, a_9_4 = -3.3608926294469414, a_9_5 = -0.868219346841726, a_9_6 = 27.59209969944671,
+    a_9_7 = 20.154067550477894, a_9_8 = -43.48988418106996;
+static const double
+    a_10_1 = 0.47766253643826434, a_10_4 = -2.4881146199716677, a_10_5 = -0.590290826836843,
+    a_10_6 = 21.230051448181193, a_10_7 = 15.279233632882423, a_10_8 = -33.28821096898486,
+    a_10_9 = -0.020331201708508627;
+static const double
+    a_11_1 = -0.9371424300859873, a_11_4 = 5.186372428844064, a_11_5 = 1.0914373489967295,
+    a_11_6 = -8.149787010746927, a_11_7 = -18.52006565999696, a_11_8 = 22.739487099350505,
+    a_11_9 = 2.4936055526796523, a_11_10 = -3.0467644718982196;
+static const double
+    a_12_1 = 2.273310147516538, a_12_4 = -10.53449546673725, a_12_5 = -2.0008720582248625,
+    a_12_6 = -17.9589318631188, a_12_7 = 27.94888452941996, a_12_8 = -2.8589982771350235,
+    a_12_9 = -8.87285693353063, a_12_10 = 12.360567175794303, a_12_11 = 0.6433927460157636;
+static const double
+    b_1 = 0.054293734116568765, b_6 = 4.450312892752409, b_7 = 1.8915178993145003, b_8 = -5.801203960010585,
+    b_9 = 0.3111643669578199, b_10 = -0.1521609496625161, b_11 = 0.20136540080403034, b_12 = 0.04471061572777259;
+static const double
+    bhh_1 = 0.2440944881889764, bhh_9 = 0.7338466882816118, bhh_12 = 0.022058823529411766;
+static const double
+    e_1 = 0.01312004499419488, e_6 = -1.2251564463762044, e_7 = -0.4957589496572502, e_8 = 1.6643771824549864,
+    e_9 = -0.35032884874997366, e_10 = 0.3341791187130175, e_11 = 0.08192320648511571, e_12 = -0.022355307863886294;
+
+/* Step sizes change by these factors at most; SAFETY keeps most steps from being rejected. */
+static const double SHRINK = 0.2, GROW = 6.0, SAFETY = 0.9;
+/* A step below this fraction of the interval gets nowhere. */
+static const double SMALLEST = 1e-13;
+
+#define FOR_EACH(i) for (size_t i = 0; i < n; i++)
+
+#define STAGE(s, sum)                                    \
+    FOR_EACH(i) x[i] = y[i] + h * (sum);                 \
+    if (p->rates(p->context, t + c_##s * h, x, k##s) == STOP) return STOP
+
+/* All stages but the first, which is in k1 already; then sum = the increment of order 8 divided by h, and
+ * *error = the estimated error of the step in units of what is allowed. */
+static Signal stages(const Problem *p, double t, double h, const double *y, double *work, double *error) {
+    const size_t n = p->n;
+    double *k1 = work, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *k5 = k4 + n, *k6 = k5 + n, *k7 = k6 + n,
+           *k8 = k7 + n, *k9 = k8 + n, *k10 = k9 + n, *k11 = k10 + n, *k12 = k11 + n, *x = k12 + n, *sum = x + n;
+
+    STAGE(2, a_2_1 * k1[i]);
+    STAGE(3, a_3_1 * k1[i] + a_3_2 * k2[i]);
+    STAGE(4, a_4_1 * k1[i] + a_4_3 * k3[i]);
+    STAGE(5, a_5_1 * k1[i] + a_5_3 * k3[i] + a_5_4 * k4[i]);
+    STAGE(6, a_6_1 * k1[i] + a_6_4 * k4[i] + a_6_5 * k5[i]);
+    STAGE(7, a_7_1 * k1[i] + a_7_4 * k4[i] + a_7_5 * k5[i] + a_7_6 * k6[i]);
+    STAGE(8, a_8_1 * k1[i] + a_8_4 * k4[i] + a_8_5 * k5[i] + a_8_6 * k6[i] + a_8_7 * k7[i]);
+    STAGE(9, a_9_1 * k1[i] + a_9_4 * k4[i] + a_9_5 * k5[i] + a_9_6 * k6[i] + a_9_7 * k7[i] + a_9_8 * k8[i]);
+    STAGE(10, a_10_1 * k1[i] + a_10_4 * k4[i] + a_10_5 * k5[i] + a_10_6 * k6[i] + a_10_7 * k7[i] + a_10_8 * k8[i]
+              + a_10_9 * k9[i]);
+    STAGE(11, a_11_1 * k1[i] + a_11_4 * k4[i] + a_11_5 * k5[i] + a_11_6 * k6[i] + a_11_7 * k7[i] + a_11_8 * k8[i]
+              + a_11_9 * k9[i] + a_11_10 * k10[i]);
+    STAGE(12, a_12_1 * k1[i] + a_12_4 * k4[i] + a_12_5 * k5[i] + a_12_6 * k6[i] + a_12_7 * k7[i] + a_12_8 * k8[i]
+              + a_12_9 * k9[i] + a_12_10 * k10[i] + a_12_11 * k11[i]);
+
+    double fifth = 0, third = 0;
+    FOR_EACH(i) {
+        sum[i] = b_1 * k1[i] + b_6 * k6[i] + b_7 * k7[i] + b_8 * k8[i] + b_9 * k9[i] + b_10 * k10[i] + b_11 * k11[i]
+                 + b_12 * k12[i];
+        const double e5 = e_1 * k1[i] + e_6 * k6[i] + e_7 * k7[i] + e_8 * k8[i] + e_9 * k9[i] + e_10 * k10[i]
+                          + e_11 * k11[i] + e_12 * k12[i];
+        const double e3 = sum[i] - bhh_1 * k1[i] - bhh_9 * k9[i] - bhh_12 * k12[i];
+        const double scale = p->tolerance * (p->size[i] + fmax(fabs(y[i]), fabs(y[i] + h * sum[i])));
+        const double ratio5 = fabs(e5) / scale, ratio3 = fabs(e3) / scale;
+        if (ratio5 > fifth || isnan(ratio5)) fifth = ratio5; /* NaN stays */
+        if (ratio3 > third || isnan(ratio3)) third = ratio3;
+    }
+    /* Of order 8 in h, although the differences are of order 6 and 4 (Hairer, Norsett, Wanner, II.10). */
+    *error = fifth == 0 ? 0 : h * fifth * fifth / sqrt(fifth * fifth + 0.01 * third * third);
+    return GO_ON;
+}
+
+/* factor by which an error of order 8 says that the step may change */
+static double growth(double error) {
+    if (!isfinite(error)) return SHRINK;
+    const double factor = SAFETY / sqrt(sqrt(sqrt(error))); /* unlike pow, the same on every machine */
+    return factor < SHRINK ? SHRINK : factor > GROW ? GROW : factor;
+}
+
+static double norm(const Problem *p, const double *v, const double *y) {
+    double largest = 0;
+    for (size_t i = 0; i < p->n; i++)
+        largest = fmax(largest, fabs(v[i]) / (p->tolerance * (p->size[i] + fabs(y[i]))));
+    return largest;
+}
+
+/* A first step from the sizes of y, f and df/dt (Hairer, Norsett, Wanner, II.4); f is in the first column of work. */
+static double first_step(const Problem *p, double t, double span, const double *y, double *work) {
+    const size_t n = p->n;
+    double *f = work, *f1 = work + n, *x = work + 2 * n;
+    const double y_size = norm(p, y, y), f_size = norm(p, f, y);
+    double trial = y_size < 1e-5 || f_size < 1e-5 ? 1e-6 : 0.01 * y_size / f_size;
+    trial = fmin(trial, span);
+    FOR_EACH(i) x[i] = y[i] + trial * f[i];
+    if (p->rates(p->context, t + trial, x, f1) == STOP) return trial;
+    FOR_EACH(i) f1[i] -= f[i];
+    const double largest = fmax(f_size, norm(p, f1, y) / trial);
+    const double step = largest <= 1e-15 ? fmax(1e-6, trial * 1e-3) : sqrt(sqrt(sqrt(0.01 / largest)));
+    return isfinite(step) && step > 0 ? fmin(fmin(100 * trial, step), span) : trial;
+}
+
+Outcome solver_advance(const Problem *p, double *t, double end, double y[], double low[], double *step,
+                       double work[]) {
+    const size_t n = p->n;
+    const double smallest = SMALLEST * (end - *t);
+    const double *sum = work + (SOLVER_COLUMNS - 1) * n;
+    double error, largest_growth = GROW;
+
+    while (*t < end) {
+        if (p->rates(p->context, *t, y, work) == STOP) return STOPPED;
+        if (*step <= 0) *step = first_step(p, *t, end - *t, y, work);
+        for (;;) { /* until a step is accepted */
+            const double left = end - *t;
+            const int last = 1.01 * *step >= left;
+            const double h = last ? left : fmin(*step, left / 2); /* two equal steps rather than a tiny last one */
+            if (stages(p, *t, h, y, work, &error) == STOP) return STOPPED;
+            if (error <= 1) {
+                const double factor = fmin(growth(error), largest_growth);
+                *step = h < *step && factor == GROW ? fmax(*step, GROW * h) : factor * h; /* a cut step tells little */
+                *t = last ? end : *t + h;
+                FOR_EACH(i) { /* y + low += h * sum; what y cannot hold goes to low (Moller, Knuth) */
+                    const double add = h * sum[i] + low[i], next = y[i] + add, part = next - y[i];
+                    low[i] = (y[i] - (next - part)) + (add - part);
+                    y[i] = next;
+                }
+                largest_growth = GROW;
+                break;
+            }
+            *step = h * fmin(growth(error), 1);
+            largest_growth = 1; /* right after a rejection */
+            if (*step < smallest) return UNDERFLOW;
+        }
+        if (p->accept(p->context, *t, y) == STOP) return STOPPED;
+    }
+    return REACHED;
+}

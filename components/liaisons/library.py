@@ -1,0 +1,84 @@
+"""Components by name or file, and the FMUs that are built from them: where symbols meet files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from liaisons.errors import suggestion
+from liaisons.project import ProjectError, fmus_directory, load_module
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from liaisons.mechanics import Component
+
+Backend = Literal["auto", "native", "python"]
+
+
+def catalogue() -> dict[str, type[Component]]:
+    """The components of :mod:`liaisons.models`, by name."""
+    from liaisons.models import CATALOGUE
+
+    return {component.__name__: component for component in CATALOGUE}
+
+
+def components(target: str) -> list[type[Component]]:
+    """What a name on the command line stands for.
+
+    :param target: a component of the catalogue (``Pendulum``), a Python file with components (``my_component.py``)
+        or one component of such a file (``my_component.py:Name``).
+    :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it.
+    """
+    file, separator, name = target.rpartition(".py:")
+    if not separator and not target.endswith(".py"):
+        known = catalogue()
+        if target not in known:
+            raise ProjectError(f"no component is called {target!r}{suggestion(target, known)}")
+        return [known[target]]
+    path = Path(f"{file}.py" if separator else target)
+    found = _defined_in(load_module(path))
+    if not found:
+        raise ProjectError(f"{path} defines no component; derive a class from liaisons.Mechanism or liaisons.Operator")
+    if separator and name not in found:
+        raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, found)}")
+    return [found[name]] if separator else list(found.values())
+
+
+def fmu_path(target: str, backend: Backend = "auto") -> Path:
+    """The FMU of one component, built before the path is returned if it is missing or out of date.
+
+    :param target: a name of the catalogue, or a file as in :func:`components` with one component in it.
+    :param backend: ``"native"``, ``"python"``, or ``"auto"``: native where a C compiler is found.
+    :raises ProjectError: if the target names no component or several.
+    :raises BuildError: if the FMU cannot be built.
+    """
+    from liaisons.fmu import build
+
+    found = components(target)
+    if len(found) > 1:
+        choices = ", ".join(f"{target}:{component.__name__}" for component in found)
+        raise ProjectError(f"{target} defines several components; name one: {choices}")
+    return build(found[0].model(), fmus_directory(), backend=backend)
+
+
+def fmu_file(target: str) -> Path:
+    """The FMU that a word on the command line stands for: an FMU file, else a component as in :func:`fmu_path`."""
+    path = Path(target)
+    if path.suffix == ".fmu" or (path.is_file() and path.suffix != ".py"):
+        return path
+    return fmu_path(target)
+
+
+def _defined_in(module: ModuleType) -> dict[str, type[Component]]:
+    """The components that a file defines; what it imports, and abstract bases, are left out."""
+    from liaisons.mechanics import Component
+
+    return {
+        name: value
+        for name, value in vars(module).items()
+        if isinstance(value, type)
+        and issubclass(value, Component)
+        and value.__module__ == module.__name__
+        and not value._abstract  # noqa: SLF001 - said by 'class X(Mechanism, abstract=True)'
+    }

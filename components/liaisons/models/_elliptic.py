@@ -1,0 +1,139 @@
+"""The pendulum equation φ'' = -Ω² sin φ solved by Jacobi's elliptic functions, for any start.
+
+With k² = sin²(φ_0/2) + (φ'_0/2Ω)² (energy over that of the upper equilibrium) the half angle is
+
+* libration, k < 1:    sin(φ/2) = k sn(u | k²),   φ' = 2 Ω k cn(u | k²),     u = u_0 + Ω t
+* rotation, k > 1:     φ/2 = ± am(u | 1/k²),      φ' = ± 2 Ω k dn(u | 1/k²), u = u_0 + k Ω t
+* separatrix, k = 1:   φ/2 = ± gd(u),             φ' = ± 2 Ω / cosh u,       u = u_0 + Ω t
+
+Near the separatrix everything hangs on the complement 1 - m of the parameter, which a function of m has lost to
+rounding.  So everything here takes the complement, and all functions keep full accuracy down to 1 - m = 1e-300.
+What remains is the conditioning of the problem itself: a relative error ε of the data shifts u by about ε / |1 - k²|
+a swing, and the motion by e^Ωt while it passes the upper equilibrium.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ellipkm1, elliprf
+
+_EPSILON = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """Initial state, split into the valley it lies in and the half angle within that valley."""
+
+    valley: float  # φ_0 lies within π of 2π · valley
+    sine: float  # of the half angle from the bottom of the valley
+    cosine: float  # >= 0
+    speed: float  # φ'_0 / 2Ω
+
+    @property
+    def modulus(self) -> float:
+        """k."""
+        return float(np.hypot(self.sine, self.speed))
+
+    @property
+    def complement(self) -> float:
+        """1 - k² as a product, which keeps its digits where k is close to 1."""
+        return (self.cosine - abs(self.speed)) * (self.cosine + abs(self.speed))
+
+    @property
+    def on_separatrix(self) -> bool:
+        """Whether 1 - k² is nothing but the rounding of sine, cosine and speed."""
+        return abs(self.cosine - abs(self.speed)) <= 2 * _EPSILON * abs(self.speed)
+
+
+def _start(angle: float, rate: float, frequency: float) -> _Start:
+    valley = float(np.round(angle / (2 * np.pi)))
+    sign = 1 - 2 * (valley % 2)  # sine and cosine of a half angle change sign from one valley to the next
+    return _Start(valley, sign * np.sin(angle / 2), sign * np.cos(angle / 2), rate / (2 * frequency))
+
+
+def pendulum(t: ArrayLike, angle: float, rate: float, frequency: float) -> tuple[NDArray, NDArray]:
+    """Angle and rate of φ'' = -Ω² sin φ.
+
+    :param t: times since the start [s], any shape.
+    :param angle: initial angle [rad], any number of turns; ``rate`` the initial rate [rad/s].
+    :param frequency: Ω > 0 [rad/s].
+    :returns: φ, not wrapped [rad], and φ' [rad/s], with the shape of ``t``.
+    """
+    start = _start(angle, rate, frequency)
+    sense = np.sign(rate)
+    k, complement = start.modulus, start.complement
+    phase = frequency * np.asarray(t, dtype=float)
+    if start.on_separatrix:
+        u = np.arcsinh(start.sine / start.cosine) + sense * phase
+        half = 2 * np.arctan(np.tanh(u / 2))
+        half_rate = sense * 2 * np.exp(-np.abs(u)) / (1 + np.exp(-2 * np.abs(u)))  # sech, without overflow
+    elif complement > 0:
+        _, sn, cn, dn = jacobi(phase + _inverse(start.sine, start.speed, complement), complement)
+        half, half_rate = np.arctan2(k * sn, dn), k * cn
+    else:
+        inverse_square = -complement / k**2  # 1 - 1/k²
+        u_0 = _inverse(sense * start.sine, start.cosine, inverse_square)
+        am, _, _, dn = jacobi(k * phase + u_0, inverse_square)
+        half, half_rate = sense * am, sense * k * dn
+    return 2 * half + 2 * np.pi * start.valley, 2 * frequency * half_rate
+
+
+def period(angle: float, rate: float, frequency: float) -> float:
+    """Period of a libration, 4 K(k)/Ω, or time of one turn of a rotation, 2 K(1/k)/kΩ; infinite between them [s]."""
+    start = _start(angle, rate, frequency)
+    k, complement = start.modulus, start.complement
+    if start.on_separatrix:
+        return np.inf
+    if complement > 0:
+        return float(4 * ellipkm1(complement) / frequency)
+    return float(2 * ellipkm1(-complement / k**2) / (k * frequency))
+
+
+def jacobi(u: ArrayLike, complement: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Jacobi's elliptic functions am, sn, cn, dn by the arithmetic-geometric mean.
+
+    :param u: argument, any shape, any size.
+    :param complement: 1 - m with the parameter m = k², 0 < 1 - m <= 1.
+    """
+    quarter = float(ellipkm1(complement))
+    u = np.asarray(u, dtype=float)
+    half_periods = np.round(u / (2 * quarter))
+    u = u - 2 * quarter * half_periods  # now |u| <= K
+    # Beyond K/2 count from K: there cn and dn are small, and only this form gives them digits of their own.
+    near_top = np.abs(u) > quarter / 2
+    s, c, d = _jacobi_near_zero(np.where(near_top, quarter - np.abs(u), u), complement)
+    root = np.sqrt(complement)
+    sn = np.where(near_top, np.sign(u) * c / d, s)
+    cn = np.where(near_top, root * s / d, c)
+    dn = np.where(near_top, root / d, d)
+    parity = 1 - 2 * (half_periods % 2)
+    return np.arctan2(sn, cn) + np.pi * half_periods, parity * sn, parity * cn, dn
+
+
+def _jacobi_near_zero(u: NDArray, complement: float) -> tuple[NDArray, NDArray, NDArray]:
+    """sn, cn, dn for |u| <= K/2: down a ladder of moduli to circular functions, and the amplitude back up."""
+    a, b = 1.0, float(np.sqrt(complement))
+    ladder = []
+    while a - b > _EPSILON * a:
+        a, b, c = (a + b) / 2, float(np.sqrt(a * b)), (a - b) / 2
+        ladder.append((a, b, c))
+    amplitude = 2.0 ** len(ladder) * a * u
+    for a, b, c in reversed(ladder):
+        sine, cosine = np.sin(amplitude), np.cos(amplitude)
+        # arcsin(c/a sin φ), with its cosine from a² = b² + c² because an arcsin near ±1 has no digits
+        amplitude = (amplitude + np.arctan2(c * sine, np.hypot(a * cosine, b * sine))) / 2
+    sine, cosine = np.sin(amplitude), np.cos(amplitude)
+    return sine, cosine, np.hypot(cosine, np.sqrt(complement) * sine)
+
+
+def _inverse(sine: float, cosine: float, complement: float) -> float:
+    """u with sn u : cn u = sine : cosine, |u| <= 2K: Legendre's F in Carlson's form."""
+    length = np.hypot(sine, cosine)
+    if length == 0:
+        return 0.0
+    sn, cn = sine / length, cosine / length
+    u = float(sn * elliprf(cn**2, cn**2 + complement * sn**2, 1.0))
+    return u if cn >= 0 else float(np.copysign(2 * ellipkm1(complement), sn)) - u

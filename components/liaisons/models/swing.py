@@ -1,0 +1,119 @@
+"""The child on a swing: two masses, one of them moved about the other."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, condition, output, point
+from liaisons.models import _elliptic
+from liaisons.models._validity import require, require_not_negative, require_positive
+
+
+class Swing(Mechanism):
+    """Child on a swing: the seat on a rope, the torso leaning about it; rope and lean are the operator's.
+
+    With rope l, lean ψ, masses m_1 at the seat (l sin θ, -l cos θ) and m_2 at seat + b (sin(θ + ψ), -cos(θ + ψ))::
+
+        L = I θ'²/2 + Σ J_α θ' s_α' + ½ Σ g_αβ s_α' s_β' + D cos θ_com        M eq. 56, the ½ restored
+        p_θ = I θ' + J_l l' + J_ψ ψ',    p_θ' = -D sin θ_com
+
+        I = m_1 l² + m_2 (l² + b² + 2 l b cos ψ),  J_l = -m_2 b sin ψ,  J_ψ = m_2 (b² + l b cos ψ)
+        D = g |m_1 r_1 + m_2 r_2|                                              M eq. 54, total mass included
+
+    θ [rad] angle of the rope from the downward vertical, θ_com [rad] that of the line to the centre of mass,
+    I [kg.m2], J_l [kg.m], J_ψ [kg.m2], D [N.m].  I, J, D depend on the posture alone, so X_K = 0 (M 8.4).
+
+    Source: M 8.1, eq. 54-56.
+    """
+
+    mass_seat = Parameter(20.0, "kg", "mass at the seat: board and legs", above=0)
+    mass_torso = Parameter(20.0, "kg", "mass of the torso", minimum=0)
+    torso_length = Parameter(0.5, "m", "distance from the seat to the torso's mass", minimum=0)
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    theta = Coordinate("rad", "angle of the rope from the downward vertical")
+    rope = ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0)
+    lean = ActiveCoordinate("rad", "angle of the torso from the rope's continuation", start=np.pi / 2)
+    experiment = Experiment(stop_time=10.0, step_size=0.01)
+
+    @point("m", "the seat")
+    def seat(self) -> dict[str, ca.SX]:
+        return {"x": self.rope * ca.sin(self.theta), "z": -self.rope * ca.cos(self.theta)}
+
+    @point("m", "the torso's mass")
+    def torso(self) -> dict[str, ca.SX]:
+        direction = self.theta + self.lean
+        return {
+            "x": self.seat["x"] + self.torso_length * ca.sin(direction),
+            "z": self.seat["z"] - self.torso_length * ca.cos(direction),
+        }
+
+    def kinetic_energy(self) -> ca.SX:
+        seat, torso = self.speed_squared(self.seat), self.speed_squared(self.torso)
+        return self.mass_seat / 2 * seat + self.mass_torso / 2 * torso
+
+    def potential_energy(self) -> ca.SX:
+        return self.gravity * (self.mass_seat * self.seat["z"] + self.mass_torso * self.torso["z"])
+
+    def _moment(self) -> tuple[ca.SX, ca.SX]:
+        """Static moment about the pivot, mass × centre of mass [kg.m]: along the rope, and to its left."""
+        along = (self.mass_seat + self.mass_torso) * self.rope
+        lever = self.mass_torso * self.torso_length
+        return along + lever * ca.cos(self.lean), lever * ca.sin(self.lean)
+
+    @output("rad", "angle of the centre of mass from the downward vertical, the theta of M eq. 54")
+    def theta_com(self) -> ca.SX:
+        along, across = self._moment()
+        return self.theta + ca.atan2(across, along)
+
+    @output("kg.m2", "moment of inertia I about the pivot (M eq. 55)")
+    def inertia(self) -> ca.SX:
+        l, b = self.rope, self.torso_length  # noqa: E741
+        return self.mass_seat * l**2 + self.mass_torso * (l**2 + b**2 + 2 * l * b * ca.cos(self.lean))
+
+    @output("N.m", "gravity times total mass times distance of the centre of mass from the pivot (M eq. 54)")
+    def D(self) -> ca.SX:  # noqa: N802
+        return self.gravity * ca.hypot(*self._moment())
+
+    @output("kg.m", "coupling of theta and rope in the kinetic energy (M eq. 55)")
+    def J_rope(self) -> ca.SX:  # noqa: N802
+        return -self.mass_torso * self.torso_length * ca.sin(self.lean)
+
+    @output("kg.m2", "coupling of theta and lean in the kinetic energy (M eq. 55)")
+    def J_lean(self) -> ca.SX:  # noqa: N802
+        return self.mass_torso * self.torso_length * (self.torso_length + self.rope * ca.cos(self.lean))
+
+    @condition("the centre of mass must stay off the pivot")
+    def com_off_the_pivot(self) -> ca.SX:
+        return ca.hypot(*self._moment())
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        theta_0: float = 0.0,
+        theta_dot_0: float = 0.0,
+        rope: float = 2.0,
+        lean: float = np.pi / 2,
+        mass_seat: float = 20.0,
+        mass_torso: float = 20.0,
+        torso_length: float = 0.5,
+        gravity: float = 9.81,
+    ) -> dict[str, NDArray]:
+        """Motion in a fixed posture: the compound pendulum I θ_com'' = -D sin θ_com, by elliptic functions.
+
+        :param t: times since the start [s], any shape.
+        :returns: ``theta``, ``theta_com`` [rad], ``theta_dot`` [rad/s].
+        :raises ValidityError: for a parameter outside its domain, or the centre of mass on the pivot.
+        """
+        require_positive("Swing.exact", mass_seat=mass_seat, rope=rope, gravity=gravity)
+        require_not_negative("Swing.exact", mass_torso=mass_torso, torso_length=torso_length)
+        seat, torso = rope + 0j, rope + torso_length * np.exp(1j * lean)  # in the plane, seen along the rope
+        moment = mass_seat * seat + mass_torso * torso
+        inertia = mass_seat * abs(seat) ** 2 + mass_torso * abs(torso) ** 2
+        size = mass_seat * abs(seat) + mass_torso * abs(torso)
+        require(abs(moment) > 1e-15 * size, "Swing.exact: the centre of mass lies on the pivot; change rope or lean")
+        offset, frequency = np.angle(moment), np.sqrt(gravity * abs(moment) / inertia)
+        theta_com, theta_dot = _elliptic.pendulum(t, theta_0 + offset, theta_dot_0, frequency)
+        return {"theta": theta_com - offset, "theta_com": theta_com, "theta_dot": theta_dot}

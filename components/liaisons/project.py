@@ -1,0 +1,79 @@
+"""Where the files of a project are, and how a Python file that is named on the command line is loaded."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import tomllib
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+from liaisons.errors import LiaisonsError
+
+
+class ProjectError(LiaisonsError):
+    """A file or a name that was asked for is not there, or cannot be used."""
+
+
+def fmus_directory() -> Path:
+    """Where built FMUs live: ``$LIAISONS_FMUS``, else ``fmus/`` of the clone, else ``fmus/`` where we are."""
+    return Path(os.environ.get("LIAISONS_FMUS") or _root() / "fmus")
+
+
+def scenarios_directory() -> Path:
+    """Where scenarios live: ``scenarios/`` of the clone, else ``scenarios/`` where we are."""
+    return _root() / "scenarios"
+
+
+def declared_components() -> list[str]:
+    """What ``liaisons build`` builds when it is given no name: the list ``components`` of ``fmus/fmus.toml``.
+
+    Python files are given relative to that file.
+
+    :raises ProjectError: if there is no such file or list.
+    """
+    declaration = _root() / "fmus" / "fmus.toml"
+    try:
+        declared = tomllib.loads(declaration.read_text(encoding="utf-8"))["components"]
+        return [str(declaration.parent / name) if name.endswith(".py") else name for name in declared]
+    except FileNotFoundError:
+        raise ProjectError(f"{declaration} is not there; name what to build, e.g. 'liaisons build Pendulum'") from None
+    except (tomllib.TOMLDecodeError, KeyError, AttributeError, TypeError) as error:
+        raise ProjectError(f'{declaration}: {error}; write components = ["Pendulum", ...]') from None
+
+
+def load_module(path: Path) -> ModuleType:
+    """Run a Python file as a module of its own.
+
+    :raises ProjectError: if it is missing, or raises while it is run; the message has file, line and reason.
+    """
+    if not path.is_file():
+        raise ProjectError(f"{path}: no such file")
+    name = f"_file_{path.stem}"
+    specification = importlib.util.spec_from_file_location(name, path.resolve())
+    if specification is None or specification.loader is None:
+        raise ProjectError(f"{path} is not a Python file; its name must end in .py")
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module  # dataclasses look their module up by its name
+    try:
+        specification.loader.exec_module(module)
+    except SyntaxError as error:
+        raise ProjectError(f"{error.filename or path}:{error.lineno}: {error.msg}") from error
+    except Exception as error:
+        reason = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
+        raise ProjectError(f"{path}:{_line(error, path)}: {reason}") from error
+    return module
+
+
+def _root() -> Path:
+    """The clone that this package runs from (an editable installation), else the working directory."""
+    clone = Path(__file__).resolve().parents[2]
+    return clone if (clone / "pyproject.toml").is_file() else Path()
+
+
+def _line(error: Exception, path: Path) -> int:
+    """The innermost line of a file that an error went through."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return next((f.lineno or 0 for f in reversed(frames) if Path(f.filename) == path.resolve()), 0)

@@ -1,0 +1,113 @@
+"""``liaisons build``."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fmpy import read_model_description
+from fmpy.validation import validate_fmu
+
+from liaisons.library import fmu_path
+from liaisons.project import ProjectError, declared_components
+
+from .conftest import Cli, is_misuse
+
+
+@pytest.mark.parametrize(("backend", "file"), [("native", "Bead.fmu"), ("python", "python/Bead.fmu")])
+def test_a_file_of_a_user(liaisons: Cli, bead: Path, tmp_path: Path, backend: str, file: str) -> None:
+    reply = liaisons("build", f"{bead}:Bead", "--backend", backend)
+    fmu = tmp_path / "fmus" / file
+    assert reply.status == 0, reply.err
+    assert Path(reply.out.strip()) == fmu
+    assert read_model_description(fmu).modelName == "Bead"
+    assert validate_fmu(str(fmu)) == []
+
+
+def test_all_components_of_a_file_go_where_output_says(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
+    assert liaisons("build", bead, "--backend", "python", "--output", "out").status == 0
+    assert sorted(path.name for path in tmp_path.rglob("*.fmu")) == ["Bead.fmu", "Parabola.fmu"]
+    assert len(list((tmp_path / "out").rglob("*.fmu"))) == 2
+
+
+def test_no_name_builds_what_is_declared(liaisons: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The declaration file of a project without a clone is ``fmus/fmus.toml`` of the working directory."""
+    monkeypatch.setattr("liaisons.project._root", Path)
+    assert is_misuse(liaisons("build"), "fmus.toml", "liaisons build Pendulum")
+    (tmp_path / "fmus").mkdir()
+    (tmp_path / "fmus" / "fmus.toml").write_text('components = ["Constant", "Flywheel"]')
+    assert liaisons("build", "--backend", "python").status == 0
+    assert sorted(path.name for path in tmp_path.rglob("*.fmu")) == ["Constant.fmu", "Flywheel.fmu"]
+
+
+@pytest.mark.parametrize("text", ["components = [", "names = []", "components = 3"])
+def test_a_bad_declaration_file(liaisons: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, text: str) -> None:
+    monkeypatch.setattr("liaisons.project._root", Path)
+    (tmp_path / "fmus").mkdir()
+    (tmp_path / "fmus" / "fmus.toml").write_text(text)
+    assert is_misuse(liaisons("build"), "fmus.toml", "components = [")
+
+
+def test_the_declaration_of_this_project_names_components_that_exist(liaisons: Cli) -> None:
+    names = {line.split()[0] for line in liaisons("list").out.splitlines()[2:]}
+    assert set(declared_components()) == names
+
+
+def test_a_misspelt_name_costs_no_build(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
+    assert is_misuse(liaisons("build", bead, "Pendlum"), "'Pendlum'")
+    assert list(tmp_path.rglob("*.fmu")) == []
+
+
+def test_an_output_directory_that_cannot_be_made(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("a file, not a directory")  # holds for root, too, whom permissions do not stop
+    assert is_misuse(liaisons("build", bead, "--backend", "python", "--output", "taken"), "taken")
+    assert (tmp_path / "taken").read_text() == "a file, not a directory"
+
+
+def test_an_interrupt_leaves_nothing(
+    liaisons: Cli, bead: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("zipfile.ZipFile.writestr", interrupted)
+    reply = liaisons("build", bead, "--backend", "python")
+    assert (reply.status, reply.err) == (130, "liaisons: interrupted\n")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [bead]
+
+
+def test_fmu_path_builds_what_is_missing_and_keeps_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bead: Path
+) -> None:
+    monkeypatch.setenv("LIAISONS_FMUS", str(tmp_path))
+    path = fmu_path("Constant", "python")
+    before = path.stat()
+    assert path == tmp_path / "python" / "Constant.fmu"
+    assert fmu_path("Constant", "python").stat().st_mtime_ns == before.st_mtime_ns
+    path.write_bytes(path.read_bytes()[:1000])  # truncated: built again
+    assert validate_fmu(str(fmu_path("Constant", "python"))) == []
+    with pytest.raises(ProjectError, match=r"several components; name one: .*bead\.py:Bead, .*bead\.py:Parabola"):
+        fmu_path(str(bead))
+
+
+def test_without_a_compiler_the_main_road_is_python_and_one_line_says_how_to_get_native(
+    tmp_path: Path, bead: Path
+) -> None:
+    """A fresh process whose search path has no compiler, and no ziglang to import."""
+    code = (
+        "import sys; sys.modules['ziglang'] = None\n"
+        f"from liaisons.cli import main; raise SystemExit(main(['build', {str(bead) + ':Bead'!r}, '--output', 'out']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=os.environ | {"PATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "python" / "Bead.fmu").is_file()
+    assert "pip install ziglang" in done.stdout + done.stderr
+    assert (done.stdout + done.stderr).count("\n") == 2

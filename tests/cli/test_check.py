@@ -1,0 +1,67 @@
+"""``liaisons check``, on our FMUs and on those of another tool."""
+
+from pathlib import Path
+
+import pytest
+from pythonfmu.builder import FmuBuilder
+
+from .conftest import Cli, is_misuse
+
+DECAY = '''\
+from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Real
+
+
+class NAME(Fmi2Slave):
+    """x' = -x by the explicit Euler method, one step a communication step."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.x = 1.0
+        self.register_variable(Real("x", causality=Fmi2Causality.output))
+        self.default_experiment = DefaultExperiment(start_time=0.0, stop_time=1.0, step_size=0.1)
+
+    def do_step(self, current_time, step_size):
+        self.x STEP
+        return True
+'''
+
+
+def verdicts(out: str) -> dict[str, str]:
+    """Claim -> verdict, by the first words of the claim."""
+    return {
+        " ".join(line.split()[:2]): line.split()[-1] for line in out.splitlines() if line.endswith(("pass", "FAIL"))
+    }
+
+
+@pytest.mark.parametrize("name", ["Oscillator", "Sinusoid"])
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_our_fmus_hold(liaisons: Cli, tmp_path: Path, name: str, backend: str) -> None:
+    liaisons("build", name, "--backend", backend)
+    reply = liaisons("check", next(tmp_path.rglob("*.fmu")))
+    assert reply.status == 0, reply.out + reply.err
+    assert set(verdicts(reply.out).values()) == {"pass"}
+    assert ("energy =" in verdicts(reply.out)) == (name == "Oscillator")
+    assert "a step" in verdicts(reply.out) or backend == "python"
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "failing"),
+    [  # two names, for a Python process imports a module of one name once
+        ("Euler", "*= 1 - step_size", {"fmpy's validator", "communication steps"}),
+        ("Broken", "= float('nan')", {"fmpy's validator", "communication steps", "all signals"}),
+    ],
+)
+def test_what_does_not_hold_is_named(liaisons: Cli, tmp_path: Path, name: str, step: str, failing: set[str]) -> None:
+    """An FMU straight from pythonfmu: its model description lacks InitialUnknowns, its result depends on the step."""
+    (tmp_path / f"{name.lower()}.py").write_text(DECAY.replace("NAME", name).replace("STEP", step))
+    FmuBuilder.build_FMU(tmp_path / f"{name.lower()}.py", dest=tmp_path)
+    reply = liaisons("check", f"{name}.fmu")
+    found = verdicts(reply.out)
+    assert reply.status == 1
+    assert "InitialUnknowns" in reply.out
+    assert {claim for claim, word in found.items() if word == "FAIL"} == failing
+
+
+def test_a_file_that_is_no_fmu(liaisons: Cli, tmp_path: Path) -> None:
+    (tmp_path / "text.fmu").write_text("no archive")
+    assert is_misuse(liaisons("check", "text.fmu"), "text.fmu", "no FMU at all")

@@ -1,0 +1,56 @@
+"""``liaisons list``, and how files of a user are loaded."""
+
+from pathlib import Path
+
+import pytest
+
+from .conftest import Cli, is_misuse
+
+
+def test_list_shows_every_component_with_its_coordinates(liaisons: Cli) -> None:
+    reply = liaisons("list")
+    lines = {line.split()[0]: line for line in reply.out.splitlines()[2:]}
+    assert reply.status == 0
+    assert {"Pendulum", "Oscillator", "Flywheel", "Swing", "CircularHoop"} <= set(lines)
+    assert {"Constant", "Ramp", "Sinusoid", "SmoothStep"} <= set(lines)
+    assert "theta" in lines["Pendulum"]
+    assert "length, pivot_x, pivot_z" in lines["Pendulum"]
+
+
+def test_list_shows_the_components_of_a_file_but_not_its_abstract_base(liaisons: Cli, bead: Path) -> None:
+    reply = liaisons("list", bead)
+    assert [line.split()[0] for line in reply.out.splitlines()[2:]] == ["Bead", "Parabola"]
+    assert "free of forces" in reply.out
+
+
+def test_one_component_of_a_file(liaisons: Cli, bead: Path) -> None:
+    assert [line.split()[0] for line in liaisons("list", f"{bead}:Parabola").out.splitlines()[2:]] == ["Parabola"]
+    assert is_misuse(liaisons("list", f"{bead}:Bed"), str(bead), "'Bed'", "did you mean 'Bead'")
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("x = 1\n", ["defines no component", "liaisons.Mechanism"]),
+        ("def f(:\n", ["mine.py:1", "invalid syntax"]),
+        ("\n\nimport nowhere_to_be_found\n", ["mine.py:3", "nowhere_to_be_found"]),
+        ("from liaisons import Parameter\n\nm = Parameter(1.0, 'kilo', 'mass')\n", ["mine.py:3", "'kilo'", "kg.m2/s"]),
+    ],
+    ids=["nothing in it", "syntax", "import", "declaration"],
+)
+def test_a_bad_file_is_reported_with_line_and_reason(
+    liaisons: Cli, tmp_path: Path, source: str, words: list[str]
+) -> None:
+    (tmp_path / "mine.py").write_text(source)
+    assert is_misuse(liaisons("list", "mine.py"), *words)
+
+
+def test_an_unknown_symbol_in_a_component_is_reported_where_it_stands(liaisons: Cli, bead: Path) -> None:
+    source = bead.read_text().replace("self.mass / 2", "self.mas / 2")
+    bead.write_text(source)
+    line = 1 + source[: source.index("self.mas ")].count("\n")
+    assert is_misuse(liaisons("list", bead), f"{bead}:{line}:", "self.mas;", "did you mean 'mass'")
+
+
+def test_a_missing_file(liaisons: Cli) -> None:
+    assert is_misuse(liaisons("list", "nowhere.py"), "nowhere.py", "no such file")

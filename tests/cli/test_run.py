@@ -1,0 +1,123 @@
+"""``liaisons run`` and the scenario protocol; the scenarios here need no FMU."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .conftest import Cli, is_misuse
+
+SCENARIO = '''\
+"""Twice two is four.
+
+More words, which are not the claim.
+"""
+
+from liaisons import run_scenario, verdict
+
+
+def main(figure):
+    import matplotlib.pyplot as plt
+
+    plt.plot([1, 2], [2, 4])
+    plt.savefig(figure)
+    return [verdict("2 x 2 = 4", error=abs(2 * 2 - 4), tolerance=0), verdict("and so on", error=ERROR, tolerance=1e-3)]
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_scenario(main))
+'''
+
+
+def write(path: Path, error: str = "1e-4") -> Path:
+    path.write_text(SCENARIO.replace("ERROR", error))
+    return path
+
+
+def test_a_scenario_that_holds(liaisons: Cli, tmp_path: Path) -> None:
+    reply = liaisons("run", write(tmp_path / "arithmetic.py"))
+    header, _, first, second = reply.out.splitlines()[-4:]
+    assert reply.status == 0
+    assert "arithmetic: Twice two is four." in reply.out
+    assert header.split() == ["scenario", "claim", "error", "tolerance", "verdict", "time"]
+    assert first.startswith("arithmetic ")
+    assert first.endswith(" s")
+    assert second.split()[-3:] == ["0.0001", "0.001", "pass"]
+    assert (tmp_path / "figures" / "arithmetic.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_claim_that_fails_gives_status_1(liaisons: Cli, tmp_path: Path) -> None:
+    reply = liaisons("run", write(tmp_path / "arithmetic.py", error="2e-3"), "--figures", tmp_path / "elsewhere")
+    assert reply.status == 1
+    assert "FAIL" in reply.out
+    assert (tmp_path / "elsewhere" / "arithmetic.png").is_file()
+
+
+def test_nan_is_no_verdict_that_passes(liaisons: Cli, tmp_path: Path) -> None:
+    assert liaisons("run", write(tmp_path / "arithmetic.py", error="float('nan')")).status == 1
+
+
+def test_a_broken_scenario_does_not_hide_the_verdicts_of_the_others(liaisons: Cli, tmp_path: Path) -> None:
+    broken = write(tmp_path / "broken.py", error="1 / 0")
+    reply = liaisons("run", broken, write(tmp_path / "arithmetic.py"))
+    assert reply.status == 1
+    assert "ZeroDivisionError" in reply.out
+    assert "and so on" in reply.out
+    with pytest.raises(ZeroDivisionError):
+        liaisons("run", broken, "--debug")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ("def main", "def mian", "define main(figure: Path)"),
+        ('"""Twice', '"" and """Twice', "state its claim in the docstring"),
+        ("from liaisons import", "from liaisons import no_such_name,", "no_such_name"),
+    ],
+)
+def test_a_file_that_is_no_scenario(liaisons: Cli, tmp_path: Path, old: str, new: str, hint: str) -> None:
+    path = write(tmp_path / "arithmetic.py")
+    path.write_text(path.read_text().replace(old, new))
+    assert is_misuse(liaisons("run", path), "arithmetic.py", hint)
+
+
+def test_a_scenario_without_verdicts_does_not_pass(liaisons: Cli, tmp_path: Path) -> None:
+    path = tmp_path / "silent.py"
+    path.write_text('"""Nothing."""\n\ndef main(figure):\n    return []\n')
+    reply = liaisons("run", path)
+    assert reply.status == 1
+    assert "main returned no verdict" in reply.out
+
+
+@pytest.mark.parametrize(("error", "status"), [("0", 0), ("1", 1)])
+def test_a_scenario_runs_as_a_script_too(tmp_path: Path, error: str, status: int) -> None:
+    path = write(tmp_path / "arithmetic.py", error)
+    done = subprocess.run([sys.executable, path.name], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == status, done.stderr
+    assert "2 x 2 = 4" in done.stdout
+    assert (tmp_path / "figures" / "arithmetic.png").is_file()
+
+
+def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
+    path = tmp_path / "slow.py"
+    path.write_text(
+        '"""Never ends."""\n\nimport time\n\ndef main(figure):\n    print("here", flush=True)\n    time.sleep(60)'
+    )
+    command = "from liaisons.cli import main; raise SystemExit(main())"
+    process = subprocess.Popen(
+        [sys.executable, "-c", command, "run", path.name],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    while process.stdout.readline() != "here\n":  # the scenario has begun
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err == "liaisons: interrupted\n"
+    assert not (tmp_path / "figures" / "slow.png").exists()

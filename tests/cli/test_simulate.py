@@ -1,0 +1,95 @@
+"""``liaisons simulate``."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from liaisons.cosim import Result
+from liaisons.models import Pendulum
+
+from .conftest import Cli, is_misuse
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """FMUs that several tests simulate, built once."""
+    return tmp_path_factory.mktemp("fmus")
+
+
+@pytest.fixture
+def liaisons(liaisons: Cli, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
+    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
+    return liaisons
+
+
+def rows(out: str) -> dict[str, list[str]]:
+    return {line.split()[0]: line.split()[1:] for line in out.splitlines()[2:]}
+
+
+def test_a_component_is_built_and_simulated(liaisons: Cli) -> None:
+    reply = liaisons("simulate", "Pendulum", "--set", "theta_0=1", "--stop", "2")
+    unit, start, *_ = rows(reply.out)["theta"]
+    assert reply.status == 0, reply.err
+    assert (unit, start) == ("rad", "1")
+    assert "energy_balance" in rows(reply.out)
+
+
+def test_signals_end_in_csv_and_figure(liaisons: Cli, tmp_path: Path) -> None:
+    words = ("--stop", "2", "--step", "0.5", "--tolerance", "1e-10", "--record", "theta,theta_dot")
+    reply = liaisons("simulate", "Pendulum", "--set", "theta_0=1", *words, "--csv", "swing.csv", "--plot")
+    assert reply.status == 0, reply.err
+    assert list(rows(reply.out))[:2] == ["theta", "theta_dot"]
+    result = Result.from_csv(tmp_path / "swing.csv")
+    assert result.time.tolist() == [0, 0.5, 1, 1.5, 2]
+    # 1e-10 a step of the solver adds up over some hundred steps.
+    np.testing.assert_allclose(result["theta"], Pendulum.exact(result.time, theta_0=1.0)["theta"], atol=1e-8, rtol=0)
+    assert (tmp_path / "Pendulum.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_parameter_may_have_the_name_of_an_option(liaisons: Cli) -> None:
+    reply = liaisons("simulate", "Ramp", "--set", "start_time=1", "--set", "rate=2", "--stop", "3", "--step", "0.5")
+    _, start, end, *_ = rows(reply.out)["y"]
+    assert reply.status == 0, reply.err
+    assert (float(start), float(end)) == (0.0, 4.0)
+
+
+def test_a_file_of_a_user(liaisons: Cli, bead: Path) -> None:
+    reply = liaisons("simulate", f"{bead}:Bead", "--stop", "1.25", "--step", "0.25")
+    assert reply.status == 0, reply.err
+    assert float(rows(reply.out)["x"][2]) == pytest.approx(1.25, rel=1e-6)  # six digits are printed
+
+
+@pytest.mark.parametrize(
+    ("words", "hints"),
+    [
+        (("Pendlum",), ["'Pendlum'", "did you mean 'Pendulum'"]),
+        (("nowhere.fmu",), ["nowhere.fmu", "no such file"]),
+        (("Pendulum", "--set", "theta_0"), ["'theta_0'", "NAME=VALUE"]),
+        (("Pendulum", "--set", "thta_0=1"), ["'thta_0'", "did you mean 'theta_0'"]),
+        (("Pendulum", "--set", "theta_0=much"), ["theta_0", "'much'", "number"]),
+        (("Pendulum", "--set", "theta_0=nan"), ["theta_0", "nan", "finite"]),
+        (("Pendulum", "--set", "energy=1"), ["energy", "cannot be set"]),
+        (("Pendulum", "--set", "mass=-1"), ["mass", "-1", "> 0"]),
+        (("Pendulum", "--set", "length_dot=-1", "--stop", "3", "--step", "3"), ["length"]),
+        (("Pendulum", "--step", "0"), ["step_size = 0", "> 0"]),
+        (("Pendulum", "--stop", "-1"), ["stop_time = -1"]),
+        (("Pendulum", "--step", "small"), ["'small'", "--help"]),
+        (("Pendulum", "--record", "thta"), ["'thta'", "did you mean 'theta'"]),
+        (("Pendulum", "--stop", "0.1", "--csv", "no/such/directory.csv"), ["no/such/directory.csv"]),
+        (("Pendulum", "--stop", "0.1", "--plot", "no/such/directory.png"), ["no/such/directory.png"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_misuse(liaisons: Cli, tmp_path: Path, words: tuple[str, ...], hints: list[str]) -> None:
+    reply = liaisons("simulate", *words)
+    assert is_misuse(reply, *hints), reply.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_truncated_fmu(liaisons: Cli, fmus: Path, tmp_path: Path) -> None:
+    liaisons("build", "Constant")
+    whole = next(fmus.rglob("Constant.fmu"))
+    (tmp_path / "half.fmu").write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    for command in ("simulate", "check"):
+        assert is_misuse(liaisons(command, "half.fmu"), "half.fmu", "truncated")

@@ -1,0 +1,352 @@
+"""Little FMUs, written in C and compiled here: what the composition layer does with them can be seen exactly."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import fmpy
+import pytest
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+UNITS = {
+    "m": {"m": 1},
+    "mm": {"m": 1, "factor": 0.001},
+    "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "kg": {"kg": 1},
+    "rad": {"rad": 1},
+}
+
+
+@dataclass(frozen=True)
+class V:
+    """A variable; ``needs`` are the inputs that it depends on directly."""
+
+    name: str
+    causality: str
+    unit: str = ""
+    start: float | str | None = None
+    kind: str = "Real"
+    needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a test FMU is made of: ``outputs`` and ``step`` are C with the variables' names, ``t`` and ``h``."""
+
+    variables: tuple[V, ...]
+    outputs: str = ""
+    step: str = ""
+    exit_initialization: str = ""
+    instantiate: str = ""
+    options: str = 'canHandleVariableCommunicationStepSize="true"'
+    experiment: str = ""
+
+
+CUBIC = Source(
+    (V("y", "output"), V("y_dot", "output"), V("y_ddot", "output")),
+    outputs="y = t * t * t; y_dot = 3 * t * t; y_ddot = 6 * t;",
+)
+
+# an active coordinate that says what it is given: length_force depends on it directly, seen is what a step began with
+SPRING = Source(
+    (
+        V("stiffness", "parameter", "", 2.0),
+        V("length", "input", "m", 0.0),
+        V("length_dot", "input", "m/s", 0.0),
+        V("length_ddot", "input", "m/s2", 0.0),
+        V("length_force", "output", "N", needs=("length",)),
+        V("seen", "output", "m"),
+        V("seen_dot", "output", "m/s"),
+        V("input_reconstruction", "parameter", start="1", kind="Integer"),
+    ),
+    outputs="length_force = stiffness * length; seen = memory[0]; seen_dot = memory[1];",
+    step="memory[0] = length; memory[1] = length_dot;",
+)
+
+# a free coordinate; exact under constant force
+MASS = Source(
+    (
+        V("mass", "parameter", "kg", 1.0),
+        V("q_0", "parameter", "m", 0.0),
+        V("q_dot_0", "parameter", "m/s", 0.0),
+        V("q_force", "input", "N", 0.0),
+        V("q_load", "input", "N", 0.0),
+        V("q", "output", "m"),
+        V("q_dot", "output", "m/s"),
+        V("q_ddot", "output", "m/s2", needs=("q_force", "q_load")),
+        V("input_reconstruction", "parameter", start="1", kind="Integer"),
+    ),
+    outputs="q = q_0 + memory[0]; q_dot = q_dot_0 + memory[1]; q_ddot = (q_force - q_load) / mass;",
+    step="double a = (q_force - q_load) / mass; "
+    "memory[0] += (q_dot_0 + memory[1]) * h + a * h * h / 2; memory[1] += a * h;",
+)
+
+# an FMU of another make: what it is given, and what its last step began with
+PROBE = Source(
+    (
+        V("u", "input", "", 0.0),
+        V("echo", "output", needs=("u",)),
+        V("seen", "output"),
+        V("count", "output", kind="Integer"),
+    ),
+    outputs="echo = u; seen = memory[0];",
+    step="memory[0] = u;",
+    experiment='<DefaultExperiment startTime="0" stopTime="0.5" stepSize="0.25" tolerance="1e-3"/>',
+)
+
+# fails when it is told to; its messages are variadic
+FAULTY = Source(
+    (
+        V("limit", "parameter", "", 0.0),
+        V("time_of_failure", "parameter", "", 1e9),
+        V("status", "parameter", start="2", kind="Integer"),
+        V("flag", "parameter", start="false", kind="Boolean"),
+        V("label", "parameter", start="none", kind="String"),
+        V("u", "input", "mm", 0.0),
+        V("x", "output"),
+        V("hidden", "local"),
+    ),
+    outputs="x = t;",
+    step='if (t + h > time_of_failure) { say(m, status, "%s %g is beyond", "time", t + h); return status; }',
+    exit_initialization='if (limit < 0) { say(m, 3, "limit = %g must be >= 0", limit); return 3; }',
+    options="",
+)
+
+# names only: two points in the plane, and an array
+POINTS = Source(
+    tuple(
+        V(f"{name}{dots}{index}", causality, f"m{unit}", 0.0 if causality == "input" else None)
+        for name, causality, index in (
+            ("bob_x", "output", ""),
+            ("bob_z", "output", ""),
+            ("pivot_x", "input", ""),
+            ("pivot_z", "input", ""),
+            ("theta", "output", "[3]"),
+        )
+        for dots, unit in (("", ""), ("_dot", "/s"), ("_ddot", "/s2"))
+    )
+    + tuple(V(f"bob_{axis}_load", "input", "N", 0.0) for axis in "xz")
+    + tuple(V(f"pivot_{axis}_force", "output", "N") for axis in "xz"),
+)
+
+MUTE = Source((V("x", "output"),), instantiate='say(m, 3, "no licence for %s", m->name); return 3;')
+
+_C = r"""
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "fmi2Functions.h"
+
+typedef struct {
+    double v[64], memory[8], t;
+    char name[64], text[64];
+    const fmi2CallbackFunctions *callbacks;
+} M;
+
+static void trace(const M *m, const char *format, ...) {
+    const char *path = getenv("FMU_TRACE");
+    FILE *file = path ? fopen(path, "a") : NULL;
+    va_list arguments;
+    if (!file) return;
+    fprintf(file, "%s ", m->name);
+    va_start(arguments, format);
+    vfprintf(file, format, arguments);
+    va_end(arguments);
+    fputc('\n', file);
+    fclose(file);
+}
+
+#define say(m, level, ...) \
+    (m)->callbacks->logger((m)->callbacks->componentEnvironment, (m)->name, level, "logStatusError", __VA_ARGS__)
+
+static void calculate(M *m);
+static int start(M *m);
+static int check(M *m);
+static int advance(M *m, double t, double h);
+
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String location,
+                              const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging) {
+    M *m = calloc(1, sizeof *m);
+    (void)type; (void)guid; (void)location; (void)visible; (void)logging;
+    snprintf(m->name, sizeof m->name, "%s", name);
+    m->callbacks = callbacks;
+    @starts@
+    if (start(m)) { free(m); return NULL; }
+    trace(m, "instantiate");
+    return m;
+}
+void fmi2FreeInstance(fmi2Component c) { if (c) trace(c, "free"); free(c); }
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean given, fmi2Real tolerance, fmi2Real begin,
+                               fmi2Boolean limited, fmi2Real stop) {
+    (void)limited;
+    ((M *)c)->t = begin;
+    trace(c, "setup tolerance=%g start=%g stop=%g", given ? tolerance : -1.0, begin, stop);
+    return 0;
+}
+fmi2Status fmi2EnterInitializationMode(fmi2Component c) { trace(c, "enter"); return 0; }
+fmi2Status fmi2ExitInitializationMode(fmi2Component c) { trace(c, "exit"); return check(c); }
+fmi2Status fmi2Terminate(fmi2Component c) { trace(c, "terminate"); return 0; }
+fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real value[]) {
+    M *m = c;
+    calculate(m);
+    trace(m, "get");
+    for (size_t i = 0; i < n; i++) value[i] = m->v[r[i]];
+    return 0;
+}
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real value[]) {
+    M *m = c;
+    trace(m, "set");
+    for (size_t i = 0; i < n; i++) {
+        if (!isfinite(value[i])) { say(m, 2, "variable %u: %g is not finite", r[i], value[i]); return 2; }
+        m->v[r[i]] = value[i];
+    }
+    return 0;
+}
+fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer value[]) {
+    for (size_t i = 0; i < n; i++) ((M *)c)->v[r[i]] = value[i];
+    return 0;
+}
+fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Boolean value[]) {
+    return fmi2SetInteger(c, r, n, value);
+}
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2String value[]) {
+    (void)r;
+    if (n) trace(c, "label %s", value[0]);
+    return 0;
+}
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean forward) {
+    M *m = c;
+    int status = advance(m, t, h);
+    (void)forward;
+    trace(m, "step");
+    if (status < 2) m->t = t + h;
+    return status;
+}
+const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
+const char *fmi2GetVersion(void) { return fmi2Version; }
+#define REFUSES(name, ...) fmi2Status name(__VA_ARGS__) { return 3; }
+REFUSES(fmi2SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[])
+REFUSES(fmi2Reset, fmi2Component c)
+REFUSES(fmi2GetInteger, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Integer value[])
+REFUSES(fmi2GetBoolean, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Boolean value[])
+REFUSES(fmi2GetString, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2String value[])
+REFUSES(fmi2GetFMUstate, fmi2Component c, fmi2FMUstate *state)
+REFUSES(fmi2SetFMUstate, fmi2Component c, fmi2FMUstate state)
+REFUSES(fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *state)
+REFUSES(fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size)
+REFUSES(fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+REFUSES(fmi2DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+REFUSES(fmi2GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference a[], size_t n,
+        const fmi2ValueReference b[], size_t k, const fmi2Real x[], fmi2Real y[])
+REFUSES(fmi2SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference r[], size_t n,
+        const fmi2Integer order[], const fmi2Real value[])
+REFUSES(fmi2GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference r[], size_t n,
+        const fmi2Integer order[], fmi2Real value[])
+REFUSES(fmi2CancelStep, fmi2Component c)
+REFUSES(fmi2GetStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
+REFUSES(fmi2GetRealStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
+REFUSES(fmi2GetIntegerStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
+REFUSES(fmi2GetBooleanStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
+REFUSES(fmi2GetStringStatus, fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
+
+// the model; last, since its variables are macros
+@defines@
+
+static void calculate(M *m) { double *v = m->v, *memory = m->memory, t = m->t; @outputs@ }
+static int start(M *m) { @instantiate@ return 0; }
+static int check(M *m) { double *v = m->v; @exit_initialization@ return 0; }
+static int advance(M *m, double t, double h) { double *v = m->v, *memory = m->memory; @step@ return 0; }
+"""
+
+
+def _attributes(**values: object) -> str:
+    return "".join(f" {name}={quoteattr(str(value))}" for name, value in values.items() if value not in {None, ""})
+
+
+def _description(name: str, source: Source) -> str:
+    numbers = {v.name: k for k, v in enumerate(source.variables, 1)}
+    variables, outputs = "", ""
+    for k, v in enumerate(source.variables):
+        variability = "fixed" if v.causality == "parameter" else "discrete" if v.kind != "Real" else "continuous"
+        value = f"<{v.kind}{_attributes(unit=v.unit, start=v.start)}/>"
+        shape = _attributes(name=v.name, valueReference=k, causality=v.causality, variability=variability)
+        variables += f"<ScalarVariable{shape}>{value}</ScalarVariable>"
+        if v.causality == "output":
+            needs = " ".join(str(numbers[need]) for need in v.needs)
+            outputs += f'<Unknown index="{k + 1}" dependencies="{needs}"/>'
+    units = "".join(f"<Unit{_attributes(name=n)}><BaseUnit{_attributes(**b)}/></Unit>" for n, b in UNITS.items())
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{name}">
+<CoSimulation modelIdentifier="{name}" {source.options}/>
+<UnitDefinitions>{units}</UnitDefinitions>
+{source.experiment}
+<ModelVariables>{variables}</ModelVariables>
+<ModelStructure><Outputs>{outputs}</Outputs><InitialUnknowns>{outputs}</InitialUnknowns></ModelStructure>
+</fmiModelDescription>"""
+
+
+def _build(directory: Path, name: str, source: Source) -> Path:
+    starts = [(k, v.start) for k, v in enumerate(source.variables) if isinstance(v.start, float) or v.kind == "Integer"]
+    replacements = {
+        "defines": "\n".join(
+            f"#define {v.name} {f'((int)v[{k}])' if v.kind == 'Integer' else f'v[{k}]'}"
+            for k, v in enumerate(source.variables)
+            if v.name.isidentifier()
+        ),
+        "starts": " ".join(f"m->v[{k}] = {start};" for k, start in starts if start is not None),
+        "outputs": source.outputs,
+        "step": source.step,
+        "exit_initialization": source.exit_initialization,
+        "instantiate": source.instantiate,
+    }
+    code = _C
+    for key, text in replacements.items():
+        code = code.replace(f"@{key}@", text)
+    assert COMPILER is not None
+    library = directory / f"{name}{fmpy.sharedLibraryExtension}"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    (directory / f"{name}.c").write_text(code)
+    command = [COMPILER, "-shared", "-fPIC", "-O1", f"-I{headers}", f"{name}.c", "-o", str(library), "-lm"]
+    subprocess.run(command, check=True, cwd=directory)
+    path = directory / f"{name}.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", _description(name, source))
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+        archive.writestr("sources/all.c", code)
+    return path
+
+
+FmuPaths = Callable[[str], Path]
+
+
+@pytest.fixture(scope="session")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> FmuPaths:
+    """Path of one of the FMUs above by its name; compiled when first asked for."""
+    if COMPILER is None:
+        pytest.skip("no C compiler")
+    directory = tmp_path_factory.mktemp("fmus")
+
+    def path(name: str) -> Path:
+        there = directory / f"{name}.fmu"
+        return there if there.exists() else _build(directory, name, globals()[name.upper()])
+
+    return path
+
+
+@pytest.fixture
+def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[str]]:
+    """All calls that the FMUs have seen since the test began, as ``"instance call"``."""
+    file = tmp_path / "trace.txt"
+    monkeypatch.setenv("FMU_TRACE", str(file))
+    return lambda: file.read_text().splitlines() if file.exists() else []

@@ -1,0 +1,96 @@
+"""Order and programs, without any FMU."""
+
+from __future__ import annotations
+
+import pytest
+
+from liaisons.cosim import schedule
+from liaisons.cosim.schedule import Feeds, Operation, Place
+
+CHAIN: Feeds = {("b", "u"): ("a", "y"), ("c", "u"): ("b", "y")}
+RING: Feeds = {("b", "u"): ("a", "y"), ("a", "u"): ("b", "y")}
+
+
+def _always(_output: Place, _input: Place) -> bool:
+    return True
+
+
+def _never(_output: Place, _input: Place) -> bool:
+    return False
+
+
+def _program(text: str) -> list[Operation]:
+    actions: dict[str, schedule.Action] = {"set": "set", "step": "step", "get": "get"}
+    return [(actions[word], name) for word, name in (item.split() for item in text.split(", "))]
+
+
+@pytest.mark.parametrize("names", ["abc", "cba", "bca"])
+def test_sources_come_before_what_they_feed(names: str) -> None:
+    assert schedule.order(list(names), CHAIN) == ["a", "b", "c"]
+
+
+def test_order_of_addition_decides_where_connections_do_not() -> None:
+    assert schedule.order(["z", "y", "x"], {}) == ["z", "y", "x"]
+
+
+def test_cycle_keeps_the_order_of_addition_between_its_source_and_its_sink() -> None:
+    feeds = {**RING, ("a", "w"): ("source", "y"), ("sink", "u"): ("a", "y")}
+    assert schedule.order(["sink", "b", "a", "source"], feeds) == ["source", "b", "a", "sink"]
+
+
+def test_targets_that_extrapolate_are_stepped_with_the_values_at_t() -> None:
+    program = schedule.step(["a", "b", "c"], CHAIN, _always, "gauss-seidel", newest=())
+    assert program == _program("step a, get a, step b, set b, get b, step c, set c, get c")
+
+
+def test_targets_that_want_the_newest_values_are_set_before_their_step_and_not_again() -> None:
+    program = schedule.step(["a", "b", "c"], CHAIN, _always, "gauss-seidel", newest={"b", "c"})
+    assert program == _program("step a, get a, set b, step b, get b, set c, step c, get c")
+
+
+def test_jacobi_steps_all_before_anything_is_handed_on() -> None:
+    program = schedule.step(["a", "b", "c"], CHAIN, _always, "jacobi", newest={"b", "c"})
+    assert program == _program("step a, step b, step c, get a, set b, get b, set c, get c")
+
+
+def test_outputs_that_depend_on_inputs_are_read_after_these_are_new() -> None:
+    def depends(output: Place, _input: Place) -> bool:
+        return output[0] == "b"  # only b's output depends directly on its input
+
+    program = schedule.step(["a", "b"], RING, depends, "gauss-seidel", newest=())
+    assert program == _program("step a, get a, step b, set b, get b, set a, get a")
+
+
+@pytest.mark.parametrize("depends", [_always, _never])
+def test_every_component_of_a_cycle_is_consistent_at_the_end(depends: schedule.Depends) -> None:
+    program = schedule.consistent(["a", "b"], RING, depends)
+    for name in ("a", "b"):
+        assert program.index(("set", name)) < len(program) - 1 - program[::-1].index(("get", name))
+
+
+def test_acceleration_force_loop_is_swept_once() -> None:
+    program = schedule.step(["a", "b"], RING, _always, "gauss-seidel", newest=())
+    assert program == _program("step a, step b, get b, set a, get a, set b, get b")
+
+
+def test_zigzag_through_two_components_is_followed_to_its_end() -> None:
+    """a.y1 -> b.u1, b.y1 (of u1) -> a.u2, a.y2 (of u2) -> b.u2: b is to be set twice."""
+    feeds: Feeds = {("b", "u1"): ("a", "y1"), ("a", "u2"): ("b", "y1"), ("b", "u2"): ("a", "y2")}
+
+    def depends(output: Place, input_: Place) -> bool:
+        return (output[1], input_[1]) in {("y1", "u1"), ("y2", "u2")} and output != ("a", "y1")
+
+    assert schedule.consistent(["a", "b"], feeds, depends) == _program(
+        "get a, set b, get b, set a, get a, set b, get b"
+    )
+
+
+def test_component_may_feed_itself() -> None:
+    feeds: Feeds = {("a", "u"): ("a", "y")}
+    assert schedule.step(["a"], feeds, _never, "gauss-seidel", newest=()) == _program("step a, get a, set a, get a")
+
+
+def test_late_inputs_are_those_of_the_same_cycle_and_with_jacobi_all() -> None:
+    assert schedule.late_inputs(["a", "b"], RING, "a", "gauss-seidel") == [("a", "u")]
+    assert schedule.late_inputs(["a", "b"], RING, "b", "gauss-seidel") == []
+    assert schedule.late_inputs(["a", "b", "c"], CHAIN, "c", "jacobi") == [("c", "u")]

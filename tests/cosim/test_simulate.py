@@ -1,0 +1,108 @@
+"""One FMU: defaults, inputs as functions of time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from liaisons.cosim import IncompleteError, simulate
+from liaisons.errors import SimulationError
+
+FmuPaths = Callable[[str], Path]
+
+# powers of two: exact in double precision
+H = 0.25
+T = np.arange(5) * H
+
+
+def _cubic(t: float) -> tuple[float, float, float]:
+    return t**3, 3 * t**2, 6 * t
+
+
+def test_defaults_are_those_of_the_file(fmu: FmuPaths, trace: Callable[[], list[str]]) -> None:
+    result = simulate(fmu("Probe"))
+    np.testing.assert_array_equal(result.time, [0.0, 0.25, 0.5])
+    assert "Probe setup tolerance=0.001 start=0 stop=0.5" in trace()
+
+
+def test_missing_default_is_asked_for(fmu: FmuPaths) -> None:
+    with pytest.raises(SimulationError, match=r"Cubic\.fmu has no default stop_time: give simulate\(\) one"):
+        simulate(fmu("Cubic"), step_size=H)
+    with pytest.raises(SimulationError, match=r"Cubic\.fmu has no default step_size"):
+        simulate(fmu("Cubic"), stop_time=1.0)
+
+
+def test_names_are_bare(fmu: FmuPaths) -> None:
+    result = simulate(fmu("Cubic"), stop_time=1.0, step_size=H, record=["y_dot"])
+    assert result.names == ("y_dot",)
+    np.testing.assert_array_equal(result["y_dot"], 3 * T**2)
+
+
+def test_start_values_reach_the_fmu(fmu: FmuPaths, trace: Callable[[], list[str]]) -> None:
+    result = simulate(fmu("Spring"), stop_time=1.0, step_size=H, stiffness=4.0, length=0.5)
+    np.testing.assert_array_equal(result["length_force"], np.full(5, 2.0))
+    simulate(fmu("Faulty"), stop_time=1.0, step_size=H, label="a name", flag=True)
+    assert "Faulty label a name" in trace()
+
+
+@pytest.mark.parametrize(("mode", "lag"), [(0, 1), (1, 1), (2, 0)])
+def test_function_of_a_port_gives_value_and_derivatives_as_a_source_would(fmu: FmuPaths, mode: int, lag: int) -> None:
+    result = simulate(fmu("Spring"), stop_time=1.0, step_size=H, inputs={"length": _cubic}, input_reconstruction=mode)
+    np.testing.assert_array_equal(result["length"], T**3)
+    np.testing.assert_array_equal(result["length_ddot"], 6 * T)
+    np.testing.assert_array_equal(result["length_force"], 2 * T**3)
+    np.testing.assert_array_equal(result["seen"][1:], (T[1:] - lag * H) ** 3)
+    np.testing.assert_array_equal(result["seen_dot"][1:], 3 * (T[1:] - lag * H) ** 2)
+
+
+def test_functions_of_single_inputs(fmu: FmuPaths) -> None:
+    result = simulate(
+        fmu("Mass"),
+        stop_time=1.0,
+        step_size=H,
+        mass=2.0,
+        inputs={"q_force": lambda t: 4.0, "q_load": lambda t: 2 * t},  # noqa: ARG005
+    )
+    np.testing.assert_array_equal(result["q_ddot"], (4 - 2 * T) / 2)
+    assert simulate(fmu("Probe"), inputs={"u": math.sin})["echo"][-1] == math.sin(0.5)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "words"),
+    [
+        ({"lenght": math.sin}, "no variable 'lenght'; did you mean 'length'"),
+        ({"seen": math.sin}, r"inputs: Spring\.seen is of causality 'output'"),
+        ({"input_reconstruction": math.sin}, "is Integer"),
+        ({"length": 1.0}, r"inputs: length = 1\.0 is no function of time"),
+        (
+            {"length_dot": lambda t: (t, t)},
+            r"input 'length_dot': .* \[0\.0, 0\.0\] at t = 0 s, expected 1 finite number$",
+        ),
+        ({"length": lambda t: (t, t)}, "input 'length': its function returns .* expected 3 finite numbers$"),
+        ({"length": lambda t: "long" + str(t)}, "input 'length': its function fails at t = 0 s: ValueError"),
+        ({"length": _cubic, "length_dot": math.sin}, r"Spring\.length_dot is driven twice"),
+    ],
+)
+def test_inputs_that_will_not_do(fmu: FmuPaths, inputs: dict[str, Any], words: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        simulate(fmu("Spring"), stop_time=1.0, step_size=H, inputs=inputs)
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda t: 1 / (t - 0.5), r"input 'u': its function fails at t = 0\.5 s: ZeroDivisionError"),
+        (lambda t: math.nan if t == 0.5 else t, r"input 'u': its function returns nan at t = 0\.5 s"),
+    ],
+)
+def test_function_that_fails_on_the_way_keeps_what_there_is(
+    fmu: FmuPaths, function: Callable[[float], float], words: str
+) -> None:
+    with pytest.raises(IncompleteError, match=words) as caught:
+        simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": function})
+    np.testing.assert_array_equal(caught.value.result.time, [0.0, 0.25])

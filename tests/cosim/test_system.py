@@ -1,0 +1,359 @@
+"""What inputs hold when, what is recorded, and how instances live and die."""
+
+from __future__ import annotations
+
+import math
+import signal
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from liaisons.cosim import IncompleteError, Interrupted, System
+from liaisons.errors import SimulationError
+
+FmuPaths = Callable[[str], Path]
+Trace = Callable[[], list[str]]
+Coupling = Literal["gauss-seidel", "jacobi"]
+
+# powers of two: times and cubes of them are exact in double precision, so equality can be asked for
+H = 0.25
+T = np.arange(5) * H
+
+
+def _driven(fmu: FmuPaths, mode: int, *, target_first: bool = False) -> System:
+    system = System("driven")
+    if target_first:
+        spring = system.add("spring", fmu("Spring"), input_reconstruction=mode)
+        cubic = system.add("cubic", fmu("Cubic"))
+    else:
+        cubic = system.add("cubic", fmu("Cubic"))
+        spring = system.add("spring", fmu("Spring"), input_reconstruction=mode)
+    system.connect(cubic["y"], spring["length"])
+    return system
+
+
+@pytest.mark.parametrize("target_first", [False, True])
+@pytest.mark.parametrize(
+    ("mode", "coupling", "lag"),
+    [(0, "gauss-seidel", 1), (1, "gauss-seidel", 1), (2, "gauss-seidel", 0), (0, "jacobi", 1), (1, "jacobi", 1)],
+)
+def test_step_begins_with_inputs_at_t_or_at_its_end(
+    fmu: FmuPaths, mode: int, coupling: Coupling, lag: int, target_first: bool
+) -> None:
+    system = _driven(fmu, mode, target_first=target_first)
+    result = system.simulate(1.0, H, coupling=coupling)
+    given_at = T[1:] - lag * H
+    np.testing.assert_array_equal(result["spring.seen"][1:], given_at**3)
+    np.testing.assert_array_equal(result["spring.seen_dot"][1:], 3 * given_at**2)
+
+
+@pytest.mark.parametrize(
+    ("mode", "coupling"), [(0, "gauss-seidel"), (1, "gauss-seidel"), (2, "gauss-seidel"), (0, "jacobi"), (1, "jacobi")]
+)
+def test_everything_that_is_recorded_belongs_to_the_same_instant(fmu: FmuPaths, mode: int, coupling: Coupling) -> None:
+    result = _driven(fmu, mode).simulate(2.0, H, start_time=1.0, coupling=coupling)
+    t = 1 + T
+    np.testing.assert_array_equal(result.time, t)
+    np.testing.assert_array_equal(result["cubic.y"], t**3)
+    np.testing.assert_array_equal(result["spring.length"], t**3)
+    np.testing.assert_array_equal(result["spring.length_ddot"], 6 * t)
+    np.testing.assert_array_equal(result["spring.length_force"], 2 * t**3)  # depends directly on the input
+
+
+def test_interpolation_needs_its_source_to_be_stepped_first(fmu: FmuPaths) -> None:
+    with pytest.raises(SimulationError, match=r"spring: input_reconstruction=2 .* cubic\.y .*coupling='gauss-seidel'"):
+        _driven(fmu, 2).simulate(1.0, H, coupling="jacobi")
+    system = _ring(fmu, mass_mode=2)
+    with pytest.raises(SimulationError, match=r"mass: input_reconstruction=2 .* spring\.length_force .* cycle"):
+        system.simulate(1.0, H)
+
+
+@pytest.mark.parametrize(("coupling", "lag"), [("gauss-seidel", 0), ("jacobi", 1)])
+def test_fmu_of_another_make_is_given_the_newest_value(fmu: FmuPaths, coupling: Coupling, lag: int) -> None:
+    system = System("foreign")
+    probe, cubic = system.add("probe", fmu("Probe")), system.add("cubic", fmu("Cubic"))
+    system.connect(cubic["y"], probe["u"])
+    result = system.simulate(1.0, H, coupling=coupling)
+    np.testing.assert_array_equal(result["probe.seen"][1:], (T[1:] - lag * H) ** 3)
+    np.testing.assert_array_equal(result["probe.echo"], T**3)
+
+
+@pytest.mark.parametrize("names", [("cubic", "first", "second"), ("second", "first", "cubic")])
+def test_values_run_through_direct_dependencies_at_initialization_and_after(
+    fmu: FmuPaths, names: tuple[str, ...], trace: Trace
+) -> None:
+    system = System("chain")
+    parts = {name: system.add(name, fmu("Cubic" if name == "cubic" else "Probe")) for name in names}
+    system.connect(parts["cubic"]["y"], parts["first"]["u"])
+    system.connect(parts["first"]["echo"], parts["second"]["u"])
+    result = system.simulate(2.0, H, start_time=1.0)
+    np.testing.assert_array_equal(result["second.echo"], (1 + T) ** 3)
+    assert trace().index("second set") < trace().index("second exit")  # consistent before initialization ends
+
+
+def _ring(fmu: FmuPaths, mass_mode: int = 1) -> System:
+    system = System("ring")
+    mass = system.add("mass", fmu("Mass"), q_0=1.0, input_reconstruction=mass_mode)
+    spring = system.add("spring", fmu("Spring"))
+    system.connect(mass["q"], spring["length"])
+    return system
+
+
+@pytest.mark.parametrize("coupling", ["gauss-seidel", "jacobi"])
+def test_cycle_is_consistent_where_no_loop_is_algebraic(fmu: FmuPaths, coupling: Coupling) -> None:
+    result = _ring(fmu).simulate(5.0, 0.1, coupling=coupling)
+    np.testing.assert_array_equal(result["spring.length"], result["mass.q"])
+    np.testing.assert_array_equal(result["spring.length_force"], 2 * result["mass.q"])
+    np.testing.assert_array_equal(result["mass.q_load"], result["spring.length_force"])
+    np.testing.assert_array_equal(result["mass.q_ddot"], -result["mass.q_load"])  # mass 1 kg
+
+
+def test_cycle_is_reported(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", logger="liaisons.cosim"):
+        _ring(fmu).simulate(1.0, H)
+    assert "mass -> spring form a cycle" in caplog.text
+
+
+def test_acceleration_force_loop_is_swept_once_and_says_so_in_its_values(fmu: FmuPaths) -> None:
+    """q_ddot depends directly on the load, and the load here directly on q_ddot: explicit coupling cannot close it."""
+    system = System("loop")
+    mass, probe = system.add("mass", fmu("Mass"), q_force=8.0), system.add("probe", fmu("Probe"))
+    system.connect(mass["q_ddot"], probe["u"])
+    system.connect(probe["echo"], mass["q_load"])
+    result = system.simulate(1.0, H)
+    np.testing.assert_array_equal(result["probe.u"], result["mass.q_ddot"])  # the first half of the loop is closed
+    np.testing.assert_array_equal(result["mass.q_ddot"], 8.0 - result["mass.q_load"])
+    assert np.any(result["mass.q_load"] != result["probe.echo"])  # the second half is one sweep behind
+
+
+def test_value_that_an_fmu_refuses_from_another_is_named(fmu: FmuPaths) -> None:
+    system = System("infinite")
+    mass, probe = system.add("mass", fmu("Mass"), mass=5e-324), system.add("probe", fmu("Probe"))
+    push = system.add("push", fmu("Cubic"))
+    system.connect(push["y"], mass["q_force"])
+    system.connect(mass["q_ddot"], probe["u"])
+    with pytest.raises(IncompleteError, match=r"^probe: fmi2SetReal at t = 0\.25 s returned Discard: .* inf is not"):
+        system.simulate(1.0, H)
+
+
+def test_mass_and_spring_swing_with_an_error_of_first_order(fmu: FmuPaths) -> None:
+    def error(step: float) -> float:
+        result = _ring(fmu).simulate(2.0, step)
+        return float(np.max(np.abs(result["mass.q"] - np.cos(math.sqrt(2.0) * result.time))))
+
+    # the load is held over a step; halving the step halves the error up to terms of the next order, here ~H = 1 %
+    assert error(0.01) / error(0.005) == pytest.approx(2.0, rel=0.03)
+    # a held load acts H/2 late, so the amplitude grows like exp(k H t / (4 m)): 1 % at t = 2, H = 0.01; half of it more
+    assert error(0.01) < 0.015
+
+
+def test_one_call_of_each_kind_a_step(fmu: FmuPaths, trace: Trace) -> None:
+    for mode, expected in ((1, ["step", "set", "get"]), (2, ["set", "step", "get"])):
+        before = len(trace())
+        _driven(fmu, mode).simulate(10 * H, H)
+        calls = [line.split()[1] for line in trace()[before:] if line.startswith("spring ")]
+        loop = calls[calls.index("step") - expected.index("step") : calls.index("terminate")]
+        assert loop == 10 * expected
+
+
+def test_only_what_is_asked_for_is_recorded(fmu: FmuPaths) -> None:
+    result = _driven(fmu, 1).simulate(1.0, H, record=["spring.seen", "cubic.y", "spring.stiffness"])
+    assert result.names == ("spring.seen", "cubic.y", "spring.stiffness")
+    np.testing.assert_array_equal(result["cubic.y"], T**3)
+    np.testing.assert_array_equal(result["spring.stiffness"], np.full(5, 2.0))
+    assert _driven(fmu, 1).simulate(1.0, H, record=[]).values.shape == (0, 5)
+
+
+def test_units_come_from_the_files_and_through_connections(fmu: FmuPaths) -> None:
+    units = _driven(fmu, 1).simulate(1.0, H).units
+    assert units["spring.length_force"] == "N"
+    assert units["cubic.y_dot"] == "m/s"  # the signal has none of its own
+    assert units["spring.length_dot"] == "m/s"
+
+
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        (["sprig.seen"], "driven has no component 'sprig'; did you mean 'spring'"),
+        (["spring.sen"], r"spring: Spring\.fmu has no variable 'sen'; did you mean 'seen'"),
+        (["spring.input_reconstruction"], "is Integer; only Real variables"),
+    ],
+)
+def test_unknown_record(fmu: FmuPaths, record: list[str], words: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        _driven(fmu, 1).simulate(1.0, H, record=record)
+
+
+# ---- communication points ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "step", "points"),
+    [
+        (0.0, 1.0, 0.25, [0.0, 0.25, 0.5, 0.75, 1.0]),
+        (0.0, 1.0, 0.4, [0.0, 0.4, 0.8, 1.0]),  # the last step is shorter
+        (0.0, 1.0, 3.0, [0.0, 1.0]),
+        (-1.0, 0.0, 0.5, [-1.0, -0.5, 0.0]),
+    ],
+)
+def test_points(fmu: FmuPaths, start: float, stop: float, step: float, points: list[float]) -> None:
+    system = System("source")
+    system.add("cubic", fmu("Cubic"))
+    result = system.simulate(stop, step, start_time=start)
+    np.testing.assert_array_equal(result.time, points)
+    # t³ by two multiplications from the time that the FMU adds up itself: a few roundings
+    np.testing.assert_allclose(result["cubic.y"], np.array(points) ** 3, rtol=1e-14)
+
+
+def test_times_are_multiples_and_no_sums(fmu: FmuPaths) -> None:
+    system = System("source")
+    system.add("cubic", fmu("Cubic"))
+    time = system.simulate(1000.0, 0.1).time
+    assert len(time) == 10_001  # 1000/0.1 is no integer in binary; no step of a rounding's length
+    np.testing.assert_array_equal(time[:-1], np.arange(10_000) * 0.1)
+    assert time[-1] == 1000.0
+
+
+def test_short_last_step_is_not_given_to_an_fmu_that_cannot(fmu: FmuPaths) -> None:
+    system = System("even")
+    system.add("faulty", fmu("Faulty"))
+    with pytest.raises(SimulationError, match=r"faulty: takes steps of one size only, .* 0\.2 s"):
+        system.simulate(1.0, 0.4)
+    assert len(system.simulate(1.0, 0.1).time) == 11
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"step_size": 0.0}, r"step_size = 0\.0: must be > 0"),
+        ({"step_size": -0.1}, r"step_size = -0\.1: must be > 0"),
+        ({"step_size": math.nan}, "step_size = nan: must be a finite number"),
+        ({"step_size": "0.1"}, r"step_size = '0\.1': must be a finite number"),
+        ({"stop_time": 0.0}, r"stop_time = 0\.0: must be greater than start_time = 0\.0"),
+        ({"stop_time": math.inf}, "stop_time = inf: must be a finite number"),
+        ({"start_time": 2.0}, r"stop_time = 1\.0: must be greater than start_time = 2\.0"),
+        ({"tolerance": 0.0}, r"tolerance = 0\.0: must be > 0"),
+        ({"tolerance": math.nan}, "tolerance = nan: must be a finite number"),
+        ({"coupling": "newton"}, "coupling = 'newton': choose one of 'gauss-seidel', 'jacobi'"),
+    ],
+)
+def test_bad_arguments(fmu: FmuPaths, arguments: dict[str, Any], words: str, trace: Trace) -> None:
+    good: dict[str, Any] = {"stop_time": 1.0, "step_size": H}
+    with pytest.raises(SimulationError, match=words):
+        _driven(fmu, 1).simulate(**(good | arguments))
+    assert trace() == []  # said before any FMU was touched
+
+
+# ---- life and death ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def extracted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Directory in which FMUs are extracted during the test."""
+    directory = tmp_path / "extracted"
+    directory.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(directory))
+    return directory
+
+
+def _with_faulty(fmu: FmuPaths, **starts: float) -> System:
+    system = System("two")
+    system.add("cubic", fmu("Cubic"))
+    system.add("faulty", fmu("Faulty"), **starts)
+    return system
+
+
+def _count(trace: Trace, call: str) -> int:
+    return Counter(line.split()[1] for line in trace())[call]
+
+
+def test_good_run_leaves_nothing_behind_and_can_be_repeated(fmu: FmuPaths, trace: Trace, extracted: Path) -> None:
+    system = _driven(fmu, 1)
+    first, second = system.simulate(1.0, H, tolerance=1e-6), system.simulate(1.0, H, tolerance=1e-6)
+    np.testing.assert_array_equal(first.values, second.values)
+    assert _count(trace, "instantiate") == _count(trace, "terminate") == _count(trace, "free") == 4
+    assert "spring setup tolerance=1e-06 start=0 stop=1" in trace()
+    assert list(extracted.iterdir()) == []
+
+
+@pytest.mark.parametrize(("status", "word"), [(2, "Discard"), (3, "Error"), (4, "Fatal"), (5, "Pending")])
+def test_failing_step_keeps_what_there_is(fmu: FmuPaths, status: int, word: str, trace: Trace, extracted: Path) -> None:
+    system = _with_faulty(fmu, time_of_failure=0.6, status=status)
+    with pytest.raises(IncompleteError) as caught:
+        system.simulate(1.0, H)
+    assert str(caught.value) == (
+        f"faulty: fmi2DoStep from t = 0.5 s to t = 0.75 s returned {word}: time 0.75 is beyond"
+    )
+    np.testing.assert_array_equal(caught.value.result.time, [0.0, 0.25, 0.5])
+    np.testing.assert_array_equal(caught.value.result["cubic.y"], [0.0, 0.25**3, 0.5**3])
+    # after Error an instance may only be freed, after Fatal not even that
+    assert _count(trace, "terminate") == {2: 2, 3: 1, 4: 1, 5: 1}[status]
+    assert _count(trace, "free") == (1 if status == 4 else 2)
+    assert list(extracted.iterdir()) == []
+
+
+def test_warning_is_logged_once_and_the_run_goes_on(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    result = _with_faulty(fmu, time_of_failure=0.9, status=1).simulate(1.0, H)
+    assert len(result.time) == 5
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
+        "faulty: time 1 is beyond"
+    ]
+
+
+def test_refused_initialization_says_why(fmu: FmuPaths, trace: Trace, extracted: Path) -> None:
+    with pytest.raises(SimulationError) as caught:
+        _with_faulty(fmu, limit=-2.0).simulate(1.0, H)
+    assert str(caught.value) == "faulty: fmi2ExitInitializationMode returned Error: limit = -2 must be >= 0"
+    assert not isinstance(caught.value, IncompleteError)  # there is nothing yet
+    assert _count(trace, "free") == 2
+    assert list(extracted.iterdir()) == []
+
+
+def test_messages_are_told_apart_by_instance(fmu: FmuPaths) -> None:
+    system = System("two")
+    system.add("first", fmu("Faulty"), time_of_failure=0.3, status=1)
+    system.add("second", fmu("Faulty"), time_of_failure=0.6, status=3)
+    with pytest.raises(IncompleteError, match=r"^second: .* returned Error: time 0\.75 is beyond$"):
+        system.simulate(1.0, H)
+
+
+def test_refused_instantiation_says_why(fmu: FmuPaths, trace: Trace, extracted: Path) -> None:
+    system = System("two")
+    system.add("cubic", fmu("Cubic"))
+    system.add("mute", fmu("Mute"))
+    with pytest.raises(SimulationError, match=r"^mute: Mute\.fmu cannot be instantiated: no licence for mute$"):
+        system.simulate(1.0, H)
+    assert _count(trace, "instantiate") == _count(trace, "free") == 1
+    assert list(extracted.iterdir()) == []
+
+
+def test_interrupt_ends_at_a_communication_point(
+    fmu: FmuPaths, trace: Trace, extracted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from liaisons.cosim import execution
+
+    def bar(*_: object) -> Callable[[float], None]:
+        return lambda t: signal.raise_signal(signal.SIGINT) if t == 0.5 else None
+
+    monkeypatch.setattr(execution, "_progress_bar", bar)
+    usual = signal.getsignal(signal.SIGINT)
+    with pytest.raises(Interrupted, match=r"driven: interrupted at t = 0\.5 of 1 s") as caught:
+        _driven(fmu, 1).simulate(1.0, H, progress=True)
+    assert isinstance(caught.value, KeyboardInterrupt)  # a script stops
+    np.testing.assert_array_equal(caught.value.result["spring.length"], [0.0, 0.25**3, 0.5**3])
+    assert signal.getsignal(signal.SIGINT) is usual
+    assert _count(trace, "free") == 2
+    assert list(extracted.iterdir()) == []
+
+
+def test_progress_bar_is_written_to_stderr(fmu: FmuPaths, capsys: pytest.CaptureFixture[str]) -> None:
+    _driven(fmu, 1).simulate(1.0, H, progress=True)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.endswith("t = 1 of 1 s, 0 s left \n")
+    assert "driven [##############################]" in captured.err

@@ -1,0 +1,224 @@
+"""Co-simulation: what the inputs do inside a step, jumps, derivatives of inputs and outputs."""
+
+from __future__ import annotations
+
+import ctypes as c
+
+import numpy as np
+import pytest
+from driver import CO_SIMULATION, OK, Instance, Library, reals
+from handmade import GRAVITY, breathing, driven
+from scipy.integrate import solve_ivp
+
+HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
+
+
+def follow(library: Library, mode: int, size: float, *, duration: float = 10.0) -> float:
+    """Error of (theta, p_theta) at the end with the breathing length, reconstructed in steps of a size."""
+    names = ("length", "length_dot", "length_ddot")
+
+    def at(t: float) -> dict[str, float]:
+        return dict(zip(names, breathing(t), strict=True))
+
+    instance = library.start(tolerance=1e-12, input_reconstruction=mode, **at(0.0))
+    steps = round(duration / size)
+    for i in range(steps):
+        assert instance.set(at((i + (mode == INTERPOLATE)) * size)) == OK
+        assert instance.step(i * size, size) == OK
+    return float(np.abs(instance.get("theta", "p_theta") - driven([duration], breathing)[:, 0]).max())
+
+
+def test_interpolation_is_of_sixth_order(pendulum_library):
+    sizes = np.array([0.4, 0.2, 0.1, 0.05])
+    slope, _ = np.polyfit(np.log(sizes), np.log([follow(pendulum_library, INTERPOLATE, size) for size in sizes]), 1)
+    assert slope >= 5.5
+    assert follow(pendulum_library, INTERPOLATE, 0.1) <= 1e-9
+
+
+@pytest.mark.parametrize(("mode", "order"), [(HOLD, 1), (EXTRAPOLATE, 3)])
+def test_order_of_the_other_modes(pendulum_library, mode, order):
+    sizes = np.array([0.1, 0.05, 0.025])
+    slope, _ = np.polyfit(np.log(sizes), np.log([follow(pendulum_library, mode, size) for size in sizes]), 1)
+    assert slope == pytest.approx(order, abs=0.3)  # the next order in H still shows: 0.1 * 2/s * a constant
+
+
+def test_default_is_extrapolation(pendulum_library):
+    value = (c.c_int * 1)()
+    instance = pendulum_library.start()
+    assert instance.call("GetInteger", instance.refs(["input_reconstruction"]), 1, value) == OK
+    assert value[0] == EXTRAPOLATE
+
+
+def test_inputs_read_back_as_they_were_set(pendulum_library):
+    for mode in (HOLD, EXTRAPOLATE, INTERPOLATE):
+        instance = pendulum_library.start(input_reconstruction=mode)
+        assert instance.set(length=1.5, length_dot=0.25) == OK
+        np.testing.assert_array_equal(instance.get("length", "length_dot"), [1.5, 0.25])
+        assert instance.step(0.0, 0.1) == OK
+        np.testing.assert_array_equal(instance.get("length", "length_dot"), [1.5, 0.25])
+
+
+def test_outputs_follow_the_inputs_at_once(pendulum_library):
+    instance = pendulum_library.start(theta_0=0.5)
+    before = instance["energy"]
+    assert instance.set(length=2.0) == OK  # p_theta stays: the potential energy is what changes
+    assert instance["energy"] - before == pytest.approx(-GRAVITY * np.cos(0.5), rel=1e-14)  # a few roundings
+
+
+def test_outputs_after_a_step_belong_to_its_end(pendulum_library):
+    """V = -m g l cos θ with l at the end of the step, not at its beginning."""
+    instance = pendulum_library.start(length_dot=0.5, theta_0=0.0)
+    assert instance.step(0.0, 0.2) == OK
+    assert instance["energy"] == pytest.approx(0.5**2 / 2 - GRAVITY * 1.1, rel=1e-14)  # a few roundings
+
+
+def test_result_does_not_depend_on_the_communication_steps(pendulum_library):
+    """With a constant length every step size gives the same motion, up to the tolerance."""
+    rng = np.random.default_rng(1)
+    ends = []
+    for sizes in ([3.0], [1.0, 2.0], list(rng.dirichlet(np.ones(50)) * 3.0)):
+        instance = pendulum_library.start(tolerance=1e-10, theta_0=2.0)
+        t = 0.0
+        for size in sizes:
+            assert instance.step(t, size) == OK
+            t += size
+        ends.append(instance.get("theta", "p_theta"))
+    # 3 s are some 20 solver steps of error 1e-10 * (1 + 4 kg.m2/s).
+    np.testing.assert_allclose(ends, [ends[0]] * 3, atol=1e-8)
+
+
+# ---- jumps -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE])
+def test_jump_of_a_rate_leaves_the_momentum_and_closes_the_balance(pendulum_library, mode):
+    """A ramp switched on at t = 1 s: p_theta stays, an impulse does the work m/2 Δ(l'^2), the motion is right."""
+    rate, jump_at, end = 0.3, 1.0, 2.0
+    instance = pendulum_library.start(tolerance=1e-12, theta_0=0.8, input_reconstruction=mode)
+    assert instance.step(0.0, jump_at) == OK
+    momentum, work = instance.get("p_theta", "work")
+    assert instance.set(length_dot=rate) == OK
+    # p_theta is a state, which a jump of the rate does not touch: continuous to the last bit.
+    assert instance["p_theta"] == momentum
+    assert instance["work"] - work == pytest.approx(rate**2 / 2, rel=1e-12)  # a difference of energies of 10 J
+    assert instance.step(jump_at, 1e-9) == OK
+    assert instance["p_theta"] == pytest.approx(momentum, abs=1e-8)  # |p'| = m g l sin θ < 10 N.m, for 1e-9 s
+    assert instance["work"] - work == pytest.approx(rate**2 / 2, rel=1e-6)  # and 1e-9 s of power of 3 W
+    if mode == HOLD:  # there l stays where it is while l' says that it moves: no balance can close
+        return
+    t, steps = jump_at + 1e-9, 100
+    for i in range(steps):
+        assert instance.set(length=1.0 + rate * (t - jump_at)) == OK
+        size = (end - t) / (steps - i)
+        assert instance.step(t, size) == OK
+        t += size
+    assert abs(instance["energy_balance"]) <= 1e-9  # 100 steps of 1e-12 * 10 J
+    expected = driven([jump_at, end], lambda t: (1 + rate * max(t - jump_at, 0), 0, 0), theta_0=0.8)
+    # The reference goes over the kink with steps of its own: 1e-13 each, some 50 of them, sizes up to 10.
+    np.testing.assert_allclose(instance.get("theta", "p_theta"), expected[:, 1], atol=1e-9)
+
+
+def test_crouch_as_a_jump_of_the_length(pendulum_library):
+    """A jump of the length itself: theta and p_theta stay, theta_dot goes with 1/l², the balance stays closed."""
+    instance = pendulum_library.start(tolerance=1e-12, theta_0=0.8)
+    assert instance.step(0.0, 0.3) == OK
+    theta, momentum, rate = instance.get("theta", "p_theta", "theta_dot")
+    assert instance.set(length=0.8) == OK
+    np.testing.assert_array_equal(instance.get("theta", "p_theta"), [theta, momentum])
+    assert instance["theta_dot"] == pytest.approx(rate / 0.8**2, rel=1e-15)
+    assert instance.step(0.3, 0.5) == OK
+    assert abs(instance["energy_balance"]) <= 1e-11  # 10 steps of 1e-12 * 10 J; rounding of sums of 10 J
+
+
+def test_same_input_set_again_changes_nothing(pendulum_library):
+    def end(*, again: bool) -> list[float]:
+        instance = pendulum_library.start(theta_0=0.8, theta_force=0.5)
+        for i in range(20):
+            if again:
+                assert instance.set(theta_force=0.5, length=1.0) == OK
+            assert instance.step(i * 0.1, 0.1) == OK
+        return list(instance.get("theta", "p_theta", "work", "energy_balance"))
+
+    assert end(again=True) == end(again=False)
+
+
+def test_interpolated_jump_is_no_jump(pendulum_library):
+    """What is set belongs to the end of the step: the outputs at its beginning do not move."""
+    instance = pendulum_library.start(input_reconstruction=INTERPOLATE)
+    assert instance.step(0.0, 0.1) == OK
+    before = instance.get("energy", "work", "theta_dot")
+    assert instance.set(length=1.2, length_dot=0.1) == OK
+    np.testing.assert_array_equal(instance.get("energy", "work", "theta_dot"), before)
+
+
+def test_tuning_the_friction_in_mid_run(pendulum_library):
+    """p' = -m g l sin θ - η p with η from 0 to 0.5 1/s at t = 1 s, against SciPy on both sides."""
+    instance = pendulum_library.start(tolerance=1e-12, theta_0=0.8)
+    assert instance.step(0.0, 1.0) == OK
+    assert instance.set(friction=0.5) == OK
+    assert instance.step(1.0, 1.0) == OK
+
+    def part(span: tuple[float, float], start, friction: float):
+        return solve_ivp(
+            lambda t, y: [y[1], -GRAVITY * np.sin(y[0]) - friction * y[1]],
+            span,
+            start,
+            method="DOP853",
+            rtol=1e-13,
+            atol=1e-13,
+        ).y[:, -1]
+
+    expected = part((1.0, 2.0), part((0.0, 1.0), [0.8, 0.0], 0.0), 0.5)
+    np.testing.assert_allclose(instance.get("theta", "p_theta"), expected, atol=1e-10)  # 20 steps, sizes of 3
+    assert abs(instance["energy_balance"]) <= 1e-10
+
+
+# ---- derivatives of inputs and outputs ---------------------------------------------------------------------------
+
+
+def set_input_derivatives(instance: Instance, name: str, values: list[float]) -> int:
+    orders = (c.c_int * len(values))(*range(1, len(values) + 1))
+    return instance.call("SetRealInputDerivatives", instance.refs([name] * len(values)), len(values), orders, reals(values))
+
+
+def test_input_derivatives_are_a_taylor_polynomial_for_one_step(pendulum_library):
+    """Weightless: p' = τ(t), so p is the integral of the polynomial; then the torque is constant again."""
+    for mode in (HOLD, EXTRAPOLATE):
+        instance = pendulum_library.start(gravity=0.0, theta_0=0.0, input_reconstruction=mode)
+        coefficients = [0.3, -0.2, 0.5, 0.7, -1.1, 2.0]  # value and derivatives of order 1 to 5
+        assert instance.set(theta_force=coefficients[0]) == OK
+        assert set_input_derivatives(instance, "theta_force", coefficients[1:]) == OK
+        assert instance.step(0.0, 0.5) == OK
+        integral, factor = 0.0, 1.0
+        for j, coefficient in enumerate(coefficients, start=1):
+            factor *= 0.5 / j
+            integral += coefficient * factor
+        # Quadrature of a polynomial of degree 5 by a method of order 8: exact up to rounding.
+        assert instance["p_theta"] == pytest.approx(integral, rel=1e-14)
+        assert instance.step(0.5, 0.5) == OK
+        assert instance["p_theta"] == pytest.approx(integral + 0.5 * coefficients[0], rel=1e-14)
+
+
+def output_derivatives(instance: Instance, names: list[str]):
+    values, orders = (c.c_double * len(names))(), (c.c_int * len(names))(*[1] * len(names))
+    assert instance.call("GetRealOutputDerivatives", instance.refs(names), len(names), orders, values) == OK
+    return np.array(values)
+
+
+def test_output_derivatives_are_the_rates_of_the_outputs(pendulum_library):
+    """Against central differences over ±1e-3 s: their error is 1e-6/6 times third derivatives of some 1e2."""
+    names = ["theta", "theta_dot", "p_theta", "length_force", "energy", "work", "dissipated", "energy_balance"]
+    h, start = 1e-3, {"theta_0": 0.9, "friction": 0.2, "length_dot": 0.3, "theta_force": 0.4}
+
+    def at(t: float):
+        instance = pendulum_library.start(tolerance=1e-14, **start)
+        assert instance.step(0.0, t) == OK
+        return instance.get(*names)
+
+    central = (at(0.5 + h) - at(0.5 - h)) / (2 * h)
+    instance = pendulum_library.start(CO_SIMULATION, tolerance=1e-14, **start)
+    assert instance.step(0.0, 0.5) == OK
+    np.testing.assert_allclose(output_derivatives(instance, names), central, atol=1e-4)
+    rates = instance.get("theta_dot", "p_theta_dot", "power", "dissipation")
+    derivatives = output_derivatives(instance, ["theta", "p_theta", "work", "dissipated"])
+    np.testing.assert_allclose(derivatives, rates, rtol=1e-13, atol=1e-14)  # the same sums in another order

@@ -1,0 +1,175 @@
+"""modelDescription.xml: valid, complete, and true to what the binary does."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from driver import MODEL_EXCHANGE, OK, reals
+from fmpy.validation import validate_fmu
+from fmu_manipulation_toolbox.checker import OperationGenericCheck, OperationSemanticCheck
+from fmu_manipulation_toolbox.operations import FMU
+from handmade import fall, kick, pendulum
+
+from liaisons.fmu import build
+from liaisons.fmu.description import model_description
+
+GUID = "{00000000-0000-0000-0000-000000000001}"
+
+
+@pytest.fixture(scope="module")
+def native() -> ElementTree.Element:
+    return ElementTree.fromstring(model_description(pendulum(), guid=GUID, backend="native"))
+
+
+def scalar(root: ElementTree.Element, name: str) -> tuple[dict[str, str], dict[str, str]]:
+    found = root.find(f"ModelVariables/ScalarVariable[@name='{name}']")
+    assert found is not None
+    return found.attrib, found[0].attrib
+
+
+@pytest.mark.parametrize("component", [pendulum, fall, kick])
+def test_validators_find_nothing(component, folder):
+    fmu = build(component(), folder, backend="native")
+    assert validate_fmu(str(fmu)) == []
+
+
+def test_second_validator_finds_nothing(pendulum_fmu):
+    generic, semantic = OperationGenericCheck(), OperationSemanticCheck()
+    for check in (generic, semantic):
+        FMU(str(pendulum_fmu)).apply_operation(check)
+    assert generic.compliant_with_version == "2.0"
+    assert semantic.errors == []
+
+
+def test_same_bytes_for_same_model():
+    texts = {model_description(pendulum(), guid=GUID, backend="native") for _ in range(2)}
+    assert len(texts) == 1
+
+
+def test_reference_is_place_and_index_is_place_plus_one(native):
+    names = [variable.name for variable in pendulum().variables]
+    elements = list(native.iter("ScalarVariable"))
+    assert [element.get("name") for element in elements] == [*names, "input_reconstruction"]
+    assert [int(element.attrib["valueReference"]) for element in elements] == list(range(len(names) + 1))
+    _, real = scalar(native, "theta_dot")
+    assert names[int(real["derivative"]) - 1] == "theta"
+
+
+def test_variable_attributes(native):
+    mass, real = scalar(native, "mass")
+    assert mass["causality"], mass["variability"] == ("parameter", "fixed")
+    assert mass["initial"] == "exact"
+    assert mass["description"].endswith("(> 0)")  # min alone would allow 0
+    assert {name: real[name] for name in ("unit", "min", "start")} == {"unit": "kg", "min": "0.0", "start": "1.0"}
+    friction, _ = scalar(native, "friction")
+    assert friction["variability"] == "tunable"
+    theta, real = scalar(native, "theta")
+    assert theta["initial"] == "calculated"
+    assert real["displayUnit"] == "deg"
+    assert "start" not in real
+    assert "reinit" in scalar(native, "work")[1]
+    assert "reinit" not in real
+
+
+def test_units_carry_base_units_and_display_factors(native):
+    unit = native.find("UnitDefinitions/Unit[@name='rad/s']")
+    assert unit is not None
+    assert unit[0].attrib == {"rad": "1", "s": "-1"}
+    factors = {display.get("name"): float(display.attrib["factor"]) for display in unit.findall("DisplayUnit")}
+    assert factors["rpm"] == pytest.approx(60 / (2 * np.pi), rel=1e-15)  # two roundings
+    newton = native.find("UnitDefinitions/Unit[@name='N']/BaseUnit")
+    assert newton is not None
+    assert newton.attrib == {"kg": "1", "m": "1", "s": "-2"}
+
+
+def test_variable_without_unit_has_no_unit_attribute():
+    from liaisons.models import Constant
+
+    root = ElementTree.fromstring(model_description(Constant.model(), guid=GUID, backend="native"))
+    assert "unit" not in scalar(root, "y")[1]
+    assert root.find("ModelVariables/ScalarVariable[@name='input_reconstruction']") is None  # there are no inputs
+
+
+def test_python_back_end_promises_only_what_it_can(native):
+    python = ElementTree.fromstring(model_description(pendulum(), guid=GUID, backend="python"))
+    assert python.find("ModelExchange") is None
+    interface = python.find("CoSimulation")
+    assert interface is not None
+    assert not {"providesDirectionalDerivative", "maxOutputDerivativeOrder", "canInterpolateInputs"} & set(
+        interface.attrib
+    )
+    for part in ("UnitDefinitions", "ModelStructure", "DefaultExperiment"):
+        ours, theirs = native.find(part), python.find(part)
+        assert ours is not None
+        assert theirs is not None
+        assert ElementTree.tostring(ours) == ElementTree.tostring(theirs)
+
+
+def dependencies(root: ElementTree.Element, part: str) -> dict[str, set[str]]:
+    names = [element.attrib["name"] for element in root.iter("ScalarVariable")]
+    return {
+        names[int(unknown.attrib["index"]) - 1]: {
+            names[int(index) - 1] for index in unknown.attrib["dependencies"].split()
+        }
+        for unknown in root.findall(f"ModelStructure/{part}/Unknown")
+    }
+
+
+def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library):
+    """Every parameter and input is changed in turn: what moves must be declared, and what is declared moves."""
+    declared = dependencies(native, "InitialUnknowns")
+    base = {"theta_0": 0.4, "theta_dot_0": 0.7, "length_dot": 0.3, "friction": 0.2, "theta_force": 0.1}
+    knowns = ["mass", "gravity", "friction", "theta_0", "theta_dot_0"]
+    knowns += ["length", "length_dot", "length_ddot", "theta_force"]
+    instance = pendulum_library.instantiate()
+    assert instance.setup() == OK
+    assert instance.call("EnterInitializationMode") == OK
+    assert instance.set(base) == OK
+    before = instance.get(*declared)
+    moved: dict[str, set[str]] = {name: set() for name in declared}
+    for known in knowns:
+        value = instance[known]
+        assert instance.set({known: value + 0.125}) == OK
+        for name in np.array(list(declared))[instance.get(*declared) != before]:
+            moved[name].add(known)
+        assert instance.set({known: value}) == OK
+    # theta_dot = p/(m l²) with p = m l² theta_dot_0, and work is a difference of equal energies: the dependencies on
+    # the way cancel, which a sparsity pattern cannot know.
+    cancelling = {"theta_dot", "work", "energy_balance"}
+    for name in declared:
+        assert declared[name] > moved[name] if name in cancelling else declared[name] == moved[name], name
+
+
+def test_running_dependencies_are_those_of_the_binary(native, pendulum_library):
+    declared = dependencies(native, "Outputs") | dependencies(native, "Derivatives")
+    states = ["theta", "p_theta", "work", "dissipated"]
+    inputs = ["length", "length_dot", "length_ddot", "theta_force"]
+    instance = pendulum_library.start(MODEL_EXCHANGE, friction=0.2, length_dot=0.3, theta_force=0.1)
+    instance.new_discrete_states()
+    assert instance.call("EnterContinuousTimeMode") == OK
+    base = [0.4, 0.7, 0.1, 0.2]
+
+    def values():
+        return dict(zip(declared, instance.get(*declared), strict=True))
+
+    def set_states(y: list[float]) -> None:
+        assert instance.call("SetContinuousStates", reals(y), len(y)) == OK
+
+    set_states(base)
+    before = values()
+    moved: dict[str, set[str]] = {name: set() for name in declared}
+    for i, state in enumerate(states):
+        set_states([value + 0.125 * (i == j) for j, value in enumerate(base)])
+        moved = {name: moved[name] | ({state} if value != before[name] else set()) for name, value in values().items()}
+        set_states(base)
+    for known in inputs:
+        value = instance[known]
+        assert instance.set({known: value + 0.125}) == OK
+        moved = {name: moved[name] | ({known} if v != before[name] else set()) for name, v in values().items()}
+        assert instance.set({known: value}) == OK
+    # work contains the impulse of a jump of the inputs, which there is none of in continuous-time mode
+    for name in set(declared) - {"work", "energy_balance"}:
+        assert declared[name] == moved[name], name
+    assert declared["work"] > moved["work"]

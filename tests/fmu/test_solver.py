@@ -1,0 +1,155 @@
+"""The internal solver: its coefficients, its order, and what tolerance and communication step do to the error."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+from driver import DISCARD, ERROR, OK
+from handmade import libration, rotation
+from scipy.integrate._ivp import dop853_coefficients as reference
+
+DURATION = 100.0  # [s]
+AMPLITUDE = 2.0  # [rad]
+RATE = 8.0  # [rad/s]; the separatrix is at 2Ω = 6.26 rad/s
+
+
+@pytest.fixture(scope="module")
+def tableau():
+    """A (12, 12), b, c, order-3 weights and order-5 differences, read from solver.c."""
+    code = (resources.files("liaisons.fmu") / "runtime" / "solver.c").read_text()
+    a, vectors = np.zeros((12, 12)), {name: np.zeros(12) for name in ("b", "c", "bhh", "e")}
+    for i, j, value in re.findall(r"\ba_(\d+)_(\d+) = ([-+.e\d]+)", code):
+        a[int(i) - 1, int(j) - 1] = float(value)
+    for name, i, value in re.findall(r"\b(bhh|b|c|e)_(\d+) = ([-+.e\d]+)", code):
+        vectors[name][int(i) - 1] = float(value)
+    return a, vectors
+
+
+def test_coefficients_are_the_published_ones(tableau):
+    a, vectors = tableau
+    np.testing.assert_array_equal(a, reference.A[:12, :12])
+    np.testing.assert_array_equal(vectors["b"], reference.B)
+    np.testing.assert_array_equal(vectors["c"], reference.C[:12])
+    np.testing.assert_array_equal(vectors["e"], reference.E5[:12])
+    np.testing.assert_array_equal(vectors["b"] - vectors["bhh"], reference.E3[:12])
+
+
+def test_order_conditions(tableau):
+    """Conditions for the order, from elementary differentials: Σ b c^k = 1/(k+1), Σ b A c^k = 1/((k+1)(k+2)), ..."""
+    a, vectors = tableau
+    b, c = vectors["b"], vectors["c"]
+    # Rounded coefficients up to 43 in size: sums of a dozen products are exact to 12 * 43 * 2^-53.
+    tolerance = 1e-13
+    np.testing.assert_allclose(a.sum(axis=1), c, atol=tolerance)
+    for k in range(8):
+        assert b @ c**k == pytest.approx(1 / (k + 1), abs=tolerance)
+    for k in range(7):
+        assert b @ a @ c**k == pytest.approx(1 / ((k + 1) * (k + 2)), abs=tolerance)
+        for j in range(7 - k):
+            assert b @ (c**j * (a @ c**k)) == pytest.approx(1 / ((k + 1) * (j + k + 2)), abs=tolerance)
+    tall = np.linalg.multi_dot([b, a, a, a, a, a, a, c])  # the tree of height 8
+    assert tall == pytest.approx(1 / 40320, abs=tolerance)
+    for difference, order in ((vectors["e"], 5), (b - vectors["bhh"], 3)):
+        residuals = [abs((difference @ c**k)) for k in range(order + 1)]
+        assert max(residuals[:order]) <= tolerance  # both methods agree up to their order ...
+        assert residuals[order] > 1e-4  # ... and not beyond
+
+
+def motion(library, size: float, tolerance: float, **start: float):
+    """Times, theta, theta_dot and energy balance at the communication points."""
+    instance = library.start(tolerance=tolerance, **start)
+    rows = []
+    for i in range(round(DURATION / size)):
+        assert instance.step(i * size, size) == OK
+        rows.append(instance.get("theta", "theta_dot", "energy_balance"))
+    return (1 + np.arange(len(rows))) * size, *np.array(rows).T
+
+
+def errors(library, size: float, tolerance: float) -> tuple[float, float]:
+    """Largest error of angle and rate against elliptic functions, in libration and in rotation."""
+    t, theta, theta_dot, _ = motion(library, size, tolerance, theta_0=AMPLITUDE)
+    exact, exact_dot = libration(t, AMPLITUDE)
+    swing = max(np.abs(theta - exact).max(), np.abs(theta_dot - exact_dot).max())
+    t, theta, theta_dot, _ = motion(library, size, tolerance, theta_0=0.0, theta_dot_0=RATE)
+    exact, exact_dot = rotation(t, RATE)
+    turn = max(np.abs(theta - exact).max(), np.abs(theta_dot - exact_dot).max())
+    return float(swing), float(turn)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.1, 0.01])
+@pytest.mark.parametrize(("tolerance", "allowed"), [(1e-10, 1e-7), (1e-14, 1e-9)])
+def test_accuracy_over_100_s(pendulum_library, size, tolerance, allowed):
+    """The allowed errors are those that the project promises; about 3e3 angular units pass in 100 s of rotation."""
+    assert max(errors(pendulum_library, size, tolerance)) <= allowed
+
+
+def test_error_falls_in_proportion_to_the_tolerance(pendulum_library):
+    tolerances = np.array([1e-6, 1e-8, 1e-10, 1e-12])
+    swing, turn = np.array([errors(pendulum_library, 1.0, tolerance) for tolerance in tolerances]).T
+    for error in (swing, turn):
+        slope, _ = np.polyfit(np.log10(tolerances), np.log10(error), 1)
+        # Step sizes differ by factors of 1.8 a decade of tolerance: which step is the last before a communication
+        # point changes from one to the next and scatters the error by a factor of about 3, the slope by 0.15.
+        assert slope == pytest.approx(1.0, abs=0.2)
+
+
+def test_tolerance_of_the_experiment_is_the_default(pendulum_library):
+    def end(tolerance: float | None) -> float:
+        instance = pendulum_library.start(tolerance=tolerance, theta_0=AMPLITUDE)
+        assert instance.step(0.0, 5.0) == OK
+        return instance["theta"]
+
+    assert end(None) == end(1e-8)  # that of the component's Experiment
+    assert end(None) != end(1e-6)
+
+
+@pytest.mark.parametrize(("given", "used"), [(1e-30, "1e-14"), (0.5, "0.01")])
+def test_tolerances_out_of_range_are_clamped_with_a_warning(pendulum_library, given, used):
+    instance = pendulum_library.instantiate(logging=1)
+    assert instance.setup(tolerance=given) == OK
+    assert instance.messages == [f"tolerance = {given:g} is out of range, {used} is used"]
+
+
+def test_energy_balance(pendulum_library):
+    for start in ({"theta_0": AMPLITUDE}, {"theta_dot_0": RATE}):
+        _, _, _, balance = motion(pendulum_library, 0.1, 1e-10, **start)
+        scale = 32.0  # [J] kinetic energy at 8 m/s; that of the swing is less
+        assert np.abs(balance).max() <= 10 * 1e-10 * scale * DURATION
+
+
+def test_end_of_the_motion_is_found_and_named(fall_library):
+    """x'' = -1/x² from x = 1: the centre is reached at π/(2√2) = 1.1107 s, from where nothing goes on."""
+    instance = fall_library.start()
+    assert instance.step(0.0, 1.0) == OK
+    before = instance.get("x", "v")
+    assert instance.step(1.0, 1.0) == DISCARD
+    (message,) = instance.messages
+    assert message.startswith("x must stay > 0; at t = 1.1107")
+    assert message.endswith("the step from t = 1 is taken back")
+    np.testing.assert_array_equal(instance.get("x", "v"), before)
+    assert instance.step(1.0, 0.1) == OK  # a step that ends before it does
+
+
+def test_start_outside_a_domain_is_refused(fall_library):
+    instance = fall_library.instantiate()
+    assert instance.setup() == OK
+    assert instance.call("EnterInitializationMode") == OK
+    assert instance.set(x_0=-1.0) == OK
+    assert instance.call("ExitInitializationMode") == ERROR
+    assert instance.messages == ["x_0 = -1 at t = 0: it must be > 0; set another value and initialize again"]
+    assert instance.set(x_0=1.0) == OK
+    assert instance.call("ExitInitializationMode") == OK
+
+
+def test_steps_stop_at_instants_where_the_component_is_not_smooth(kick_library):
+    """Piecewise linear: exact up to rounding if no step goes over the kink, wrong by 1e-9 and more if one does."""
+    instance = kick_library.start(t_1=1.2345)
+    assert instance.step(0.0, 5.0) == OK
+    assert instance["x"] == pytest.approx(5.0 + 2 * (5.0 - 1.2345), rel=1e-15)
+    again = kick_library.start(t_1=2.0)
+    for i in range(4):  # one of the communication points is the instant itself
+        assert again.step(float(i), 1.0) == OK
+    assert again["x"] == pytest.approx(4.0 + 2 * 2.0, rel=1e-15)

@@ -1,0 +1,133 @@
+"""States, references and FMUs that several tests of the catalogue share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import Decimal, localcontext
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons.fmu import build
+from liaisons.mechanics import Component, Equations
+
+State = dict[str, float]
+
+
+@pytest.fixture(scope="session")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """The FMU of a component, built once: ``fmu(Pendulum)`` or ``fmu(Pendulum, "python")``."""
+    directory = tmp_path_factory.mktemp("fmus")
+
+    @cache
+    def built(component: type[Component], backend: Literal["native", "python"] = "native") -> Path:
+        return build(component.model(), directory, backend=backend)
+
+    return built
+
+
+@pytest.fixture(scope="session")
+def random_states() -> Callable[..., list[State]]:
+    """Seeded random states of a mechanism: every symbol has a value, everything moves, every port is loaded."""
+
+    def states(equations: Equations, count: int = 20, **fixed: float) -> list[State]:
+        random = np.random.default_rng(20240229)
+        m = equations.mechanism
+        domains = {item.name: item for item in (*m.parameters, *m.actives)}
+
+        def value(name: str) -> float:
+            if name in domains and (domains[name].minimum is not None or domains[name].start):
+                return (domains[name].start or 0.3) * random.uniform(0.7, 1.3)  # positive where it has to be
+            return random.normal()
+
+        return [{name: value(name) for name in equations.symbols} | fixed for _ in range(count)]
+
+    return states
+
+
+@pytest.fixture(scope="session")
+def number() -> Callable[[Equations, ca.SX, State], np.ndarray]:
+    """The value of an expression in a mechanism's symbols, at a state on its motion."""
+
+    def evaluate(equations: Equations, expression: ca.SX, state: State) -> np.ndarray:
+        names, symbols = zip(*equations.symbols.items(), strict=True)
+        function = ca.Function("number", symbols, [ca.densify(equations.in_motion(expression))])
+        return np.squeeze(np.asarray(function(*(state[name] for name in names))))
+
+    return evaluate
+
+
+Polynomial = dict[tuple[int, ...], Decimal | float]
+
+
+@pytest.fixture(scope="session")
+def taylor() -> Callable[..., np.ndarray]:
+    """Solution of y_i' = Σ c · y_j · y_k ... by Taylor series with 40 digits: a reference without rounding."""
+
+    def solve(
+        times: np.ndarray, start: list[Decimal | float], rates: list[Polynomial], *, step: str = "0.05", order: int = 32
+    ) -> np.ndarray:
+        """Solve at increasing times; ``rates[i]`` maps (), (j,) or (j, k) to c.  Shape (variables, times)."""
+        with localcontext() as context:
+            context.prec = 40
+            y, t, found = [Decimal(value) for value in start], Decimal(0), []
+            exact_rates = [{factors: Decimal(c) for factors, c in rate.items()} for rate in rates]
+            for instant in map(Decimal, times.tolist()):
+                while t < instant:
+                    h = min(Decimal(step), instant - t)
+                    y, t = _taylor_step(y, exact_rates, h, order), t + h
+                found.append([float(value) for value in y])
+        return np.array(found).T
+
+    return solve
+
+
+def _taylor_step(
+    y: list[Decimal], rates: list[dict[tuple[int, ...], Decimal]], h: Decimal, order: int
+) -> list[Decimal]:
+    series = [[value] for value in y]
+    for n in range(order):
+        for i, rate in enumerate(rates):
+            coefficient = Decimal(0)
+            for factors, c in rate.items():
+                if len(factors) == 2:
+                    a, b = (series[j] for j in factors)
+                    coefficient += c * sum(a[k] * b[n - k] for k in range(n + 1))
+                elif factors:
+                    coefficient += c * series[factors[0]][n]
+                elif n == 0:
+                    coefficient += c
+            series[i].append(coefficient / (n + 1))
+    end = []
+    for terms in series:
+        value = Decimal(0)
+        for term in reversed(terms):
+            value = value * h + term
+        end.append(value)
+    return end
+
+
+@pytest.fixture(scope="session")
+def sine_and_cosine() -> Callable[[float], tuple[Decimal, Decimal]]:
+    """sin x and cos x of a double to 40 digits, which the series of a pendulum start from."""
+
+    def both(x: float) -> tuple[Decimal, Decimal]:
+        with localcontext() as context:
+            context.prec = 50
+            small = Decimal(x) / 1024
+            sine = term = small
+            n = 1
+            while abs(term) > Decimal("1e-60"):
+                term *= -small * small / ((n + 1) * (n + 2))
+                n += 2
+                sine += term
+            cosine = (1 - sine * sine).sqrt()
+            for _ in range(10):
+                sine, cosine = 2 * sine * cosine, cosine * cosine - sine * sine
+            return sine, cosine
+
+    return both

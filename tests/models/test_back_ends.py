@@ -1,0 +1,77 @@
+"""The FMUs of both back ends against the derived equations, and against each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons.check import max_error
+from liaisons.cosim import simulate
+from liaisons.mechanics import Equations, Mechanism, Operator, derive
+from liaisons.models import CATALOGUE
+
+MECHANISMS = [component for component in CATALOGUE if issubclass(component, Mechanism)]
+OPERATORS = [component for component in CATALOGUE if issubclass(component, Operator)]
+
+
+def expressions(equations: Equations) -> dict[str, ca.SX]:
+    """What the outputs of an FMU are, in the symbols of the mechanism."""
+    m = equations.mechanism
+    found: dict[str, ca.SX] = {
+        name: getattr(equations, name) for name in ("kinetic_energy", "potential_energy", "energy")
+    }
+    for i, q in enumerate(m.coordinates):
+        found |= {f"{q.name}_ddot": equations.accelerations[i], f"p_{q.name}": equations.momenta[i]}
+    for i, s in enumerate(m.actives):
+        found |= {f"{s.name}_force": equations.operator_forces[i]}
+        found |= {f"{s.name}_power": equations.operator_forces[i] * m.active.s_dot[i]}
+    for name, position in equations.points.items():
+        found |= {name: position, f"{name}_dot": m.dot(position), f"{name}_ddot": m.dot(m.dot(position))}
+    return found | {item.name: getattr(m, item.name) for item in m.outputs}
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
+def test_outputs_at_the_start_are_the_derived_equations(component, backend: str, fmu, random_states, number) -> None:
+    equations = derive(component)
+    model = component.model()
+    settable = [variable.name for variable in (*model.parameters, *model.inputs)]
+    for state in random_states(equations, count=3):
+        starts = {name: state[name.removesuffix("_0")] for name in settable}
+        result = simulate(fmu(component, backend), stop_time=1e-3, step_size=1e-3, **starts)
+        for name, expression in expressions(equations).items():
+            expected = float(number(equations, expression, state))
+            # p → q' → everything, a few dozen roundings of terms of size 1e3 N.
+            assert result[name][0] == pytest.approx(expected, rel=1e-11, abs=1e-10), name
+
+
+@pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
+def test_native_and_python_back_end_move_alike(component, fmu) -> None:
+    start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
+    inputs = {
+        s.name: lambda t, s=s: (s.start + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t), -0.4 * np.sin(2 * t))
+        for s in component.actives
+    }
+    native, python = (
+        simulate(fmu(component, backend), stop_time=5.0, step_size=0.05, tolerance=1e-10, inputs=inputs, **start)
+        for backend in ("native", "python")
+    )
+    assert native.names == python.names
+    assert dict(native.units) == dict(python.units)
+    for name in native.names:
+        scale = max(1.0, float(np.max(np.abs(native[name]))))
+        # Two solvers at tolerance 1e-10, amplification of ten over five seconds, forces of larger size scaled.
+        assert max_error(native[name], python[name]) <= 1e-7 * scale, name
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize("component", OPERATORS, ids=lambda component: component.__name__)
+def test_operator_is_its_closed_form(component, backend: str, fmu) -> None:
+    result = simulate(fmu(component, backend), stop_time=2.0, step_size=0.125)
+    exact = component.exact(result.time)
+    for name, values in exact.items():
+        # Two orders of evaluation, terms of size 5000 (y'' of the step).
+        assert max_error(result[name], values) <= 1e-12, name

@@ -1,0 +1,296 @@
+"""The printed formulas hold for the derived equations, and where they are misprinted they are shown to fail.
+
+K = Kneller, M = Marle.  Each correction has its name in the list of errata: KA for Kneller, MA for Marle.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.errors import ComponentError, ValidityError
+from liaisons.mechanics import derive
+from liaisons.models import CircularHoop, Oscillator, Pendulum, Swing
+
+
+def algebra(value: ArrayLike) -> object:
+    """Equal up to the rounding of an algebraic identity: sums of a few terms, a few roundings of the largest."""
+    return pytest.approx(value, rel=1e-12, abs=1e-12)
+
+
+# ---- Kneller Ex. 3, 6, 8: the pendulum ---------------------------------------------------------------------------
+
+
+def pendulum_at_rest_in_space(random_states) -> list[dict[str, float]]:
+    still = {f"{s}{end}": 0.0 for s in ("length", "pivot_x", "pivot_z") for end in ("_dot", "_ddot")}
+    unloaded = dict.fromkeys(("theta_force", "theta_load", "bob_x_load", "bob_z_load"), 0.0)
+    return random_states(derive(Pendulum), **still, **unloaded)
+
+
+def test_pendulum_of_kneller_is_the_one_with_fixed_pivot_and_length(random_states) -> None:
+    """K Ex. 3 and 6: θ'' + η θ' + Ω² sin θ = 0; Ex. 8: p_θ = m l² θ', p_θ' = -m g l sin θ - η p_θ."""
+    equations = derive(Pendulum)
+    for n in pendulum_at_rest_in_space(random_states):
+        omega_squared = n["gravity"] / n["length"]
+        expected = -n["friction"] * n["theta_dot"] - omega_squared * np.sin(n["theta"])
+        p = n["mass"] * n["length"] ** 2 * n["theta_dot"]
+        weight = n["mass"] * n["gravity"] * n["length"] * np.sin(n["theta"])
+        assert equations.evaluate("accelerations", **n) == algebra(expected)
+        assert equations.evaluate("momenta", **n) == algebra(p)
+        assert equations.evaluate("momentum_rates", **n) == algebra(-weight - n["friction"] * p)
+
+
+def test_ka7_with_the_printed_sign_friction_would_feed_the_pendulum(random_states) -> None:
+    """K Ex. 6 prints m l² θ'' = -m g l sin θ - Q with Q = -m l² η θ': then dE/dt = +2 η T, against eq. 67."""
+    equations = derive(Pendulum)
+    for n in pendulum_at_rest_in_space(random_states):
+        inertia = n["mass"] * n["length"] ** 2
+        weight = n["mass"] * n["gravity"] * n["length"] * np.sin(n["theta"])
+        friction = -inertia * n["friction"] * n["theta_dot"]
+        loss = 2 * n["friction"] * equations.evaluate("kinetic_energy", **n)[0]
+
+        def energy_rate(theta_ddot: float, *, inertia=inertia, weight=weight, rate=n["theta_dot"]) -> float:
+            return rate * (inertia * theta_ddot + weight)
+
+        derived = equations.evaluate("accelerations", **n)[0]
+        printed = (-weight - friction) / inertia
+        assert energy_rate(derived) == pytest.approx(-loss, rel=1e-11)  # K eq. 67; cancellation of the weight's power
+        assert energy_rate(printed) == pytest.approx(+loss, rel=1e-11)
+
+
+# ---- Kneller 5.1: the oscillator ---------------------------------------------------------------------------------
+
+
+def complex_amplitude(omega: NDArray, omega_0: float, gamma: float) -> NDArray:
+    """K eq. 120 for |F_0|/m = 1."""
+    return 1 / (omega_0**2 - omega**2 + 1j * gamma * omega)
+
+
+def test_oscillator_is_equation_114(random_states) -> None:
+    equations = derive(Oscillator)
+    for n in random_states(equations):
+        force = -n["stiffness"] * (n["x"] - n["support"]) - n["mass"] * n["damping"] * n["x_dot"]
+        expected = (force + n["x_force"] - n["x_load"]) / n["mass"]
+        assert equations.evaluate("accelerations", **n) == algebra(expected)
+
+
+@pytest.mark.parametrize("gamma", [0.1, 0.5, 1.0, 1.4])
+def test_ka2_amplitude_is_largest_at_the_corrected_resonance_not_at_the_printed_one(gamma: float) -> None:
+    grid = np.linspace(0, 2, 2_000_001)
+    top = grid[np.argmax(np.abs(complex_amplitude(grid, 1.0, gamma)))]
+    printed = np.sqrt(1 - gamma**2 / 4)
+    assert abs(Oscillator.resonance(damping=gamma) - top) <= 1e-6  # spacing of the grid
+    assert abs(printed - top) > 1e-3
+    height, _ = Oscillator.response(Oscillator.resonance(damping=gamma), damping=gamma)
+    assert height == algebra(1 / (gamma * np.sqrt(1 - gamma**2 / 4)))
+
+
+@pytest.mark.parametrize("gamma", [1.42, 1.7, 1.99])
+def test_ka3_no_resonance_from_root_two_on_though_printed_up_to_two(gamma: float) -> None:
+    amplitude, _ = Oscillator.response(np.linspace(0.01, 3, 500), damping=gamma)
+    assert np.all(np.diff(amplitude) < 0)
+    with pytest.raises(ValidityError, match="damping"):
+        Oscillator.resonance(damping=gamma)
+
+
+@pytest.mark.parametrize("gamma", [0.5, 1.0, 2.0, 4.0])  # those of K Fig. 7
+def test_ka4_phase_is_continuous_through_resonance_where_the_printed_one_jumps(gamma: float) -> None:
+    omega = np.concatenate([np.linspace(0.05, 0.95, 10), np.linspace(1.05, 3, 10)])
+    amplitude, phase = Oscillator.response(omega, damping=gamma)
+    expected = complex_amplitude(omega, 1.0, gamma)
+    np.testing.assert_allclose(amplitude * np.exp(1j * phase), expected, rtol=1e-14)  # a few roundings
+    assert np.all((phase < 0) & (phase > -np.pi))
+    assert np.all(np.diff(phase) < 0)
+    printed = np.arctan(gamma * omega / (omega**2 - 1))
+    np.testing.assert_allclose(printed[:10], phase[:10], rtol=1e-13)  # right below ω_0, a few roundings
+    np.testing.assert_allclose(printed[10:], phase[10:] + np.pi, rtol=1e-13)  # too large by π above
+
+
+# ---- Marle 8.1: the swing ----------------------------------------------------------------------------------------
+
+
+def swing_coefficients(n: dict[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
+    """I, J_α and g_αβ of M eq. 55 in the rope's frame, from the velocities of the two masses by hand."""
+    m_1, m_2, b, rope, lean = (n[name] for name in ("mass_seat", "mass_torso", "torso_length", "rope", "lean"))
+    inertia = m_1 * rope**2 + m_2 * (rope**2 + b**2 + 2 * rope * b * np.cos(lean))
+    J = m_2 * b * np.array([-np.sin(lean), b + rope * np.cos(lean)])
+    g = np.array([[m_1 + m_2, -m_2 * b * np.sin(lean)], [-m_2 * b * np.sin(lean), m_2 * b**2]])
+    return inertia, J, g
+
+
+def centre_of_mass(n: dict[str, float]) -> complex:
+    """Static moment m_1 r_1 + m_2 r_2 in the plane, x + i z."""
+    seat = -1j * n["rope"] * np.exp(1j * n["theta"])
+    torso = seat - 1j * n["torso_length"] * np.exp(1j * (n["theta"] + n["lean"]))
+    return n["mass_seat"] * seat + n["mass_torso"] * torso
+
+
+def test_swing_has_the_lagrangian_of_equation_56_with_the_half_restored(random_states, number) -> None:
+    equations = derive(Swing)
+    m = equations.mechanism
+    for n in random_states(equations):
+        inertia, J, g = swing_coefficients(n)
+        v = np.array([n["rope_dot"], n["lean_dot"]])
+        D, theta_com = number(equations, m.D, n), number(equations, m.theta_com, n)
+        L = inertia * n["theta_dot"] ** 2 / 2 + J @ v * n["theta_dot"] + v @ g @ v / 2 + D * np.cos(theta_com)
+        assert number(equations, equations.lagrangian, n) == algebra(L)
+        assert number(equations, ca.vertcat(m.inertia, m.J_rope, m.J_lean), n) == algebra([inertia, *J])
+        assert equations.evaluate("momenta", **n) == algebra(inertia * n["theta_dot"] + J @ v)
+        # M eq. 50 for one free coordinate: Θ = g - J Jᵀ/I
+        np.testing.assert_allclose(equations.evaluate("effective_mass", **n), g - np.outer(J, J) / inertia, atol=1e-11)
+
+
+def test_swing_angular_momentum_changes_by_the_weight_alone(random_states, number) -> None:
+    """M eq. 26 with eq. 54: p_θ' = -D sin θ_com, whatever the operator does."""
+    equations = derive(Swing)
+    m = equations.mechanism
+    unloaded = {name: 0.0 for name in equations.symbols if name.endswith(("_load", "theta_force"))}
+    for n in random_states(equations, **unloaded):
+        D, theta_com = number(equations, m.D, n), number(equations, m.theta_com, n)
+        assert equations.evaluate("momentum_rates", **n) == pytest.approx(-D * np.sin(theta_com), rel=1e-12, abs=1e-10)
+
+
+def test_swing_has_no_X_K(random_states) -> None:  # noqa: N802
+    """M 8.4, first lines: Θ, and with it K_Y of eq. 51, depends on the posture alone."""
+    equations = derive(Swing)
+    for n in random_states(equations):
+        here, elsewhere = (
+            equations.evaluate("effective_mass", **(n | {"theta": n["theta"] + turn})) for turn in (0, 1)
+        )
+        np.testing.assert_allclose(elsewhere, here, rtol=0, atol=1e-11)  # roundings of 100 kg.m2
+
+
+def test_ma2_weight_needs_the_total_mass(random_states, number) -> None:
+    """M prints D = gravity × distance of the centre of mass; it is the total mass times that."""
+    equations = derive(Swing)
+    for n in random_states(equations):
+        moment, total = centre_of_mass(n), n["mass_seat"] + n["mass_torso"]
+        D = number(equations, equations.mechanism.D, n)
+        printed = n["gravity"] * abs(moment) / total
+        assert algebra(n["gravity"] * abs(moment)) == D
+        # M eq. 54: P = -D cos θ is the potential energy of the two masses; with the printed D it is not.
+        potential = equations.evaluate("potential_energy", **n)[0]
+        theta_com = number(equations, equations.mechanism.theta_com, n)
+        assert -D * np.cos(theta_com) == algebra(potential)
+        assert -printed * np.cos(theta_com) == algebra(potential / total)
+
+
+def test_theta_com_points_at_the_centre_of_mass(random_states, number) -> None:
+    equations = derive(Swing)
+    for n in random_states(equations):
+        moment, theta_com = centre_of_mass(n), number(equations, equations.mechanism.theta_com, n)
+        # e^{iθ} leaves the number of turns open; a rounding of it
+        assert abs(np.exp(1j * theta_com) - 1j * moment / abs(moment)) <= 1e-14
+        assert abs(theta_com - n["theta"]) < np.pi  # not wrapped
+
+
+class PrintedSwing(Swing):
+    """Swing with M eq. 56 as printed: the term g_αβ v^α v^β without its ½."""
+
+    def lagrangian(self) -> ca.SX:
+        return self.kinetic_energy() - self.potential_energy() + self._missing_half()
+
+    def _missing_half(self) -> ca.SX:
+        """½ g_αβ v^α v^β once more: the kinetic energy at θ' = 0."""
+        return ca.substitute(self.kinetic_energy(), self.free.q_dot, ca.SX.zeros(1))
+
+
+def test_ma1_without_the_half_the_motion_stays_right_but_the_operator_pays_twice(random_states) -> None:
+    right, printed = derive(Swing), derive(PrintedSwing)
+    for n in random_states(right):
+        forces, printed_forces = (equations.evaluate("operator_forces", **n) for equations in (right, printed))
+        np.testing.assert_allclose(
+            printed.evaluate("accelerations", **n), right.evaluate("accelerations", **n), rtol=1e-12, atol=1e-12
+        )
+        # d/dt of the surplus ½ g(v, v): its own Lagrange expression, g v' + Γ(v, v) at θ' = 0, at θ = anything
+        assert np.max(np.abs(printed_forces - forces)) > 1e-2 * np.max(np.abs(forces))
+        _, _, g = swing_coefficients(n)
+        surplus = printed.evaluate("effective_mass", **n) - right.evaluate("effective_mass", **n)
+        np.testing.assert_allclose(surplus, g, atol=1e-11)  # Θ counts g_αβ twice; roundings of 100 kg
+
+
+# ---- Marle 8.4: the hoop -----------------------------------------------------------------------------------------
+
+
+def hoop_geometry(n: dict[str, float]) -> tuple[float, float, float, float]:
+    """a = r² θ' and b = r² r'² with their derivatives by ξ, from r² = d² + R² + 2 d R cos(ξ/R)."""
+    R, d, psi = n["radius"], n["offset"], n["xi"] / n["radius"]
+    r_squared = d**2 + R**2 + 2 * d * R * np.cos(psi)
+    r_dash = -d * np.sin(psi) / np.sqrt(r_squared)
+    theta_dash = (R + d * np.cos(psi)) / r_squared
+    a_dash = -d / R * np.sin(psi)
+    b_dash = 2 * d**2 / R * np.sin(psi) * np.cos(psi)
+    return r_squared * theta_dash, r_squared * r_dash**2, a_dash, b_dash
+
+
+def test_hoop_has_the_lagrangian_of_equation_61_with_its_dots(random_states) -> None:
+    equations = derive(CircularHoop)
+    for n in random_states(equations):
+        a, b, _, _ = hoop_geometry(n)
+        r_squared = n["offset"] ** 2 + n["radius"] ** 2 + 2 * n["offset"] * n["radius"] * np.cos(n["xi"] / n["radius"])
+        r_dash, theta_dash = np.sqrt(b / r_squared), a / r_squared
+        radial, angular = r_dash * n["xi_dot"], theta_dash * n["xi_dot"] + n["beta_dot"]
+        L = n["mass"] / 2 * (radial**2 + r_squared * angular**2) + n["hoop_inertia"] / 2 * n["beta_dot"] ** 2
+        assert equations.evaluate("kinetic_energy", **n) == algebra(L)
+        assert equations.evaluate("momenta", **n) == algebra(n["mass"] * (n["xi_dot"] + a * n["beta_dot"]))
+
+
+def test_hoop_has_the_hamiltonian_of_equation_62(random_states) -> None:
+    equations = derive(CircularHoop)
+    for n in random_states(equations):
+        a, b, _, _ = hoop_geometry(n)
+        mass, inertia = n["mass"], n["hoop_inertia"]
+        p_xi = mass * (n["xi_dot"] + a * n["beta_dot"])
+        p_beta = a * p_xi + (inertia + mass * b) * n["beta_dot"]
+        r_squared = b + a**2
+        H = ((inertia + mass * r_squared) / mass * p_xi**2 - 2 * a * p_xi * p_beta + p_beta**2) / (
+            2 * (inertia + mass * b)
+        )
+        assert equations.evaluate("energy", **n) == algebra(H)
+
+
+def test_hoop_moves_by_equation_64_and_has_K_of_equation_63(random_states, number) -> None:  # noqa: N802
+    equations = derive(CircularHoop)
+    m = equations.mechanism
+    unloaded = {name: 0.0 for name in equations.symbols if name.endswith(("_load", "xi_force"))}
+    for n in random_states(equations, **unloaded):
+        a, b, a_dash, b_dash = hoop_geometry(n)
+        Y, p, mass = n["beta_dot"], n["p_xi"], n["mass"]
+        assert equations.evaluate("velocities", **n) == algebra(p / mass - a * Y)
+        p = mass * (n["xi_dot"] + a * Y)  # the rates are written in the velocity
+        assert equations.evaluate("momentum_rates", **n) == algebra(a_dash * p * Y + mass / 2 * b_dash * Y**2)
+        K_Y = (n["hoop_inertia"] + mass * b) * Y**2 / 2
+        assert number(equations, m.K_Y, n) == algebra(K_Y)
+        assert equations.evaluate("effective_mass", **n) * Y**2 / 2 == algebra(K_Y)  # M eq. 51
+
+
+def test_hoop_moves_whatever_its_own_inertia() -> None:
+    """M 8.4: I does not appear in the final equations; only the operator feels it."""
+    equations = derive(CircularHoop)
+    inertia = equations.mechanism.hoop_inertia
+    for expression in (equations.velocities, equations.momentum_rates, equations.accelerations):
+        assert not ca.depends_on(ca.simplify(expression), inertia)
+    assert ca.depends_on(equations.operator_forces, inertia)
+
+
+def test_hoop_geometry_of_the_outputs(random_states, number) -> None:
+    equations = derive(CircularHoop)
+    m = equations.mechanism
+    for n in random_states(equations):
+        R, d, psi = n["radius"], n["offset"], n["xi"] / n["radius"]
+        seen_from_O, theta = d + R * np.exp(1j * psi), number(equations, m.theta, n)
+        assert abs(np.exp(1j * theta) - seen_from_O / abs(seen_from_O)) <= 1e-14  # a few roundings
+        assert abs(theta - psi) < np.pi / 2  # not wrapped
+        assert number(equations, m.hoop_length, n) == algebra(2 * np.pi * R)
+        assert number(equations, m.hoop_area, n) == algebra(np.pi * R**2)
+
+
+def test_ma3_without_the_dots_equation_61_is_no_lagrangian() -> None:
+    """M prints ξ where the rate of ξ belongs: then nothing moves along the hoop."""
+    with pytest.raises(ComponentError, match="no kinetic energy belongs to xi"):
+
+        class PrintedHoop(CircularHoop):
+            def lagrangian(self) -> ca.SX:
+                return ca.substitute(self.kinetic_energy(), self.free.q_dot, self.free.q)

@@ -1,0 +1,267 @@
+"""The FMUs of the catalogue against closed forms and high-order references.
+
+Tolerances: an error-controlled solver at relative tolerance ε leaves an error of some ten times ε · κ, where κ is the
+largest amplification of a disturbance over the run.  In libration, rotation and forced oscillation κ grows in
+proportion to time (a phase error), to some hundreds over 100 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+import pytest
+
+from liaisons.check import max_error, slope
+from liaisons.cosim import Result, System, simulate
+from liaisons.mechanics import Mechanism
+from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Ramp, Sinusoid, Swing
+
+Values = dict[str, Any]  # start values by name
+HOLD, EXTRAPOLATE, INTERPOLATE = 0, 1, 2  # input_reconstruction
+TIGHT = 1e-13  # a solver tolerance near the rounding level of doubles
+
+
+def errors(result: Result, exact: dict[str, np.ndarray]) -> dict[str, float]:
+    """Largest error of each signal that the closed form gives."""
+    return {name: max_error(result[name], values) for name, values in exact.items()}
+
+
+def motion_error(result: Result, exact: dict[str, np.ndarray]) -> float:
+    """Largest error of the coordinate and its rate, the first two signals of a closed form of motion."""
+    return max(list(errors(result, exact).values())[:2])
+
+
+# ---- pendulum ----------------------------------------------------------------------------------------------------
+
+LIBRATION = {"theta_0": 2.5, "theta_dot_0": 0.0}
+ROTATION = {"theta_0": 0.0, "theta_dot_0": 7.5}
+
+
+@pytest.mark.parametrize("start", [LIBRATION, ROTATION], ids=["libration", "rotation"])
+@pytest.mark.parametrize("step_size", [1.0, 0.1, 0.01])
+def test_pendulum_is_jacobis_over_100_seconds_in_proportion_to_the_tolerance(fmu, start: Values, step_size) -> None:
+    tolerances, found = [1e-6, 1e-8, 1e-10, 1e-12], []
+    for tolerance in [*tolerances, TIGHT]:
+        record = ["theta", "theta_dot"]
+        result = simulate(
+            fmu(Pendulum), stop_time=100, step_size=step_size, tolerance=tolerance, record=record, **start
+        )
+        found.append(motion_error(result, Pendulum.exact(result.time, **start)))
+    assert found[2] <= 1e-7
+    assert found[4] <= 1e-9
+    # κ = 500: the phase error of each second counts for all that follow, times Ω².
+    assert np.all(np.array(found[:4]) <= 1000 * np.array(tolerances))
+    if step_size == 1.0:  # shorter ones cut the solver's own steps and make it better than it was asked to be
+        assert 0.8 <= slope(tolerances, found[:4]) <= 1.2
+
+
+@pytest.mark.parametrize("excess", [-1e-6, 1e-6])
+def test_pendulum_near_the_separatrix_keeps_energy_and_follows_as_far_as_amplification_allows(fmu, excess) -> None:
+    """Energy 2 m g l (1 + excess): the bob climbs to within a thousandth of the top, and stays there for seconds."""
+    start: Values = {"theta_0": 0.0, "theta_dot_0": 2 * np.sqrt(9.81 * (1 + excess))}
+    tolerance = 1e-12
+    result = simulate(fmu(Pendulum), stop_time=20.0, step_size=0.1, tolerance=tolerance, **start)
+    assert max_error(result["energy"], result["energy"][0]) <= 1e-9
+    assert max_error(result["energy_balance"], 0.0) <= 1e-9
+    exact = Pendulum.exact(result.time, **start)
+    # κ(t): what a relative disturbance of the start becomes, from the closed form itself.
+    relative = 1e-9
+    disturbed = Pendulum.exact(result.time, **(start | {"theta_dot_0": start["theta_dot_0"] * (1 + relative)}))
+    amplification = np.maximum.accumulate(np.maximum(1, np.abs(disturbed["theta"] - exact["theta"]) / relative))
+    assert amplification[-1] > 1e5  # the case deserves its name
+    assert np.all(np.abs(result["theta"] - exact["theta"]) <= 100 * tolerance * amplification)
+
+
+# ---- oscillator, flywheel, swing, hoop ---------------------------------------------------------------------------
+
+REGIMES = {"under-damped": 0.3, "critical": 4.0, "over-damped": 10.0}  # ω_0 = 2
+
+
+@pytest.mark.parametrize("damping", REGIMES.values(), ids=REGIMES.keys())
+def test_oscillator_free(fmu, damping: float) -> None:
+    start: Values = {"x_0": 1.0, "x_dot_0": -0.5, "stiffness": 4.0, "damping": damping}
+    result = simulate(fmu(Oscillator), stop_time=30.0, step_size=0.5, tolerance=1e-10, **start)
+    assert motion_error(result, Oscillator.exact(result.time, **start)) <= 1e-8  # κ = 1, a hundred tolerances
+
+
+@pytest.mark.parametrize("damping", REGIMES.values(), ids=REGIMES.keys())
+def test_oscillator_driven_by_a_sinusoid_through_its_support(fmu, damping: float) -> None:
+    start: Values = {"x_0": 1.0, "x_dot_0": -0.5, "stiffness": 4.0, "damping": damping, "mass": 1.0}
+    drive: Values = {"amplitude": 0.4, "angular_frequency": 1.7, "phase": 0.3}
+    system = System("base excitation")
+    oscillator = system.add("oscillator", fmu(Oscillator), input_reconstruction=INTERPOLATE, **start)
+    operator = system.add("operator", fmu(Sinusoid), offset=0.2, **drive)
+    system.connect(operator["y"], oscillator["support"])
+    result = system.simulate(stop_time=30.0, step_size=0.1, tolerance=1e-10)
+    exact = Oscillator.exact(result.time, support=0.2, **start, **drive)
+    # Hermite's quintic is off by (ωH)⁶/46080 · amplitude = 2e-10 inside a step; a hundred tolerances for the rest.
+    assert max_error(result["oscillator.x"], exact["x"]) <= 1e-8
+    assert max_error(result["oscillator.x_dot"], exact["x_dot"]) <= 1e-8
+
+
+def test_flywheel_under_torque_and_friction(fmu) -> None:
+    start: Values = {"angle_dot_0": 3.0, "friction": 0.2, "inertia": 2.0, "angle_force": 0.7}
+    result = simulate(fmu(Flywheel), stop_time=30.0, step_size=0.5, tolerance=1e-10, **start)
+    assert motion_error(result, Flywheel.exact(result.time, **start)) <= 1e-8  # κ = 1, angles of up to 50
+
+
+@pytest.mark.parametrize("theta_dot_0", [0.5, 6.0], ids=["swinging", "going round"])
+def test_swing_in_a_fixed_posture(fmu, theta_dot_0: float) -> None:
+    start: Values = {"theta_0": 1.2, "theta_dot_0": theta_dot_0, "lean": 0.7, "mass_torso": 30.0}
+    result = simulate(fmu(Swing), stop_time=50.0, step_size=0.5, tolerance=1e-10, **start)
+    assert motion_error(result, Swing.exact(result.time, **start)) <= 1e-7  # as the pendulum's
+
+
+@pytest.mark.parametrize("xi_dot_0", [0.3, -4.0], ids=["swinging", "going round"])
+def test_hoop_at_constant_rate_is_a_pendulum_with_its_torque_and_power(fmu, xi_dot_0: float) -> None:
+    start: Values = {"xi_0": 1.0, "xi_dot_0": xi_dot_0, "mass": 2.0, "radius": 1.4, "offset": 0.6}
+    system = System("driven hoop")
+    hoop = system.add("hoop", fmu(CircularHoop), **start)
+    operator = system.add("operator", fmu(Ramp), rate=2.0)
+    system.connect(operator["y"], hoop["beta"])
+    result = system.simulate(stop_time=50.0, step_size=0.1, tolerance=1e-10)
+    exact = CircularHoop.exact(result.time, beta_dot=2.0, **start)
+    for name in ("xi", "xi_dot"):
+        assert max_error(result[f"hoop.{name}"], exact[name]) <= 1e-7  # as the pendulum's
+    for name in ("beta_force", "beta_power", "normal_force"):
+        assert max_error(result[f"hoop.{name}"], exact[name]) <= 1e-6  # forces of 100 N per metre
+
+
+# ---- energy balance, with moving operators -----------------------------------------------------------------------
+
+
+def wave(offset: float, amplitude: float, omega: float) -> Callable[[float], tuple[float, float, float]]:
+    """offset + amplitude · sin ωt with its two derivatives, as a function of time."""
+    return lambda t: (
+        offset + amplitude * np.sin(omega * t),
+        amplitude * omega * np.cos(omega * t),
+        -amplitude * omega**2 * np.sin(omega * t),
+    )
+
+
+MOVING: dict[type[Mechanism], tuple[Values, dict[str, Any]]] = {
+    Pendulum: (
+        {"theta_0": 1.0, "friction": 0.1, "theta_force": 0.3},
+        {"length": wave(1.0, 0.1, 2.0), "pivot_x": wave(0.0, 0.2, 1.3), "pivot_z": wave(0.1, 0.1, 3.0)},
+    ),
+    Oscillator: ({"x_0": 1.0, "damping": 0.2}, {"support": wave(0.1, 0.3, 1.7)}),
+    Flywheel: ({"angle_dot_0": 1.0, "friction": 0.2, "angle_load": 0.1}, {}),
+    Swing: ({"theta_0": 0.5}, {"rope": wave(2.0, 0.1, 4.0), "lean": wave(1.5, 0.4, 4.0)}),
+    CircularHoop: ({"xi_0": 1.0, "xi_dot_0": 0.5}, {"beta": wave(0.0, 1.0, 1.5)}),
+}
+
+
+@pytest.mark.parametrize("reconstruction", [HOLD, EXTRAPOLATE, INTERPOLATE], ids=["hold", "extrapolate", "interpolate"])
+@pytest.mark.parametrize("component", MOVING, ids=lambda component: component.__name__)
+def test_energy_balance_closes_while_operators_work(fmu, component, reconstruction: int) -> None:
+    """Whatever σ does between communication points, jumps included, the work is booked for that σ."""
+    start, inputs = MOVING[component]
+    if reconstruction == HOLD:  # a σ that is held has no rate: the energy law asks for consistent triples
+        inputs = {name: lambda t, motion=motion: (motion(t)[0], 0.0, 0.0) for name, motion in inputs.items()}
+    tolerance, stop_time = 1e-9, 20.0
+    result = simulate(
+        fmu(component),
+        stop_time=stop_time,
+        step_size=0.05,
+        tolerance=tolerance,
+        inputs=inputs,
+        input_reconstruction=reconstruction,
+        **start,
+    )
+    flow = np.max(np.abs(result["work"])) + np.max(np.abs(result["dissipated"]))
+    scale = flow + np.max(np.abs(result["kinetic_energy"])) + np.max(np.abs(result["potential_energy"]))
+    assert max_error(result["energy_balance"], 0.0) <= 10 * tolerance * scale * stop_time
+    if inputs and reconstruction != HOLD:  # a hoop that is only shifted feels nothing
+        assert np.ptp(result["energy"]) > 1e-3 * scale  # work was done
+
+
+# ---- what an operator's motion becomes between communication points ----------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def breathing_pendulum(taylor, sine_and_cosine) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """θ and p_θ = l² θ' for l = 1 + 0.1 sin 2t from θ_0 = 1, to rounding."""
+
+    def reference(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        sine, cosine = sine_and_cosine(1.0)
+        # θ, ω, s = sin θ, c = cos θ, w = 1/l, a = l'/l, S = sin 2t, C = cos 2t
+        rates = [
+            {(1,): 1},
+            {(4, 2): -Decimal("9.8125"), (5, 1): -2},
+            {(3, 1): 1},
+            {(2, 1): -1},
+            {(5, 4): -1},
+            {(6, 4): -Decimal("0.4"), (5, 5): -1},
+            {(7,): 2},
+            {(6,): -2},
+        ]
+        start = [1, 0, sine, cosine, 1, Decimal("0.2"), 0, 1]
+        theta, omega, *_ = taylor(times, start, rates)
+        return theta, (1 + 0.1 * np.sin(2 * times)) ** 2 * omega
+
+    return reference
+
+
+def test_interpolation_is_of_sixth_order(fmu, breathing_pendulum) -> None:
+    steps = [0.5, 0.4, 0.25, 0.2, 0.1]
+    found = []
+    for step_size in steps:
+        result = simulate(
+            fmu(Pendulum),
+            stop_time=10.0,
+            step_size=step_size,
+            tolerance=TIGHT,
+            inputs={"length": wave(1.0, 0.1, 2.0)},
+            input_reconstruction=INTERPOLATE,
+            theta_0=1.0,
+            gravity=9.8125,  # exact in binary and decimal
+        )
+        theta, p = breathing_pendulum(result.time)
+        found.append(max(max_error(result["theta"], theta), max_error(result["p_theta"], p)))
+    assert found[-1] <= 1e-9
+    assert slope(steps, found, floor=1e-12) >= 5.5  # floor: TIGHT times an amplification of ten
+
+
+def test_jump_of_the_pivots_speed_leaves_the_momentum_and_gives_the_right_motion(fmu) -> None:
+    """A Ramp switched on at 1 s: p_θ stays, θ' jumps by -v cos θ / l; then a pendulum in a moving frame."""
+    start: Values = {"theta_0": 1.0, "theta_dot_0": 0.5}
+    v = 0.7
+    system = System("pushed pivot")
+    pendulum = system.add("pendulum", fmu(Pendulum), **start)
+    operator = system.add("operator", fmu(Ramp), offset=0.0, rate=v, start_time=1.0)
+    system.connect(operator["y"], pendulum["pivot_x"])
+    result = system.simulate(stop_time=20.0, step_size=0.25, tolerance=1e-10)
+    still = simulate(fmu(Pendulum), stop_time=1.0, step_size=0.25, tolerance=1e-10, **start)
+    jump = int(np.searchsorted(result.time, 1.0))
+    assert result["pendulum.pivot_x_dot"][jump - 1 : jump + 1].tolist() == [0.0, v]
+    assert result["pendulum.p_theta"][jump] == pytest.approx(still["p_theta"][-1], rel=1e-15)  # one rounding
+
+    before = Pendulum.exact(1.0, **start)
+    after = {"theta_0": float(before["theta"]), "theta_dot_0": float(before["theta_dot"] - v * np.cos(before["theta"]))}
+    exact = Pendulum.exact(result.time[jump:] - 1.0, **after)
+    assert max_error(result["pendulum.theta"][jump:], exact["theta"]) <= 1e-8  # κ of ten, ten tolerances
+    assert max_error(result["pendulum.theta_dot"][jump:], exact["theta_dot"]) <= 1e-8
+    assert max_error(result["pendulum.energy_balance"], 0.0) <= 10 * 1e-10 * 20 * 20.0  # 20 J over 20 s
+
+
+def test_jump_of_the_lengths_rate_leaves_the_momentum_and_gives_bessel_functions(fmu) -> None:
+    start: Values = {"theta_0": 1e-4, "theta_dot_0": 2e-4}
+    v = 0.3
+    system = System("paid-out rope")
+    pendulum = system.add("pendulum", fmu(Pendulum), **start)
+    operator = system.add("operator", fmu(Ramp), offset=1.0, rate=v, start_time=1.0)
+    system.connect(operator["y"], pendulum["length"])
+    result = system.simulate(stop_time=10.0, step_size=0.25, tolerance=1e-12)
+    still = simulate(fmu(Pendulum), stop_time=1.0, step_size=0.25, tolerance=1e-12, **start)
+    jump = int(np.searchsorted(result.time, 1.0))
+    assert result["pendulum.p_theta"][jump] == pytest.approx(still["p_theta"][-1], rel=1e-15)  # one rounding
+
+    before = {name: float(value) for name, value in Pendulum.exact(1.0, **start).items()}
+    exact = Pendulum.lengthening(
+        result.time[jump:] - 1.0, theta_0=before["theta"], theta_dot_0=before["theta_dot"], length_dot=v
+    )
+    # sin θ = θ is wrong by θ³/6 = 2e-13, for ten seconds at Ω² = 10 /s²; the absolute tolerance is no larger.
+    assert max_error(result["pendulum.theta"][jump:], exact["theta"]) <= 2e-11

@@ -1,0 +1,71 @@
+"""What the layout promises: arrows that point one way, short files, claims in docstrings, no heavy imports."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import liaisons
+
+ROOT = Path(__file__).resolve().parents[1]
+COMPONENTS = sorted((ROOT / "components/liaisons/models").glob("[!_]*.py"))
+SCENARIOS = sorted((ROOT / "scenarios").glob("[!_]*.py"))
+
+
+def python(code: str) -> str:
+    """Standard output of a fresh interpreter."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("line", ["from liaisons import System, simulate, verdict", "import liaisons.scenario"])
+def test_simulating_imports_no_symbols(line: str) -> None:
+    assert python(f"import sys; {line}; print('casadi' in sys.modules)") == "False\n"
+
+
+def test_import_alone_is_light() -> None:
+    assert python("import sys, liaisons; print({'numpy', 'casadi', 'fmpy'} & set(sys.modules))") == "set()\n"
+
+
+def test_every_public_name_is_there() -> None:
+    assert {name for name in liaisons.__all__ if getattr(liaisons, name, None) is None} == set()
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = liaisons.no_such_name  # type: ignore[attr-defined]
+
+
+def test_public_names_are_those_that_type_checkers_see() -> None:
+    tree = ast.parse((ROOT / "components/liaisons/__init__.py").read_text(encoding="utf-8"))
+    seen = [alias.name for block in tree.body if isinstance(block, ast.If) for node in ast.walk(block)
+            if isinstance(node, ast.ImportFrom) for alias in node.names]  # fmt: skip
+    assert sorted(seen) == sorted(liaisons.__all__)
+
+
+def test_layers() -> None:
+    done = subprocess.run(
+        [Path(sys.executable).parent / "lint-imports", "--no-cache"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("path", COMPONENTS, ids=lambda path: path.stem)
+def test_a_component_is_one_short_file(path: Path) -> None:
+    # A screen or two; closed forms of many regimes are what makes one longer.
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 200
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_a_scenario_states_its_claim_and_uses_the_public_api(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    documentation = ast.get_docstring(tree)
+    assert documentation
+    assert documentation.split("\n\n")[0].rstrip().endswith(".")
+    modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+    assert {m for m in modules if m.partition(".")[0] == "liaisons"} <= {"liaisons", "liaisons.models"}
+    assert "casadi" not in modules
