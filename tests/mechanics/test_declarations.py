@@ -184,7 +184,7 @@ def test_point_must_return_components() -> None:
 
 
 def test_momentum_of_something_that_is_no_free_coordinate() -> None:
-    with pytest.raises(ComponentError, match=r"Wrong: momentum\(\) takes one of its coordinates: x"):
+    with pytest.raises(ComponentError, match=r"Wrong: momentum\(\) takes one of its coordinates or constraints: x"):
 
         class Wrong(_Bead):
             @output("kg.m/s", "momentum")

@@ -1,14 +1,20 @@
 """What a mechanism is, and how its equations of motion follow from its energies."""
 
 from liaisons.mechanics.component import Component
+from liaisons.mechanics.constraints import gauss
 from liaisons.mechanics.declarations import (
     ActiveCoordinate,
     Coordinate,
+    InternalState,
+    Orientation,
     Parameter,
     calculated,
     condition,
+    constraint,
+    non_holonomic,
     output,
     point,
+    submersion,
 )
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.mechanism import Mechanism
@@ -22,9 +28,11 @@ __all__ = [
     "Coordinate",
     "Equations",
     "Experiment",
+    "InternalState",
     "Mechanism",
     "Model",
     "Operator",
+    "Orientation",
     "Parameter",
     "Port",
     "PortMember",
@@ -32,7 +40,11 @@ __all__ = [
     "Variable",
     "calculated",
     "condition",
+    "constraint",
     "derive",
+    "gauss",
+    "non_holonomic",
     "output",
     "point",
+    "submersion",
 ]

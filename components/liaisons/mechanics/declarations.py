@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Generic, Self, TypeVar, overload
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, Self, TypeVar, overload
 
 import casadi as ca
 
@@ -19,11 +20,16 @@ from liaisons.mechanics.model import Causality, Variability, Variable
 __all__ = [
     "ActiveCoordinate",
     "Coordinate",
+    "InternalState",
+    "Orientation",
     "Parameter",
     "calculated",
     "condition",
+    "constraint",
+    "non_holonomic",
     "output",
     "point",
+    "submersion",
 ]
 
 T = TypeVar("T")
@@ -179,6 +185,80 @@ class ActiveCoordinate(_Symbol):
         super().__init__(unit, description, start=start, above=above, minimum=None, below=below, maximum=None)
 
 
+class InternalState(_Symbol):
+    """A state that is no coordinate, for example the friction of a thermostat; its rate is the component's to give.
+
+    :param unit: SI unit.
+    :param description: what it is.
+    :param start: initial value.
+    :raises ComponentError: for a unit that is not understood.
+    """
+
+    def __init__(self, unit: str, description: str, *, start: float = 0.0) -> None:
+        super().__init__(unit, description, start=start, above=None, minimum=None, below=None, maximum=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Attitude:
+    """Symbols of one orientation: what ``self.attitude`` is in a method of the component."""
+
+    quaternion: ca.SX  # (4, 1), scalar first, body to inertial frame
+    rate: ca.SX  # (3, 1), angular velocity in the body frame
+    momentum: ca.SX  # (3, 1), angular momentum in the inertial frame
+
+    @property
+    def matrix(self) -> ca.SX:
+        """Rotation matrix, body to inertial frame, (3, 3); of a unit quaternion."""
+        w, x, y, z = ca.vertsplit(self.quaternion)
+        return ca.vertcat(
+            ca.horzcat(1 - 2 * (y**2 + z**2), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            ca.horzcat(2 * (x * y + w * z), 1 - 2 * (x**2 + z**2), 2 * (y * z - w * x)),
+            ca.horzcat(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)),
+        )
+
+    @property
+    def kinematics(self) -> ca.SX:
+        """K with q̇ = K ω, (4, 3): q̇ = q (0, ω)/2 as quaternions."""
+        w, x, y, z = ca.vertsplit(self.quaternion)
+        rows = ((-x, -y, -z), (w, -z, y), (z, w, -x), (-y, x, w))
+        return ca.vertcat(*(ca.horzcat(*row) for row in rows)) / 2
+
+
+class Orientation(Declaration):
+    """Free orientation of a body: unit quaternion, its angular velocity, and angular momentum as the momentum.
+
+    The FMU has the states ``q_w, q_x, q_y, q_z`` (body to inertial frame) and ``H_x, H_y, H_z`` (inertial frame,
+    constant where no torque acts), and the outputs ``omega_x, omega_y, omega_z`` (body frame) with derivatives.
+
+    :param description: of what.
+    :param start: ``"rate"``: the start values are ``omega_x_0``, ...; ``"momentum"``: they are ``H_x_0``, ...
+    """
+
+    axes = ("x", "y", "z")
+    quaternion = ("q_w", "q_x", "q_y", "q_z")
+    rates = ("omega_x", "omega_y", "omega_z")
+    momenta = ("H_x", "H_y", "H_z")
+
+    def __init__(self, description: str, *, start: Literal["rate", "momentum"] = "rate") -> None:
+        super().__init__("1", description)
+        self.start = start
+
+    @property
+    def start_names(self) -> tuple[str, str, str]:
+        """What is given at the start beside the quaternion."""
+        return self.rates if self.start == "rate" else self.momenta
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> Attitude: ...
+    def __get__(self, instance: Any, owner: type) -> Self | Attitude:
+        if instance is None:
+            return self
+        columns = (self.quaternion, self.rates, self.momenta)
+        return Attitude(*(ca.vertcat(*(instance.symbols[name] for name in names)) for names in columns))
+
+
 class _Formula(Declaration, Generic[T]):
     """A declared expression: a method of the component behind a unit and a description; abstract."""
 
@@ -212,6 +292,48 @@ class Calculated(_Formula[ca.SX]):
 
 class Condition(_Formula[ca.SX]):
     """An expression that must stay positive; a singularity lies where it vanishes."""
+
+
+class Constraint(_Formula[ca.SX]):
+    """An expression of the configuration that stays zero (K eq. 2)."""
+
+
+class NonHolonomic(_Formula[ca.SX]):
+    """An expression of configuration and rates that stays zero, upheld by Gauss's principle (K eq. 107)."""
+
+
+class Submersion(_Formula[ca.SX]):
+    """An active constraint π(x) = σ(t) on coordinates that are not adapted to it (M eq. 20)."""
+
+    def __init__(self, unit: str, description: str, method: Callable[[Any], ca.SX], active: ActiveCoordinate) -> None:
+        super().__init__(unit, description, method)
+        self.active = active
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        super().__set_name__(owner, name)
+        self.active.name = name
+
+
+def submersion(
+    unit: str, description: str, *, start: float, above: float | None = None, below: float | None = None
+) -> Callable[[Callable[[Any], ca.SX]], Submersion]:
+    """Declare an active constraint π(x) = σ(t); the method returns π(x), and σ is an FMU input of its name.
+
+    :param start: value of σ until the operator gives another; the start of the motion has to fit it.
+    :param above: excluded lower bound of σ, ``below`` the upper one.
+    """
+    active = ActiveCoordinate(unit, description, start=start, above=above, below=below)
+    return lambda method: Submersion(unit, description, method, active)
+
+
+def constraint(unit: str, description: str) -> Callable[[Callable[[Any], ca.SX]], Constraint]:
+    """Declare a passive constraint; the method returns the expression of the configuration that stays zero."""
+    return lambda method: Constraint(unit, description, method)
+
+
+def non_holonomic(unit: str, description: str) -> Callable[[Callable[[Any], ca.SX]], NonHolonomic]:
+    """Declare a non-holonomic constraint; the method returns the expression of rates that stays zero."""
+    return lambda method: NonHolonomic(unit, description, method)
 
 
 def point(unit: str, description: str) -> Callable[[Callable[[Any], Mapping[str, ca.SX]]], Point]:

@@ -1,6 +1,7 @@
-"""The derivation: from one Lagrangian to the equations of motion in adapted coordinates.
+"""The derivation: from one Lagrangian to the equations of motion.
 
-K = Kneller, M = Marle.  Free coordinates x (here ``q``), active coordinates s = σ(t).  State (x, p):
+K = Kneller, M = Marle.  Free coordinates x (here ``q``), active coordinates s = σ(t), adapted (M 3.5) or prescribed
+through a submersion π(x) = σ(t) (M eq. 20).  State (x, p):
 
 ======================  ============================================================  ==================
 p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇)                                      K eq. 79, M eq. 10
@@ -10,8 +11,13 @@ p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇)                     
 P = Σ λ σ̇               its power                                                     M eq. 28
 Θ = ∂λ/∂σ̈               effective mass at the active port                             M eq. 50
 Q = −η ∂T/∂q̇            friction, on free and active coordinates alike                K eq. 64
+C ẍ = c                 constraints in accelerations: C = ∂σ/∂x, ∂π/∂x or ∂ρ/∂ẋ       K eq. 9, M eq. 22, K eq. 107
+Z = Cᵀ λ                their forces; λ from C A⁻¹ Cᵀ λ = c − C A⁻¹ (forces)          K eq. 7, 9
 dE/dt = Σ λ σ̇ + drives and loads − 2 η T                                              K eq. 67, M eq. 28
 ======================  ============================================================  ==================
+
+An orientation has the angular velocity ω in the body frame for ẋ, and its momentum H = R ∂L/∂ω in the inertial frame:
+Ḣ is the torque, zero unless L depends on the orientation, so that H is conserved to rounding.
 """
 
 from __future__ import annotations
@@ -23,8 +29,12 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.mechanics import constraints
+from liaisons.mechanics.algebra import gradient, solve_symmetric, stack
+from liaisons.mechanics.constraints import Constraints
 
 if TYPE_CHECKING:
+    from liaisons.mechanics.declarations import Coordinate
     from liaisons.mechanics.mechanism import Mechanism
 
 QUANTITIES = (
@@ -45,15 +55,15 @@ QUANTITIES = (
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Equations of motion of one mechanism, f free and a active coordinates; all members are CasADi SX.
+    """Equations of motion of one mechanism: f velocities, a active coordinates, c constraints; all CasADi SX.
 
     ``momenta`` and everything that contains rates is written in (q, q̇, s, ṡ); :meth:`in_phase_space` puts the
     state (q, p) in the place of the rates.
     """
 
     mechanism: Mechanism  # the symbols
-    drives: ca.SX  # (f,) generalised forces q_force
-    loads: ca.SX  # (f,) q_load
+    drives: ca.SX  # generalised forces q_force on the coordinates
+    loads: ca.SX  # q_load
     point_loads: ca.SX  # (number of point components,) P_x_load
     points: dict[str, ca.SX]  # "bob_x" -> expression
     lagrangian: ca.SX
@@ -66,8 +76,13 @@ class Equations:
     accelerations: ca.SX  # ẍ (f,)
     operator_forces: ca.SX  # λ (a,)
     effective_mass: ca.SX  # Θ (a, a)
+    forces: ca.SX  # f: A ẍ = f + Cᵀ λ (f,)
+    constraints: Constraints  # C ẍ = c
+    multipliers: ca.SX  # λ of the passive and non-holonomic constraints
     power: ca.SX  # through all ports
-    dissipation: ca.SX  # 2 η T
+    dissipation: ca.SX  # 2 η T, and what non-holonomic constraints take out
+    internal_rates: ca.SX
+    projection: ca.SX | None  # (x, p) put back onto the constraints and unit quaternions, if there are any
 
     @property
     def symbols(self) -> dict[str, ca.SX]:
@@ -83,7 +98,8 @@ class Equations:
     def in_motion(self, expression: ca.SX) -> ca.SX:
         """Replace accelerations and operator forces by what the equations give for them."""
         m = self.mechanism
-        with_forces = ca.substitute(ca.SX(expression), m.active.force, self.operator_forces)
+        forces = ca.vertcat(m.active.force, m.multipliers)
+        with_forces = ca.substitute(ca.SX(expression), forces, ca.vertcat(self.operator_forces, self.multipliers))
         return ca.substitute(with_forces, m.free.q_ddot, self.accelerations)
 
     def in_phase_space(self, expression: ca.SX) -> ca.SX:
@@ -120,42 +136,59 @@ def derive(component: type[Mechanism]) -> Equations:
     :returns: the equations, symbolically.
     """
     m = component()
-    q, q_dot, q_ddot = m.free.q, m.free.q_dot, m.free.q_ddot
-    s, s_dot, s_ddot = m.active.s, m.active.s_dot, m.active.s_ddot
+    q, q_dot, q_ddot, K = m.free.q, m.free.q_dot, m.free.q_ddot, m.free.kinematics
+    adapted = len(component.actives) - len(component.submersions)
+    s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     kinetic, potential = ca.SX(m.kinetic_energy()), ca.SX(m.potential_energy())
     L = ca.SX(m.lagrangian())
     eta = ca.SX(m.friction_coefficient())
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
     drives, loads = _column(component.coordinates, "force"), _column(component.coordinates, "load")
+    driven = len(component.coordinates)
     points = {
         f"{point.name}_{axis}": ca.SX(value)
         for point in component.points
         for axis, value in getattr(m, point.name).items()
     }
-    position = ca.vertcat(*points.values()) if points else ca.SX(0, 1)
-    point_loads = ca.vertcat(*(ca.SX.sym(f"{name}_load") for name in points)) if points else ca.SX(0, 1)
-    Q = drives - loads - ca.jacobian(position, q).T @ point_loads - eta * ca.gradient(kinetic, q_dot)
-    Q_s = -ca.jacobian(position, s).T @ point_loads - eta * ca.gradient(kinetic, s_dot)
+    position = stack(points.values())
+    point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)
+    applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - driven, 1))
+    Q = applied - (ca.jacobian(position, q) @ K).T @ point_loads - eta * gradient(kinetic, q_dot)
+    Q_s = -ca.jacobian(position, s).T @ point_loads - eta * gradient(kinetic, s_dot)
 
     # Momentum and its inverse: p = A ẋ + b.
-    p = ca.gradient(L, q_dot)
+    p = gradient(L, q_dot)
     A = mass_matrix(m, L)
     b = ca.substitute(p, q_dot, ca.SX.zeros(q_dot.shape))
-    velocities = _solve_symmetric(A, m.free.p - b)
+    velocities = solve_symmetric(A, m.free.frame.T @ m.free.p - b)
 
-    # Motion: ṗ = ∂L/∂x + Q, and the same in accelerations: A ẍ = ṗ − (d/dt p without its ẍ term).
-    p_dot = ca.gradient(L, q) + Q
-    p_dot_without_acceleration = ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
-    accelerations = _solve_symmetric(A, p_dot - p_dot_without_acceleration)
+    # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
+    force = K.T @ gradient(L, q) + Q
+    f = force + _gyroscopic(component, m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
+    kept = constraints.constraints(m)
+    C = kept.matrix
+    lambdas = constraints.multipliers(A, f, kept)
+    accelerations = solve_symmetric(A, f + C.T @ lambdas)
+    p_dot = m.free.frame @ (force + C.T @ lambdas)
 
-    # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion.
-    momenta_s = ca.gradient(L, s_dot)
-    lambda_s = ca.substitute(m.dot(momenta_s) - ca.gradient(L, s) - Q_s, q_ddot, accelerations)
-    Theta = ca.jacobian(lambda_s, s_ddot)
+    # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; for a submersion it is the multiplier itself.
+    passive = len(component.constraints) + len(component.non_holonomic)
+    rigid = list(kept.of_position)
+    Q_s += ca.jacobian(kept.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
+    lambda_s = ca.substitute(m.dot(gradient(L, s_dot)) - gradient(L, s) - Q_s, q_ddot, accelerations)
+    operator_forces = ca.vertcat(lambda_s, lambdas[passive:, 0])
+    Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
-    power = ca.dot(lambda_s, s_dot) + ca.dot(drives - loads, q_dot) - ca.dot(point_loads, m.dot(position))
-    dissipation = eta * (ca.dot(ca.gradient(kinetic, q_dot), q_dot) + ca.dot(ca.gradient(kinetic, s_dot), s_dot))
+    # What a non-holonomic constraint does is neither drive nor load: Gauss's forces take it out of the energy.
+    constraint_power = ca.dot(lambdas[:passive, 0], C[:passive, :] @ q_dot)
+    power = (
+        ca.dot(operator_forces, m.active.s_dot)
+        + ca.dot(drives - loads, q_dot[:driven, 0])
+        - ca.dot(point_loads, m.dot(position))
+    )
+    dissipation = eta * (ca.dot(gradient(kinetic, q_dot), q_dot) + ca.dot(gradient(kinetic, s_dot), s_dot))
+    internal = m.internal_rates()
     return Equations(
         mechanism=m,
         drives=drives,
@@ -170,10 +203,15 @@ def derive(component: type[Mechanism]) -> Equations:
         velocities=velocities,
         momentum_rates=p_dot,
         accelerations=accelerations,
-        operator_forces=lambda_s,
+        operator_forces=operator_forces,
         effective_mass=Theta,
+        forces=f,
+        constraints=kept,
+        multipliers=lambdas[:passive, 0],
         power=power,
-        dissipation=dissipation,
+        dissipation=dissipation - constraint_power,
+        internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
+        projection=constraints.projection(m, A, velocities, kept),
     )
 
 
@@ -186,16 +224,17 @@ def start_values(picture: Mechanism) -> dict[str, float]:
     """Defaults of parameters, coordinates, rates and inputs; what is not declared starts at 0."""
     values = dict.fromkeys(picture.symbols, 0.0)
     values |= {item.name: item.start for item in (*picture.parameters, *picture.coordinates, *picture.actives)}
+    values |= {item.name: item.start for item in picture.internal_states}
+    values |= {turn.quaternion[0]: 1.0 for turn in picture.orientations}
     return values | {f"{q.name}_dot": q.start_rate for q in picture.coordinates}
 
 
-def _column(coordinates: tuple, suffix: str) -> ca.SX:
-    return ca.vertcat(*(ca.SX.sym(f"{coordinate.name}_{suffix}") for coordinate in coordinates))
+def _gyroscopic(component: type[Mechanism], m: Mechanism, p: ca.SX) -> ca.SX:
+    """∂L/∂ω × ω for an orientation: the body frame turns under the momentum."""
+    count = len(component.coordinates)
+    turning = [ca.cross(p[count:], getattr(m, turn.name).rate) for turn in component.orientations]
+    return ca.vertcat(ca.SX.zeros(count, 1), *turning)
 
 
-def _solve_symmetric(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """matrix⁻¹ right for a symmetric positive definite matrix: LDLᵀ without pivoting keeps the expressions short."""
-    if matrix.shape == (1, 1):
-        return right / matrix
-    D, LT, order = ca.ldl(ca.densify(matrix), False)
-    return ca.ldl_solve(right, D, LT, order)
+def _column(coordinates: tuple[Coordinate, ...], suffix: str) -> ca.SX:
+    return stack(ca.SX.sym(f"{coordinate.name}_{suffix}") for coordinate in coordinates)

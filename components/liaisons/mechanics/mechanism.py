@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,19 +13,38 @@ import numpy as np
 from liaisons.errors import ComponentError
 from liaisons.mechanics.assembly import assemble
 from liaisons.mechanics.component import Component, call, declared, scalar
-from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Condition, Coordinate, Output, Point
+from liaisons.mechanics.declarations import (
+    ActiveCoordinate,
+    Calculated,
+    Condition,
+    Constraint,
+    Coordinate,
+    Declaration,
+    InternalState,
+    NonHolonomic,
+    Orientation,
+    Output,
+    Point,
+    Submersion,
+)
 from liaisons.mechanics.equations import mass_matrix, start_values
 from liaisons.mechanics.model import Model
 
 
 @dataclass(frozen=True, eq=False)
 class FreeColumns:
-    """Symbols of the f free coordinates, their rates, accelerations and momenta; each (f, 1)."""
+    """Symbols of the free motion: n numbers that give the configuration, f velocities and momenta.
 
-    q: ca.SX
-    q_dot: ca.SX
-    q_ddot: ca.SX
-    p: ca.SX
+    For a coordinate these are q, q̇, p = ∂L/∂q̇.  For an orientation they are the quaternion (4), the angular velocity
+    in the body frame (3) and the angular momentum in the inertial frame (3).
+    """
+
+    q: ca.SX  # (n, 1)
+    q_dot: ca.SX  # (f, 1)
+    q_ddot: ca.SX  # (f, 1)
+    p: ca.SX  # (f, 1)
+    kinematics: ca.SX  # K with dq/dt = K q̇, (n, f)
+    frame: ca.SX  # F with ∂L/∂q̇ = Fᵀ p, (f, f)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,29 +69,49 @@ class Mechanism(Component, abstract=True):
 
     coordinates: ClassVar[tuple[Coordinate, ...]] = ()
     actives: ClassVar[tuple[ActiveCoordinate, ...]] = ()
+    orientations: ClassVar[tuple[Orientation, ...]] = ()
+    internal_states: ClassVar[tuple[InternalState, ...]] = ()
+    submersions: ClassVar[tuple[Submersion, ...]] = ()
+    constraints: ClassVar[tuple[Constraint, ...]] = ()
+    non_holonomic: ClassVar[tuple[NonHolonomic, ...]] = ()
     points: ClassVar[tuple[Point, ...]] = ()
     outputs: ClassVar[tuple[Output, ...]] = ()
     calculated_parameters: ClassVar[tuple[Calculated, ...]] = ()
     conditions: ClassVar[tuple[Condition, ...]] = ()
     free: FreeColumns
     active: ActiveColumns
+    internal: ca.SX
+    multipliers: ca.SX
 
     def __init__(self) -> None:
         super().__init__()
-        free = [c.name for c in self.coordinates]
-        active = [c.name for c in self.actives]
+        free, turns = [c.name for c in self.coordinates], list(self.orientations)
+        rates, momenta = [f"{q}_dot" for q in free], [f"p_{q}" for q in free]
+        for turn in turns:
+            rates, momenta = [*rates, *turn.rates], [*momenta, *turn.momenta]
+        configuration = self._symbols([*free, *(name for turn in turns for name in turn.quaternion)])
+        velocities = self._symbols(rates)
+        momentum_symbols = self._symbols(momenta)
+        attitudes = [getattr(self, turn.name) for turn in turns]
         self.free = FreeColumns(
-            q=self._symbols(free),
-            q_dot=self._symbols(f"{q}_dot" for q in free),
-            q_ddot=self._symbols(f"{q}_ddot" for q in free),
-            p=self._symbols(f"p_{q}" for q in free),
+            q=configuration,
+            q_dot=velocities,
+            q_ddot=self._symbols(
+                f"{name.removesuffix('_dot')}_{'ddot' if name.endswith('_dot') else 'dot'}" for name in rates
+            ),
+            p=momentum_symbols,
+            kinematics=ca.diagcat(ca.SX.eye(len(free)), *(attitude.kinematics for attitude in attitudes)),
+            frame=ca.diagcat(ca.SX.eye(len(free)), *(attitude.matrix for attitude in attitudes)),
         )
+        active = [c.name for c in self.actives]
         self.active = ActiveColumns(
             s=self._symbols(active),
             s_dot=self._symbols(f"{s}_dot" for s in active),
             s_ddot=self._symbols(f"{s}_ddot" for s in active),
             force=self._symbols(f"{s}_force" for s in active),
         )
+        self.internal = self._symbols(state.name for state in self.internal_states)
+        self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
 
     # ---- what a component defines -----------------------------------------------------------------------------
 
@@ -92,13 +131,17 @@ class Mechanism(Component, abstract=True):
         """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24)."""
         return self.kinetic_energy() - self.potential_energy()
 
+    def internal_rates(self) -> Mapping[str, ca.SX]:
+        """Rates of the internal states, by name."""
+        return {}
+
     # ---- what it may use --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
         """Total time derivative along the motion of an expression of coordinates and rates; of any shape."""
         free, active = self.free, self.active
         where = ca.vertcat(free.q, active.s, free.q_dot, active.s_dot)
-        rates = ca.vertcat(free.q_dot, active.s_dot, free.q_ddot, active.s_ddot)
+        rates = ca.vertcat(free.kinematics @ free.q_dot, active.s_dot, free.q_ddot, active.s_ddot)
         return ca.jtimes(ca.SX(expression), where, rates)
 
     def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
@@ -109,14 +152,20 @@ class Mechanism(Component, abstract=True):
         """p = ∂L/∂q̇ of a free coordinate; for outputs."""
         return self._of(f"p_{coordinate}", "momentum", self.coordinates)
 
+    def constraint_force(self, name: str) -> ca.SX:
+        """λ of a constraint of this name: its force is λ times the constraint's gradient; for outputs."""
+        return self._of(f"lambda_{name}", "constraint_force", (*self.constraints, *self.non_holonomic))
+
     def operator_force(self, coordinate: ca.SX) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs."""
         return self._of(f"{coordinate}_force", "operator_force", self.actives)
 
-    def _of(self, name: str, method: str, kind: tuple[Coordinate, ...] | tuple[ActiveCoordinate, ...]) -> ca.SX:
+    def _of(self, name: str, method: str, kind: Sequence[Declaration]) -> ca.SX:
         if name not in self.symbols:
             names = ", ".join(c.name for c in kind) or "none is declared"
-            raise ComponentError(f"{type(self).__name__}: {method}() takes one of its coordinates: {names}")
+            raise ComponentError(
+                f"{type(self).__name__}: {method}() takes one of its coordinates or constraints: {names}"
+            )
         return self.symbols[name]
 
     # ---- what the package makes of it -------------------------------------------------------------------------
@@ -134,6 +183,14 @@ class Mechanism(Component, abstract=True):
         for q in (c.name for c in cls.coordinates):
             names += [f"{q}_0", f"{q}_dot_0", q, f"{q}_dot", f"{q}_ddot", f"p_{q}", f"p_{q}_dot"]
             names += [f"{q}_force", f"{q}_load"]
+        for turn in cls.orientations:
+            names += [f"{name}{end}" for name in (*turn.quaternion, *turn.rates, *turn.momenta) for end in ("", "_dot")]
+            names += [f"{name}_0" for name in (*turn.quaternion, *turn.start_names)]
+        for state in (state.name for state in cls.internal_states):
+            names += [state, f"{state}_dot", f"{state}_0"]
+        for c in (*cls.constraints, *cls.non_holonomic):
+            names += [f"{c.name}_residual", f"lambda_{c.name}"]
+        names += [f"{c.name}_residual" for c in cls.submersions]
         for s in (c.name for c in cls.actives):
             names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power"]
         names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
@@ -143,7 +200,12 @@ class Mechanism(Component, abstract=True):
     def _collect(cls) -> None:
         super()._collect()
         cls.coordinates = declared(cls, Coordinate)
-        cls.actives = declared(cls, ActiveCoordinate)
+        cls.orientations = declared(cls, Orientation)
+        cls.internal_states = declared(cls, InternalState)
+        cls.submersions = declared(cls, Submersion)
+        cls.constraints = declared(cls, Constraint)
+        cls.non_holonomic = declared(cls, NonHolonomic)
+        cls.actives = (*declared(cls, ActiveCoordinate), *(item.active for item in cls.submersions))
         cls.points = declared(cls, Point)
         cls.outputs = declared(cls, Output)
         cls.calculated_parameters = declared(cls, Calculated)
@@ -151,27 +213,38 @@ class Mechanism(Component, abstract=True):
 
     @classmethod
     def _check(cls) -> None:
-        if not cls.coordinates:
+        if len(cls.orientations) > 1:
+            raise ComponentError(
+                f"{cls.__name__}: declare one Orientation at most; the names of its variables are fixed"
+            )
+        if not cls.coordinates and not cls.orientations:
             raise ComponentError(f"{cls.__name__}: declare at least one Coordinate that moves freely")
         picture = cls()
         parameters = _named(picture, picture.parameter_column)
+        internal = _named(picture, picture.internal)
         configuration = parameters | _named(picture, picture.free.q, picture.active.s)
         motion = configuration | _named(picture, picture.free.q_dot, picture.active.s_dot)
-        everything = picture.symbols
 
-        kinetic = scalar(cls, "kinetic_energy", call(picture, "kinetic_energy"), motion)
-        scalar(cls, "potential_energy", call(picture, "potential_energy"), configuration)
-        scalar(cls, "friction_coefficient", call(picture, "friction_coefficient"), parameters)
-        lagrangian = scalar(cls, "lagrangian", call(picture, "lagrangian"), motion)
+        def check(name: str, symbols: dict[str, ca.SX]) -> ca.SX:
+            return scalar(cls, name, call(picture, name), symbols)
+
+        kinetic = check("kinetic_energy", motion)
+        check("potential_energy", configuration)
+        check("friction_coefficient", parameters | internal)
+        lagrangian = check("lagrangian", motion)
+        known: dict[tuple[Declaration, ...], dict[str, ca.SX]] = {
+            (*cls.constraints, *cls.submersions): configuration,
+            (*cls.non_holonomic, *cls.conditions): motion,
+            cls.outputs: picture.symbols,
+            cls.calculated_parameters: parameters,
+        }
+        for items, symbols in known.items():
+            for item in items:
+                check(item.name, symbols)
         for item in cls.points:
             for axis, component in _components(picture, item).items():
                 scalar(cls, f"{item.name}[{axis!r}]", component, configuration)
-        for item in cls.outputs:
-            scalar(cls, item.name, call(picture, item.name), everything)
-        for item in cls.calculated_parameters:
-            scalar(cls, item.name, call(picture, item.name), parameters)
-        for item in cls.conditions:
-            scalar(cls, item.name, call(picture, item.name), motion)
+        _check_internal_rates(picture, motion | internal)
         _check_mass_matrix(picture, lagrangian, kinetic, motion)
 
 
@@ -189,6 +262,16 @@ def _named(picture: Mechanism, *columns: ca.SX) -> dict[str, ca.SX]:
     return {name: picture.symbols[name] for name in names}
 
 
+def _check_internal_rates(picture: Mechanism, symbols: dict[str, ca.SX]) -> None:
+    given, declared_names = call(picture, "internal_rates"), [state.name for state in picture.internal_states]
+    if sorted(given) != sorted(declared_names):
+        raise ComponentError(
+            f"{type(picture).__name__}.internal_rates gives {sorted(given)}; it must give {sorted(declared_names)}"
+        )
+    for name, rate in given.items():
+        scalar(type(picture), f"internal_rates[{name!r}]", rate, symbols)
+
+
 def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
     name = type(picture).__name__
     metric = mass_matrix(picture, lagrangian)
@@ -203,11 +286,11 @@ def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, mo
         raise ComponentError(
             f"{name}: the kinetic energy is not finite at the start ({at_start}); move the start value"
         )
-    for column, coordinate in zip(matrix.T, picture.coordinates, strict=True):
+    for column, rate in zip(matrix.T, ca.vertsplit(picture.free.q_dot), strict=True):
         if not column.any():
             raise ComponentError(
-                f"{name}: mass matrix is singular at the start ({at_start}): no kinetic energy belongs to "
-                f"{coordinate.name}; let kinetic_energy depend on its rate, or make it an ActiveCoordinate"
+                f"{name}: mass matrix is singular at the start ({at_start}): no kinetic energy belongs to {rate}; "
+                "let kinetic_energy depend on it, or make its coordinate an ActiveCoordinate"
             )
     if np.min(np.linalg.eigvalsh(matrix)) <= 1e-14 * np.max(np.abs(matrix)):
         raise ComponentError(

@@ -114,6 +114,7 @@ class Model:
     * ``jump``        (t, y, u, k, m) → (y,)        state after the inputs have jumped: books the impulse's work
     * ``remember``    (t, y, u, k, m) → (m,)        memory after a completed step or jump
     * ``nominals``    (t, y, u, k) → (n,)           size of each state, at initialization; scales the tolerance
+    * ``project``     (t, y, u, k) → (y,)           state put back onto constraints after a solver's step; None: no need
     * ``conditions``  (t, y, u, k) → (c,)           each entry must stay > 0 (a singularity lies at 0)
     * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted
     """
@@ -135,6 +136,7 @@ class Model:
     conditions: ca.Function
     condition_texts: tuple[str, ...]  # one a condition, e.g. "r must stay > 0"
     events: ca.Function
+    project: ca.Function | None = None
     active: tuple[ActiveInput, ...] = ()
     ports: tuple[Port, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)

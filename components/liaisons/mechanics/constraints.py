@@ -1,0 +1,128 @@
+"""Constraints in accelerations, C ẍ = c: their multipliers, and the way back onto them.
+
+Passive constraints σ(x) = 0 (K eq. 2), submersions π(x) = σ(t) (M eq. 20) and non-holonomic constraints ρ(x, ẋ) = 0
+(K eq. 107) differ in how often they are differentiated; after that they are rows of one linear system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from liaisons.mechanics.algebra import solve_symmetric, stack
+
+if TYPE_CHECKING:
+    from liaisons.mechanics.mechanism import Mechanism
+
+STABILISATION = 10.0
+"""How fast the residual of a constraint decays [1/s] (Baumgarte): it keeps model exchange on the constraints."""
+
+ROUNDS = 3
+"""Newton steps of a projection: from the error of one integration step to rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """All constraints of a mechanism: passive ones, non-holonomic ones, submersions, in this order."""
+
+    matrix: ca.SX  # C (c, f)
+    targets: ca.SX  # c (c,)
+    residuals: ca.SX  # what is not kept of them (c,)
+    rate_residuals: ca.SX  # the same of their derivatives; of the non-holonomic ones themselves (c,)
+    of_position: tuple[int, ...]  # rows that restrict the configuration
+
+
+def constraints(m: Mechanism) -> Constraints:
+    """Differentiate the constraints of a mechanism until accelerations appear (K eq. 8, 9; KC2 of the errata).
+
+    A residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, α = STABILISATION, where it would grow linearly.
+    """
+    alpha, zero = STABILISATION, ca.SX.zeros(m.free.q_ddot.shape)
+    upheld: list[ca.SX] = []
+    residuals: list[ca.SX] = []
+    rate_residuals: list[ca.SX] = []
+
+    def keep(phi: ca.SX, sigma: ca.SX, sigma_dot: ca.SX, sigma_ddot: ca.SX) -> None:
+        phi_dot = m.dot(phi)
+        residuals.append(phi - sigma)
+        rate_residuals.append(phi_dot - sigma_dot)
+        upheld.append(m.dot(phi_dot) - sigma_ddot + 2 * alpha * rate_residuals[-1] + alpha**2 * residuals[-1])
+
+    for item in m.constraints:
+        keep(getattr(m, item.name), *(ca.SX(0),) * 3)
+    for item in m.non_holonomic:
+        rho = getattr(m, item.name)
+        residuals.append(rho)
+        rate_residuals.append(rho)
+        upheld.append(m.dot(rho) + alpha * rho)
+    for item in m.submersions:
+        keep(getattr(m, item.name), *(m.symbols[f"{item.name}{end}"] for end in ("", "_dot", "_ddot")))
+
+    rows = stack(upheld)
+    first, last = len(m.constraints), len(m.constraints) + len(m.non_holonomic)
+    return Constraints(
+        matrix=ca.jacobian(rows, m.free.q_ddot),
+        targets=-ca.substitute(rows, m.free.q_ddot, zero),
+        residuals=stack(residuals),
+        rate_residuals=stack(rate_residuals),
+        of_position=tuple(i for i in range(len(upheld)) if not first <= i < last),
+    )
+
+
+def multipliers(A: ca.SX, f: ca.SX, kept: Constraints) -> ca.SX:
+    """λ of the forces Cᵀ λ that keep C ẍ = c where A ẍ = f + Cᵀ λ, by d'Alembert (K eq. 7, 9); (c,)."""
+    C = kept.matrix
+    if C.shape[0] == 0:
+        return ca.SX(0, 1)
+    return solve_symmetric(C @ solve_symmetric(A, C.T), kept.targets - C @ solve_symmetric(A, f))
+
+
+def gauss(A: ca.SX, f: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
+    """Accelerations by Gauss's principle: ½ (ẍ − A⁻¹f)ᵀ A (ẍ − A⁻¹f) is least under C ẍ = c (K 4).
+
+    A second way beside :func:`multipliers`: one linear system for accelerations and multipliers together (K eq.
+    112-113, signs corrected), solved by QR, where the other eliminates the accelerations first.
+
+    :returns: accelerations (f,) and the multipliers μ = −λ (c,).
+    """
+    C = kept.matrix
+    count, free = C.shape
+    system = ca.vertcat(ca.horzcat(A, C.T), ca.horzcat(C, ca.SX(count, count)))
+    solution = ca.solve(ca.densify(system), ca.vertcat(f, kept.targets))
+    return solution[:free], solution[free:]
+
+
+def projection(m: Mechanism, A: ca.SX, velocities: ca.SX, kept: Constraints) -> ca.SX | None:
+    """(x, p) moved onto the constraints by Newton's method in the metric A, quaternions to unit length.
+
+    :returns: column of configuration and momenta; None where nothing can be left.
+    """
+    if kept.matrix.shape[0] == 0 and not m.orientations:
+        return None
+    q, p = m.free.q, m.free.p
+    on_constraints = _positions(m, A, kept)
+    for k in range(len(m.orientations)):
+        first = len(m.coordinates) + 4 * k
+        before, quaternion, after = ca.vertsplit(on_constraints, [0, first, first + 4, q.shape[0]])
+        on_constraints = ca.vertcat(before, quaternion / ca.norm_2(quaternion), after)
+    momenta = p
+    C = kept.matrix
+    for _ in range(ROUNDS if C.shape[0] else 0):
+        push = solve_symmetric(C @ solve_symmetric(A, C.T), kept.rate_residuals)
+        kicked = ca.substitute(p - m.free.frame @ (C.T @ push), m.free.q_dot, velocities)
+        momenta = ca.substitute(kicked, ca.vertcat(q, p), ca.vertcat(on_constraints, momenta))
+    return ca.vertcat(on_constraints, momenta)
+
+
+def _positions(m: Mechanism, A: ca.SX, kept: Constraints) -> ca.SX:
+    rows = list(kept.of_position)
+    moved = m.free.q
+    if rows:
+        C = kept.matrix[rows, :]
+        push = solve_symmetric(C @ solve_symmetric(A, C.T), kept.residuals[rows, 0])
+        step = m.free.q - m.free.kinematics @ solve_symmetric(A, C.T @ push)
+        for _ in range(ROUNDS):
+            moved = ca.substitute(step, m.free.q, moved)
+    return moved
