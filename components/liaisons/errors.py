@@ -27,7 +27,7 @@ class SimulationError(LiaisonsError):
 
 
 class ValidityError(LiaisonsError, ValueError):
-    """A closed form was asked for a case that it does not cover."""
+    """A closed form or a measure was asked for a case that it does not cover."""
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -80,5 +80,5 @@ def _defined_in(module: ModuleType) -> dict[str, type[Component]]:
         if isinstance(value, type)
         and issubclass(value, Component)
         and value.__module__ == module.__name__
-        and not value._abstract  # noqa: SLF001 - said by 'class X(Mechanism, abstract=True)'
+        and not value.is_abstract
     }

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from liaisons.scenario import names
+
 from .conftest import Cli, is_misuse
 
 SCENARIO = '''\
@@ -89,6 +91,13 @@ def test_a_scenario_without_verdicts_does_not_pass(liaisons: Cli, tmp_path: Path
     reply = liaisons("run", path)
     assert reply.status == 1
     assert "main returned no verdict" in reply.out
+
+
+@pytest.mark.parametrize("name", names())
+def test_the_claims_of_this_project_hold(liaisons: Cli, tmp_path: Path, name: str) -> None:
+    reply = liaisons("run", name, "--figures", tmp_path)
+    assert reply.status == 0, reply.out + reply.err
+    assert (tmp_path / f"{name}.png").is_file()
 
 
 @pytest.mark.parametrize(("error", "status"), [("0", 0), ("1", 1)])

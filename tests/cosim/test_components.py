@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -76,6 +78,13 @@ def test_back_ends_mix(component: Components, prefixes: tuple[str, str]) -> None
     # two solvers, each at 1e-13 over 10 s of a motion that is not chaotic
     np.testing.assert_allclose(mixed["swing.theta"], native["swing.theta"], rtol=0, atol=1e-10)
     np.testing.assert_allclose(mixed["swing.length_force"], native["swing.length_force"], rtol=0, atol=1e-8)
+
+
+def test_process_ends_well_after_a_python_fmu(component: Components) -> None:
+    path = component("python/Pendulum")
+    code = f"from liaisons.cosim import simulate; simulate({str(path)!r}, stop_time=1); simulate({str(path)!r})"
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (finished.returncode, finished.stderr) == (0, "")
 
 
 def test_function_of_time_and_operator_are_the_same(component: Components) -> None:

@@ -110,7 +110,7 @@ class Instance:
         self.log: list[tuple[int, str, str]] = []
         self._logger = _LOGGER(self._note)  # must live as long as the instance
         self._callbacks = Callbacks(self._logger)
-        guid = library.description.guid if guid is None else guid
+        guid = guid or library.description.guid or ""
         self.component = library.functions.fmi2Instantiate(
             name, kind, guid.encode(), None, c.byref(self._callbacks), 0, logging
         )

@@ -8,6 +8,7 @@ Pendulum of variable length, M 8.1 with one point mass::
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from liaisons.mechanics.model import ActiveInput, Experiment, Model, State, Variable
+from liaisons.mechanics.model import ActiveInput, Causality, Experiment, Model, State, Variable
 
 GRAVITY = 9.81
 NOTHING = ca.SX(0, 1)
@@ -38,7 +39,7 @@ def pendulum() -> Model:
     booked = work + energy - energy_booked
     y_0 = ca.vertcat(theta_0, mass * length**2 * theta_dot_0, 0, 0)
     energy_0 = ca.substitute(energy, y, y_0)
-    z = {
+    z: dict[str, tuple[str, Causality, ca.SX]] = {
         "theta": ("rad", "output", theta),
         "theta_dot": ("rad/s", "output", theta_dot),
         "p_theta": ("kg.m2/s", "output", p),
@@ -113,14 +114,14 @@ def kick() -> Model:
     )
 
 
-def _parameter(name: str, unit: str, start: float, *, tunable: bool = False, **domain) -> Variable:
+def _parameter(name: str, unit: str, start: float, *, tunable: bool = False, **domain: Any) -> Variable:
     return Variable(name, unit, name, "parameter", "tunable" if tunable else "fixed", start=start, **domain)
 
 
 def _model(
     name: str,
     vectors: tuple[ca.SX, ...],
-    z: Mapping[str, tuple[str, str, ca.SX]],
+    z: Mapping[str, tuple[str, Causality, ca.SX]],
     *,
     parameters: tuple[Variable, ...],
     derivatives: Mapping[str, str],
@@ -182,7 +183,7 @@ def _model(
 def libration(t: ArrayLike, amplitude: float, length: float = 1.0) -> tuple[NDArray, NDArray]:
     """θ and θ' of the free pendulum, from rest at the amplitude: sin θ/2 = k cd(Ωt), k = sin(amplitude/2)."""
     omega, k = np.sqrt(GRAVITY / length), np.sin(amplitude / 2)
-    sn, cn, dn, _ = ellipj(omega * np.asarray(t) + ellipk(k**2), k**2)
+    sn, cn, _, _ = ellipj(omega * np.asarray(t) + ellipk(k**2), k**2)
     return 2 * np.arcsin(k * sn), 2 * k * omega * cn
 
 
@@ -193,9 +194,7 @@ def rotation(t: ArrayLike, rate: float, length: float = 1.0) -> tuple[NDArray, N
     return 2 * amplitude, rate * dn
 
 
-def driven(
-    times: ArrayLike, length: Callable[[float], tuple[float, float, float]], *, theta_0: float = 0.1
-) -> NDArray:
+def driven(times: ArrayLike, length: Callable[[float], tuple[float, float, float]], *, theta_0: float = 0.1) -> NDArray:
     """θ and p at some times for a prescribed length, mass 1, from rest; by SciPy's DOP853 at its tightest."""
 
     def rates(t: float, y: NDArray) -> list[float]:

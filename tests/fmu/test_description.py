@@ -30,12 +30,12 @@ def scalar(root: ElementTree.Element, name: str) -> tuple[dict[str, str], dict[s
 
 
 @pytest.mark.parametrize("component", [pendulum, fall, kick])
-def test_validators_find_nothing(component, folder):
+def test_validators_find_nothing(component, folder) -> None:
     fmu = build(component(), folder, backend="native")
     assert validate_fmu(str(fmu)) == []
 
 
-def test_second_validator_finds_nothing(pendulum_fmu):
+def test_second_validator_finds_nothing(pendulum_fmu) -> None:
     generic, semantic = OperationGenericCheck(), OperationSemanticCheck()
     for check in (generic, semantic):
         FMU(str(pendulum_fmu)).apply_operation(check)
@@ -43,12 +43,12 @@ def test_second_validator_finds_nothing(pendulum_fmu):
     assert semantic.errors == []
 
 
-def test_same_bytes_for_same_model():
+def test_same_bytes_for_same_model() -> None:
     texts = {model_description(pendulum(), guid=GUID, backend="native") for _ in range(2)}
     assert len(texts) == 1
 
 
-def test_reference_is_place_and_index_is_place_plus_one(native):
+def test_reference_is_place_and_index_is_place_plus_one(native) -> None:
     names = [variable.name for variable in pendulum().variables]
     elements = list(native.iter("ScalarVariable"))
     assert [element.get("name") for element in elements] == [*names, "input_reconstruction"]
@@ -57,7 +57,7 @@ def test_reference_is_place_and_index_is_place_plus_one(native):
     assert names[int(real["derivative"]) - 1] == "theta"
 
 
-def test_variable_attributes(native):
+def test_variable_attributes(native) -> None:
     mass, real = scalar(native, "mass")
     assert mass["causality"], mass["variability"] == ("parameter", "fixed")
     assert mass["initial"] == "exact"
@@ -73,7 +73,7 @@ def test_variable_attributes(native):
     assert "reinit" not in real
 
 
-def test_units_carry_base_units_and_display_factors(native):
+def test_units_carry_base_units_and_display_factors(native) -> None:
     unit = native.find("UnitDefinitions/Unit[@name='rad/s']")
     assert unit is not None
     assert unit[0].attrib == {"rad": "1", "s": "-1"}
@@ -84,7 +84,7 @@ def test_units_carry_base_units_and_display_factors(native):
     assert newton.attrib == {"kg": "1", "m": "1", "s": "-2"}
 
 
-def test_variable_without_unit_has_no_unit_attribute():
+def test_variable_without_unit_has_no_unit_attribute() -> None:
     from liaisons.models import Constant
 
     root = ElementTree.fromstring(model_description(Constant.model(), guid=GUID, backend="native"))
@@ -92,7 +92,7 @@ def test_variable_without_unit_has_no_unit_attribute():
     assert root.find("ModelVariables/ScalarVariable[@name='input_reconstruction']") is None  # there are no inputs
 
 
-def test_python_back_end_promises_only_what_it_can(native):
+def test_python_back_end_promises_only_what_it_can(native) -> None:
     python = ElementTree.fromstring(model_description(pendulum(), guid=GUID, backend="python"))
     assert python.find("ModelExchange") is None
     interface = python.find("CoSimulation")
@@ -117,7 +117,7 @@ def dependencies(root: ElementTree.Element, part: str) -> dict[str, set[str]]:
     }
 
 
-def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library):
+def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library) -> None:
     """Every parameter and input is changed in turn: what moves must be declared, and what is declared moves."""
     declared = dependencies(native, "InitialUnknowns")
     base = {"theta_0": 0.4, "theta_dot_0": 0.7, "length_dot": 0.3, "friction": 0.2, "theta_force": 0.1}
@@ -142,7 +142,7 @@ def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library):
         assert declared[name] > moved[name] if name in cancelling else declared[name] == moved[name], name
 
 
-def test_running_dependencies_are_those_of_the_binary(native, pendulum_library):
+def test_running_dependencies_are_those_of_the_binary(native, pendulum_library) -> None:
     declared = dependencies(native, "Outputs") | dependencies(native, "Derivatives")
     states = ["theta", "p_theta", "work", "dissipated"]
     inputs = ["length", "length_dot", "length_ddot", "theta_force"]
@@ -151,7 +151,7 @@ def test_running_dependencies_are_those_of_the_binary(native, pendulum_library):
     assert instance.call("EnterContinuousTimeMode") == OK
     base = [0.4, 0.7, 0.1, 0.2]
 
-    def values():
+    def values() -> dict[str, float]:
         return dict(zip(declared, instance.get(*declared), strict=True))
 
     def set_states(y: list[float]) -> None:

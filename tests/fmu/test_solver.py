@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from driver import DISCARD, ERROR, OK
 from handmade import libration, rotation
+from numpy.typing import NDArray
 from scipy.integrate._ivp import dop853_coefficients as reference
 
 DURATION = 100.0  # [s]
@@ -17,7 +18,7 @@ RATE = 8.0  # [rad/s]; the separatrix is at 2Ω = 6.26 rad/s
 
 
 @pytest.fixture(scope="module")
-def tableau():
+def tableau() -> tuple[NDArray, dict[str, NDArray]]:
     """A (12, 12), b, c, order-3 weights and order-5 differences, read from solver.c."""
     code = (resources.files("liaisons.fmu") / "runtime" / "solver.c").read_text()
     a, vectors = np.zeros((12, 12)), {name: np.zeros(12) for name in ("b", "c", "bhh", "e")}
@@ -28,7 +29,7 @@ def tableau():
     return a, vectors
 
 
-def test_coefficients_are_the_published_ones(tableau):
+def test_coefficients_are_the_published_ones(tableau) -> None:
     a, vectors = tableau
     np.testing.assert_array_equal(a, reference.A[:12, :12])
     np.testing.assert_array_equal(vectors["b"], reference.B)
@@ -37,7 +38,7 @@ def test_coefficients_are_the_published_ones(tableau):
     np.testing.assert_array_equal(vectors["b"] - vectors["bhh"], reference.E3[:12])
 
 
-def test_order_conditions(tableau):
+def test_order_conditions(tableau) -> None:
     """Conditions for the order, from elementary differentials: Σ b c^k = 1/(k+1), Σ b A c^k = 1/((k+1)(k+2)), ..."""
     a, vectors = tableau
     b, c = vectors["b"], vectors["c"]
@@ -53,12 +54,12 @@ def test_order_conditions(tableau):
     tall = np.linalg.multi_dot([b, a, a, a, a, a, a, c])  # the tree of height 8
     assert tall == pytest.approx(1 / 40320, abs=tolerance)
     for difference, order in ((vectors["e"], 5), (b - vectors["bhh"], 3)):
-        residuals = [abs((difference @ c**k)) for k in range(order + 1)]
+        residuals = [abs(difference @ c**k) for k in range(order + 1)]
         assert max(residuals[:order]) <= tolerance  # both methods agree up to their order ...
         assert residuals[order] > 1e-4  # ... and not beyond
 
 
-def motion(library, size: float, tolerance: float, **start: float):
+def motion(library, size: float, tolerance: float, **start: float) -> tuple[NDArray, ...]:
     """Times, theta, theta_dot and energy balance at the communication points."""
     instance = library.start(tolerance=tolerance, **start)
     rows = []
@@ -81,12 +82,12 @@ def errors(library, size: float, tolerance: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("size", [1.0, 0.1, 0.01])
 @pytest.mark.parametrize(("tolerance", "allowed"), [(1e-10, 1e-7), (1e-14, 1e-9)])
-def test_accuracy_over_100_s(pendulum_library, size, tolerance, allowed):
+def test_accuracy_over_100_s(pendulum_library, size, tolerance, allowed) -> None:
     """The allowed errors are those that the project promises; about 3e3 angular units pass in 100 s of rotation."""
     assert max(errors(pendulum_library, size, tolerance)) <= allowed
 
 
-def test_error_falls_in_proportion_to_the_tolerance(pendulum_library):
+def test_error_falls_in_proportion_to_the_tolerance(pendulum_library) -> None:
     tolerances = np.array([1e-6, 1e-8, 1e-10, 1e-12])
     swing, turn = np.array([errors(pendulum_library, 1.0, tolerance) for tolerance in tolerances]).T
     for error in (swing, turn):
@@ -96,7 +97,7 @@ def test_error_falls_in_proportion_to_the_tolerance(pendulum_library):
         assert slope == pytest.approx(1.0, abs=0.2)
 
 
-def test_tolerance_of_the_experiment_is_the_default(pendulum_library):
+def test_tolerance_of_the_experiment_is_the_default(pendulum_library) -> None:
     def end(tolerance: float | None) -> float:
         instance = pendulum_library.start(tolerance=tolerance, theta_0=AMPLITUDE)
         assert instance.step(0.0, 5.0) == OK
@@ -107,20 +108,20 @@ def test_tolerance_of_the_experiment_is_the_default(pendulum_library):
 
 
 @pytest.mark.parametrize(("given", "used"), [(1e-30, "1e-14"), (0.5, "0.01")])
-def test_tolerances_out_of_range_are_clamped_with_a_warning(pendulum_library, given, used):
+def test_tolerances_out_of_range_are_clamped_with_a_warning(pendulum_library, given, used) -> None:
     instance = pendulum_library.instantiate(logging=1)
     assert instance.setup(tolerance=given) == OK
     assert instance.messages == [f"tolerance = {given:g} is out of range, {used} is used"]
 
 
-def test_energy_balance(pendulum_library):
+def test_energy_balance(pendulum_library) -> None:
     for start in ({"theta_0": AMPLITUDE}, {"theta_dot_0": RATE}):
         _, _, _, balance = motion(pendulum_library, 0.1, 1e-10, **start)
         scale = 32.0  # [J] kinetic energy at 8 m/s; that of the swing is less
         assert np.abs(balance).max() <= 10 * 1e-10 * scale * DURATION
 
 
-def test_end_of_the_motion_is_found_and_named(fall_library):
+def test_end_of_the_motion_is_found_and_named(fall_library) -> None:
     """x'' = -1/x² from x = 1: the centre is reached at π/(2√2) = 1.1107 s, from where nothing goes on."""
     instance = fall_library.start()
     assert instance.step(0.0, 1.0) == OK
@@ -133,7 +134,7 @@ def test_end_of_the_motion_is_found_and_named(fall_library):
     assert instance.step(1.0, 0.1) == OK  # a step that ends before it does
 
 
-def test_start_outside_a_domain_is_refused(fall_library):
+def test_start_outside_a_domain_is_refused(fall_library) -> None:
     instance = fall_library.instantiate()
     assert instance.setup() == OK
     assert instance.call("EnterInitializationMode") == OK
@@ -144,7 +145,7 @@ def test_start_outside_a_domain_is_refused(fall_library):
     assert instance.call("ExitInitializationMode") == OK
 
 
-def test_steps_stop_at_instants_where_the_component_is_not_smooth(kick_library):
+def test_steps_stop_at_instants_where_the_component_is_not_smooth(kick_library) -> None:
     """Piecewise linear: exact up to rounding if no step goes over the kink, wrong by 1e-9 and more if one does."""
     instance = kick_library.start(t_1=1.2345)
     assert instance.step(0.0, 5.0) == OK

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from decimal import Decimal, localcontext
 from functools import cache
@@ -77,10 +78,11 @@ def taylor() -> Callable[..., np.ndarray]:
             y, t, found = [Decimal(value) for value in start], Decimal(0), []
             exact_rates = [{factors: Decimal(c) for factors, c in rate.items()} for rate in rates]
             for instant in map(Decimal, times.tolist()):
-                while t < instant:
-                    h = min(Decimal(step), instant - t)
-                    y, t = _taylor_step(y, exact_rates, h, order), t + h
+                count = math.ceil((instant - t) / Decimal(step))
+                for _ in range(count):
+                    y = _taylor_step(y, exact_rates, (instant - t) / count, order)
                 found.append([float(value) for value in y])
+                t = instant
         return np.array(found).T
 
     return solve

@@ -24,14 +24,9 @@ HOLD, EXTRAPOLATE, INTERPOLATE = 0, 1, 2  # input_reconstruction
 TIGHT = 1e-13  # a solver tolerance near the rounding level of doubles
 
 
-def errors(result: Result, exact: dict[str, np.ndarray]) -> dict[str, float]:
-    """Largest error of each signal that the closed form gives."""
-    return {name: max_error(result[name], values) for name, values in exact.items()}
-
-
 def motion_error(result: Result, exact: dict[str, np.ndarray]) -> float:
-    """Largest error of the coordinate and its rate, the first two signals of a closed form of motion."""
-    return max(list(errors(result, exact).values())[:2])
+    """Largest error of the coordinate and its rate, which a closed form of motion gives first."""
+    return max(max_error(result[name], exact[name]) for name in list(exact)[:2])
 
 
 # ---- pendulum ----------------------------------------------------------------------------------------------------
@@ -45,10 +40,7 @@ ROTATION = {"theta_0": 0.0, "theta_dot_0": 7.5}
 def test_pendulum_is_jacobis_over_100_seconds_in_proportion_to_the_tolerance(fmu, start: Values, step_size) -> None:
     tolerances, found = [1e-6, 1e-8, 1e-10, 1e-12], []
     for tolerance in [*tolerances, TIGHT]:
-        record = ["theta", "theta_dot"]
-        result = simulate(
-            fmu(Pendulum), stop_time=100, step_size=step_size, tolerance=tolerance, record=record, **start
-        )
+        result = simulate(fmu(Pendulum), stop_time=100, step_size=step_size, tolerance=tolerance, **start)
         found.append(motion_error(result, Pendulum.exact(result.time, **start)))
     assert found[2] <= 1e-7
     assert found[4] <= 1e-9
@@ -72,7 +64,7 @@ def test_pendulum_near_the_separatrix_keeps_energy_and_follows_as_far_as_amplifi
     disturbed = Pendulum.exact(result.time, **(start | {"theta_dot_0": start["theta_dot_0"] * (1 + relative)}))
     amplification = np.maximum.accumulate(np.maximum(1, np.abs(disturbed["theta"] - exact["theta"]) / relative))
     assert amplification[-1] > 1e5  # the case deserves its name
-    assert np.all(np.abs(result["theta"] - exact["theta"]) <= 100 * tolerance * amplification)
+    assert np.all(np.abs(result["theta"] - exact["theta"]) <= tolerance * amplification)
 
 
 # ---- oscillator, flywheel, swing, hoop ---------------------------------------------------------------------------

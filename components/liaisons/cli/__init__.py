@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from liaisons import __version__
-from liaisons.cli import check, components, run, simulate
 from liaisons.errors import LiaisonsError, suggestion
 
 _EXAMPLES = """\
@@ -33,14 +32,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     :param argv: the words after ``liaisons``; those of the process unless given.
     :returns: exit status: 0 done, 1 a claim or check failed, 2 it could not be done, 130 interrupted.
     """
-    arguments = _parser().parse_args(argv)
+    try:
+        return _perform(_parser().parse_args(argv))
+    except KeyboardInterrupt:
+        print("liaisons: interrupted", file=sys.stderr)
+        return 130
+
+
+def _perform(arguments: argparse.Namespace) -> int:
     try:
         status: int = arguments.action(arguments)
         sys.stdout.flush()  # a closed pipe must show here, not at exit
         return status
-    except KeyboardInterrupt:
-        print("liaisons: interrupted", file=sys.stderr)
-        return 130
     except BrokenPipeError:  # 'liaisons list | head'
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -66,12 +69,18 @@ class _Completions(argparse.Action):
     """Print what makes the words after ``liaisons`` complete in bash and zsh."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        words = ["list", "build", "simulate", "run", "check", *components.names(), *run.names()]
+        from liaisons.library import catalogue
+        from liaisons.scenario import names
+
+        words = ["list", "build", "simulate", "run", "check", *catalogue(), *names()]
         print(f"complete -o default -W '{' '.join(words)}' liaisons")
         parser.exit()
 
 
 def _parser() -> argparse.ArgumentParser:
+    # Imported here, where an interrupt is caught: NumPy takes a while.
+    from liaisons.cli import check, components, run, simulate
+
     parser = _Parser(
         prog="liaisons",
         description="From one Lagrangian with active constraints to verified FMUs.",

@@ -54,11 +54,6 @@ def register(commands: Commands) -> None:
     build.add_argument("--output", type=Path, metavar="DIR", help="where they go (default: fmus/)")
 
 
-def names() -> list[str]:
-    """Names of the components in the catalogue."""
-    return sorted(catalogue())
-
-
 def _list(arguments: argparse.Namespace) -> int:
     targets = arguments.targets or catalogue()
     print(table([_row(component) for target in targets for component in find(target)]))

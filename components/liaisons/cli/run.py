@@ -13,8 +13,6 @@ from liaisons.scenario import execute, load, names, report
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
 
-__all__ = ["names", "register"]
-
 
 def register(commands: Commands) -> None:
     """Add the command."""

@@ -121,8 +121,14 @@ class Instance:
 
     def close(self) -> None:
         """Terminate, free and unload, as far as the state of the instance allows; safe to repeat."""
-        if _instances.pop(self._handle, None) is None or self._worst == FATAL:
-            return  # after Fatal, FMI forbids every call, the release included
+        if _instances.pop(self._handle, None) is None:
+            return
+        with suppress(AttributeError):
+            # pythonfmu 0.7 stays loaded, and at the end of the process frees its interpreter twice, unless it has let
+            # go of it before; it takes hold of it again when it is needed
+            self._slave.dll.finalizePythonInterpreter()
+        if self._worst == FATAL:  # then FMI forbids every call, the release included
+            return
         if self._initialized and self._worst < ERROR:
             try:
                 self._slave.terminate()
@@ -159,8 +165,8 @@ class Instance:
 
     def _words(self) -> str:
         """The FMU's complaints, else the last thing it said."""
-        complaints = [message for status, message in self._messages if status >= DISCARD]
-        said = complaints or [message for _, message in self._messages][-1:]
+        complaints = dict.fromkeys(message for status, message in self._messages if status >= DISCARD)
+        said = list(complaints) or [message for _, message in self._messages][-1:]
         return f": {'; '.join(said)}" if said else " without a message"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from functools import cache
 from pathlib import Path
 from typing import Literal
 from uuid import UUID
@@ -38,9 +39,14 @@ def build(
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     """
     if backend == "auto" and not (system_compiler() or zig_compiler()):
-        _log.warning("no C compiler is found: building %s in Python; for native FMUs: pip install ziglang", model.name)
+        _say_how_to_get_native()
         backend = "python"
     return _build_python(model, Path(output)) if backend == "python" else _build_native(model, Path(output), platforms)
+
+
+@cache
+def _say_how_to_get_native() -> None:
+    _log.warning("no C compiler is found: FMUs are built in Python; for native ones: pip install ziglang")
 
 
 def _build_native(model: Model, output: Path, platforms: str) -> Path:
@@ -52,7 +58,9 @@ def _build_native(model: Model, output: Path, platforms: str) -> Path:
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     guid, members = _identified(members)
-    targets = {f"binaries/{t.folder}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])}
+    targets = {
+        f"binaries/{t.folder}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])
+    }
     if _is_current(path, guid) and all(read_member(path, name) for name in targets):
         return path
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}

@@ -7,6 +7,7 @@ import math
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -49,6 +50,8 @@ def model_code(model: Model, guid: str) -> str:
         "calculate_forward": _forward(model.outputs_function),
         "remember_forward": _forward(model.remember),
     }
+    if model.project is not None:
+        functions["project"] = model.project
     generator = ca.CodeGenerator("model", {"with_header": False, "with_export": False})
     for function in functions.values():
         generator.add(function)
@@ -73,8 +76,8 @@ def model_code(model: Model, guid: str) -> str:
 def _forward(function: ca.Function) -> ca.Function:
     """Directional derivative: (arguments, results, directions) → derivatives of the results, all dense."""
     derivative = function.forward(1)
-    arguments = derivative.sx_in() if derivative.is_a("SXFunction") else derivative.mx_in()
-    results = [ca.densify(result) for result in derivative.call(arguments)]
+    arguments: Any = derivative.sx_in() if derivative.is_a("SXFunction") else derivative.mx_in()
+    results: Any = [ca.densify(result) for result in derivative.call(arguments)]
     return ca.Function(f"{function.name()}_forward", arguments, ca.cse(results))
 
 
@@ -87,7 +90,8 @@ def _fields(model: Model, guid: str, functions: dict[str, ca.Function]) -> dict[
         "states": len(model.states),
         "memory": len(model.memory),
         "actives": len(model.active),
-        "conditions": len(model.condition_texts),
+        "conditions": len(model.condition_texts) - model.start_only,
+        "start_conditions": len(model.condition_texts),
         "events": model.events.numel_out(0),
         "most_arguments": max(f.sz_arg() for f in functions.values()),
         "most_results": max(f.sz_res() for f in functions.values()),
@@ -123,7 +127,7 @@ def _tables(model: Model) -> list[str]:
 
 def _table(kind: str, name: str, rows: list[str]) -> list[str]:
     # C has no arrays without elements; the tables that have none are never read.
-    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or ["{0}"]), "};", ""]
+    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or ["0"]), "};", ""]
 
 
 def _variable(variable: Variable) -> str:

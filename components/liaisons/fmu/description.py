@@ -68,12 +68,12 @@ def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     )
     if backend == "native":
         for kind, capabilities in (("ModelExchange", _MODEL_EXCHANGE), ("CoSimulation", _CO_SIMULATION)):
-            interface = SubElement(root, kind, modelIdentifier=model.name, **capabilities)
+            interface = SubElement(root, kind, {"modelIdentifier": model.name, **capabilities})
             files = SubElement(interface, "SourceFiles")
             for name in SOURCES:
                 SubElement(files, "File", name=name)
     else:
-        SubElement(root, "CoSimulation", modelIdentifier=model.name, **_CO_SIMULATION_IN_PYTHON)
+        SubElement(root, "CoSimulation", {"modelIdentifier": model.name, **_CO_SIMULATION_IN_PYTHON})
     _unit_definitions(root, model)
     categories = SubElement(root, "LogCategories")
     for name, text in LOG_CATEGORIES.items():
@@ -157,18 +157,18 @@ def _real_attributes(variable: Variable, nominal: float | None) -> dict[str, str
 
 def _nominals(model: Model) -> dict[str, float]:
     """Sizes of the states at the default start, where they say more than FMI's own default 1."""
-    u = [variable.start for variable in model.inputs]
-    k = [variable.start for variable in model.parameters]
-    y, _ = model.start(0.0, u, k)
-    sizes = np.asarray(model.nominals(0.0, y, u, k)).ravel()
+    u, k = (ca.DM([v.start or 0.0 for v in variables]) for variables in (model.inputs, model.parameters))
+    y, _ = model.start.call([ca.DM(0), u, k])
+    sizes = np.asarray(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
     named = {state.name: float(f"{size:.6g}") for state, size in zip(model.states, sizes, strict=True)}
     return {name: size for name, size in named.items() if 0 < size < np.inf and size != 1}
 
 
 def _states_that_jump(model: Model) -> set[str]:
     """States that a jump of the inputs changes, e.g. the work that an impulse brings in."""
-    moved = _pattern(model.jump, 0, 1) != np.eye(len(model.states), dtype=bool)
-    return {state.name for state, jumps in zip(model.states, moved.any(axis=1), strict=True) if jumps}
+    mixed = _pattern(model.jump, 0, 1) != np.eye(len(model.states), dtype=bool)
+    jumps = mixed.any(axis=1) | _pattern(model.jump, 0, 2).any(axis=1)
+    return {state.name for state, jump in zip(model.states, jumps, strict=True) if jump}
 
 
 # ---- model structure -------------------------------------------------------------------------------------------

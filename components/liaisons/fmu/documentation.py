@@ -52,9 +52,7 @@ def _equations(model: Model) -> list[str]:
 
 
 def _variables(title: str, variables: tuple[Variable, ...]) -> list[str]:
-    rows = (
-        (v.name, v.unit, "" if v.start is None else f"{v.start:g}", v.domain(), v.description) for v in variables
-    )
+    rows = ((v.name, v.unit, "" if v.start is None else f"{v.start:g}", v.domain(), v.description) for v in variables)
     return [f"<h2>{title}</h2>", *_rows(("name", "unit", "start", "allowed", "meaning"), rows)] if variables else []
 
 

@@ -64,7 +64,10 @@ def _component(model: Model, guid: str) -> bytes:
         "remember": model.remember,
         "nominals": model.nominals,
         "conditions": model.conditions,
+        "events": model.events,
     }
+    if model.project is not None:
+        functions["project"] = model.project
     document = {
         "name": model.name,
         "guid": guid,
@@ -74,6 +77,7 @@ def _component(model: Model, guid: str) -> bytes:
         "outputs": [_entry(variable) for variable in model.outputs],
         "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
         "condition_texts": model.condition_texts,
+        "start_only": model.start_only,
         "functions": {name: function.serialize() for name, function in functions.items()},
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()

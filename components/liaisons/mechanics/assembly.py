@@ -67,7 +67,8 @@ def assemble(component: type[Mechanism]) -> Model:
         "energy_balance": energy - energy_start - (work + impulse) + dissipated,
     }
     z = [integrals.get(variable.name, expression) for variable, expression in outputs]
-    conditions = _conditions(component, equations)
+    lasting, at_start = _conditions(component, equations), _start_conditions(component, equations)
+    conditions = lasting | at_start
 
     def function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
         in_state = [ca.densify(equations.in_phase_space(result)) for result in results]
@@ -91,6 +92,7 @@ def assemble(component: type[Mechanism]) -> Model:
         nominals=function("nominals", [t, y, u, k], _nominals(component, equations)),
         conditions=function("conditions", [t, y, u, k], stack(conditions.values())),
         condition_texts=tuple(conditions),
+        start_only=len(at_start),
         events=ca.Function("events", [k], [ca.SX(0, 1)]),
         active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in component.actives),
         ports=variables.ports(component, equations),
@@ -138,6 +140,12 @@ def _conditions(component: type[Mechanism], equations: Equations) -> dict[str, c
             found[f"{q.name} must stay > {q.minimum:g} {q.unit}"] = m.symbols[q.name] - q.minimum
         if q.maximum is not None:
             found[f"{q.name} must stay < {q.maximum:g} {q.unit}"] = q.maximum - m.symbols[q.name]
+    return found
+
+
+def _start_conditions(component: type[Mechanism], equations: Equations) -> dict[str, ca.SX]:
+    """The same, asked of the start alone: afterwards the state is put back onto its constraints."""
+    found: dict[str, ca.SX] = {}
     kept = equations.constraints
     for i, item in enumerate((*component.constraints, *component.non_holonomic, *component.submersions)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
@@ -145,7 +153,7 @@ def _conditions(component: type[Mechanism], equations: Equations) -> dict[str, c
         found[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(kept.rate_residuals[i])
     for turn in component.orientations:
         text = f"{', '.join(turn.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"
-        found[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(m, turn.name).quaternion) - 1)
+        found[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(equations.mechanism, turn.name).quaternion) - 1)
     return found
 
 

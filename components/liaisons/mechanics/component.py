@@ -40,7 +40,7 @@ class Component(ABC):
     symbols: dict[str, ca.SX]
     formulas: dict[str, Any]
     parameter_column: ca.SX
-    _abstract: ClassVar[bool] = True
+    is_abstract: ClassVar[bool] = True
 
     def __init__(self) -> None:
         self.symbols = {}
@@ -49,7 +49,7 @@ class Component(ABC):
 
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        cls._abstract = abstract
+        cls.is_abstract = abstract
         cls._collect()
         if not abstract:
             _reject_name_clashes(cls)

@@ -137,6 +137,7 @@ class Model:
     condition_texts: tuple[str, ...]  # one a condition, e.g. "r must stay > 0"
     events: ca.Function
     project: ca.Function | None = None
+    start_only: int = 0  # so many of the conditions, the last ones, are asked of the start alone
     active: tuple[ActiveInput, ...] = ()
     ports: tuple[Port, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)

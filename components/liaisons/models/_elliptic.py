@@ -7,7 +7,7 @@ With k² = sin²(φ_0/2) + (φ'_0/2Ω)² (energy over that of the upper equilibr
 * separatrix, k = 1:   φ/2 = ± gd(u),             φ' = ± 2 Ω / cosh u,       u = u_0 + Ω t
 
 Near the separatrix everything hangs on the complement 1 - m of the parameter, which a function of m has lost to
-rounding.  So everything here takes the complement, and all functions keep full accuracy down to 1 - m = 1e-300.
+rounding.  So everything here takes the complement, and is right to a few roundings however small that is.
 What remains is the conditioning of the problem itself: a relative error ε of the data shifts u by about ε / |1 - k²|
 a swing, and the motion by e^Ωt while it passes the upper equilibrium.
 """
@@ -98,35 +98,24 @@ def jacobi(u: ArrayLike, complement: float) -> tuple[NDArray, NDArray, NDArray, 
     :param u: argument, any shape, any size.
     :param complement: 1 - m with the parameter m = k², 0 < 1 - m <= 1.
     """
-    quarter = float(ellipkm1(complement))
     u = np.asarray(u, dtype=float)
+    quarter = float(ellipkm1(complement))
     half_periods = np.round(u / (2 * quarter))
-    u = u - 2 * quarter * half_periods  # now |u| <= K
-    # Beyond K/2 count from K: there cn and dn are small, and only this form gives them digits of their own.
-    near_top = np.abs(u) > quarter / 2
-    s, c, d = _jacobi_near_zero(np.where(near_top, quarter - np.abs(u), u), complement)
-    root = np.sqrt(complement)
-    sn = np.where(near_top, np.sign(u) * c / d, s)
-    cn = np.where(near_top, root * s / d, c)
-    dn = np.where(near_top, root / d, d)
-    parity = 1 - 2 * (half_periods % 2)
-    return np.arctan2(sn, cn) + np.pi * half_periods, parity * sn, parity * cn, dn
-
-
-def _jacobi_near_zero(u: NDArray, complement: float) -> tuple[NDArray, NDArray, NDArray]:
-    """sn, cn, dn for |u| <= K/2: down a ladder of moduli to circular functions, and the amplitude back up."""
+    # Down a ladder of moduli to circular functions of u in [-K, K], and the amplitude back up.
     a, b = 1.0, float(np.sqrt(complement))
     ladder = []
     while a - b > _EPSILON * a:
         a, b, c = (a + b) / 2, float(np.sqrt(a * b)), (a - b) / 2
         ladder.append((a, b, c))
-    amplitude = 2.0 ** len(ladder) * a * u
+    amplitude = 2.0 ** len(ladder) * a * (u - 2 * quarter * half_periods)
     for a, b, c in reversed(ladder):
         sine, cosine = np.sin(amplitude), np.cos(amplitude)
         # arcsin(c/a sin φ), with its cosine from a² = b² + c² because an arcsin near ±1 has no digits
         amplitude = (amplitude + np.arctan2(c * sine, np.hypot(a * cosine, b * sine))) / 2
     sine, cosine = np.sin(amplitude), np.cos(amplitude)
-    return sine, cosine, np.hypot(cosine, np.sqrt(complement) * sine)
+    parity = 1 - 2 * (half_periods % 2)
+    dn = np.hypot(cosine, np.sqrt(complement) * sine)
+    return amplitude + np.pi * half_periods, parity * sine, parity * cosine, dn
 
 
 def _inverse(sine: float, cosine: float, complement: float) -> float:

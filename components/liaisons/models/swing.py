@@ -104,7 +104,7 @@ class Swing(Mechanism):
         """Motion in a fixed posture: the compound pendulum I θ_com'' = -D sin θ_com, by elliptic functions.
 
         :param t: times since the start [s], any shape.
-        :returns: ``theta``, ``theta_com`` [rad], ``theta_dot`` [rad/s].
+        :returns: ``theta`` [rad], ``theta_dot`` [rad/s], ``theta_com`` [rad].
         :raises ValidityError: for a parameter outside its domain, or the centre of mass on the pivot.
         """
         require_positive("Swing.exact", mass_seat=mass_seat, rope=rope, gravity=gravity)
@@ -116,4 +116,4 @@ class Swing(Mechanism):
         require(abs(moment) > 1e-15 * size, "Swing.exact: the centre of mass lies on the pivot; change rope or lean")
         offset, frequency = np.angle(moment), np.sqrt(gravity * abs(moment) / inertia)
         theta_com, theta_dot = _elliptic.pendulum(t, theta_0 + offset, theta_dot_0, frequency)
-        return {"theta": theta_com - offset, "theta_com": theta_com, "theta_dot": theta_dot}
+        return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}

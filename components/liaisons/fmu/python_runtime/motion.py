@@ -12,6 +12,7 @@ Inside a step every input is a polynomial in τ = (t' − t)/H, by ``input_recon
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterable
 from functools import lru_cache, reduce
 
@@ -69,10 +70,14 @@ class Step:
         error = np.ones(1)
         self._error, self._largest_error = view(error), largest**2
         self._short = Call(short, (self._t, H, self._y, u, given, k, size), (self._y_next, self._u_next, error))
-        self._c = np.zeros(coefficients.numel_out(0))
-        self._coefficients = Call(coefficients, (H, u, given), (self._c,))
-        self._p, self._x, self._x_next = np.zeros(long.numel_in("p")), np.zeros(size.size), np.zeros(size.size)
-        self._long = Call(long, (self._x, np.zeros(0), self._p), (self._x_next,))
+        p, self._x, self._x_next = np.zeros(long.numel_in("p")), np.zeros(size.size), np.zeros(size.size)
+        span, c, self._p_k, self._p_size = np.split(p, np.cumsum([6, coefficients.numel_out(0), k.size]))
+        self._span = view(span)
+        self._coefficients = Call(coefficients, (H, u, given), (c,))
+        self._long = Call(long, (self._x, np.zeros(0), p), (self._x_next,))
+        events = table.functions["events"]
+        self._instants = np.zeros(events.numel_out(0))
+        self._events = Call(events, (k,), (self._instants,))
 
     def advance(self) -> bool:
         """Compute y and u at t + H; False if that cannot be done."""
@@ -80,16 +85,27 @@ class Step:
             self._inputs.run()
             return True
         self._short.run()
-        return self._error[0] <= self._largest_error or self._integrate(1.0)
+        smooth = not self._instants.size
+        return (smooth and self._error[0] <= self._largest_error) or self._integrate(1.0)
 
     def _integrate(self, fraction: float) -> bool:
-        """The same with as many internal steps as it takes, over a fraction of the step."""
+        """The same over a fraction of the step: from event to event, with as many internal steps as it takes."""
+        t, H = float(self._t[0]), float(self._H[0])
+        self._events.run()
+        events = sorted(instant for instant in self._instants.tolist() if t < instant <= t + fraction * H)
         self._coefficients.run()
-        self._p[:] = np.concatenate((self._t, self._H, (fraction,), self._c, self._k, self._size))
-        self._x[:] = self._y / self._size
-        self._long.run()
-        self._y_next[:] = self._x_next * self._size
-        return self._long.succeeded and bool(np.isfinite(self._y_next).all())
+        self._p_k[:], self._p_size[:], self._x[:] = self._k, self._size, self._y / self._size
+        begin, earliest = 0.0, t
+        for instant in (*events, math.inf):
+            end = min(instant - t, fraction * H)
+            span = (t, H, begin, end - begin, earliest, math.nextafter(instant, t))
+            self._span[:] = array("d", span)
+            self._long.run()
+            if not self._long.succeeded:
+                return False
+            begin, earliest, self._x[:] = end, instant, self._x_next
+        self._y_next[:] = self._x * self._size
+        return bool(np.isfinite(self._y_next).all())
 
     def obstacle(self) -> str:
         """What made :meth:`advance` fail, and when."""
@@ -142,28 +158,30 @@ def _integrators(table: Table, mode: int, tolerance: float) -> tuple[ca.Function
 
     ``short`` (t, H, y, u_0, u_1, k, n) → (y, u, squared error / (n + abs(y))²) is the classical Runge-Kutta method
     over one element and over two: their difference is the error, of order 5, and is taken off the better one.
-    ``long`` (y/n, z, (t, H, w, c, k, n)) → (y/n at t + w H,) is the adaptive pair of order 5(4).  A call of it costs
-    ten times as much, so it does what ``short`` cannot.
+    ``long`` (y/n, z, (t, H, begin, width, earliest, latest, c, k, n)) → (y/n,) is the adaptive pair of order 5(4)
+    from t + begin on; time is kept between the earliest and the latest, that is on one side of an event.  A call of
+    it costs several times as much, so it does what ``short`` cannot.
     """
     f, conditions = table.functions["derivatives"], table.functions["conditions"]
     y, u_0, u_1, k = (ca.SX.sym(name, f.size1_in(i)) for name, i in (("y", 1), ("u_0", 2), ("u_1", 2), ("k", 3)))
     n, x = ca.SX.sym("n", y.numel()), ca.SX.sym("x", y.numel())
-    t, H, w, tau = (ca.SX.sym(name) for name in ("t", "H", "w", "tau"))
+    t, H, tau = (ca.SX.sym(name) for name in ("t", "H", "tau"))
     inputs, coefficients = _reconstruction(table, mode)
     c = ca.SX.sym("c", coefficients.numel_out(0))
     rows = _split(c, _polynomials(table, mode, H, u_0, u_1))
 
-    def derivatives(tau: ca.SX, y: ca.SX) -> ca.SX:
-        """dy/dτ; NaN where an input or a condition is out of bounds, which the integrators take as a failure."""
+    def derivatives(time: ca.SX, tau: ca.SX, y: ca.SX) -> ca.SX:
+        """dy/dt; NaN where an input or a condition is out of bounds, which the integrators take as a failure."""
         u = _evaluate(rows, tau)
-        valid = ca.vertsplit(conditions(t + tau * H, y, u, k) > 0)
+        valid = ca.vertsplit(conditions(time, y, u, k)[: table.lasting, 0] > 0)
         for entry, value in zip(table.inputs, ca.vertsplit(u), strict=True):
             valid += [margin > 0 if entry.strict else margin >= 0 for margin in entry.margins(value)]
         trap = ca.if_else(reduce(ca.logic_and, valid), 0, math.nan) if valid else 0
-        return H * (f(t + tau * H, y, u, k) + trap)
+        return f(time, y, u, k) + trap
 
     def runge_kutta(elements: int) -> ca.SX:
-        problem = {"x": y, "t": tau, "p": ca.vertcat(t, H, c, k), "ode": derivatives(tau, y)}
+        rates = H * derivatives(t + tau * H, tau, y)
+        problem = {"x": y, "t": tau, "p": ca.vertcat(t, H, c, k), "ode": rates}
         options = {"number_of_finite_elements": elements, "simplify": True}
         p = ca.vertcat(t, H, coefficients(H, u_0, u_1), k)
         return ca.integrator("short", "rk", problem, 0, 1, options)(x0=y, p=p)["xf"]
@@ -171,8 +189,16 @@ def _integrators(table: Table, mode: int, tolerance: float) -> tuple[ca.Function
     coarse, fine = runge_kutta(1), runge_kutta(2)
     error = (fine - coarse) / 15
     results = [fine + error, inputs(1, H, u_0, u_1), ca.sumsqr(error / (n + ca.fabs(fine)))]
-    p = ca.vertcat(t, H, w, c, k, n)
-    problem = {"x": x, "t": tau, "p": p, "ode": w * derivatives(w * tau, n * x) / n}
+
+    begin, width, earliest, latest, s = (ca.SX.sym(name) for name in ("begin", "width", "earliest", "latest", "s"))
+    elapsed = begin + s * width
+    time = ca.fmax(earliest, ca.fmin(latest, t + elapsed))
+    problem = {
+        "x": x,
+        "t": s,
+        "p": ca.vertcat(t, H, begin, width, earliest, latest, c, k, n),
+        "ode": width * derivatives(time, elapsed / H, n * x) / n,
+    }
     options = {
         "abstol": tolerance,
         "reltol": tolerance,

@@ -71,6 +71,7 @@ class Slave(Fmi2Slave):
         self._output = Call(f["outputs"], (*point, self._m), (self._z,))
         self._jump = Call(f["jump"], (*point, self._m), (self._y_jumped,))
         self._remember = Call(f["remember"], (*point, self._m), (self._m_next,))
+        self._project = Call(f["project"], point, (self._y_jumped,)) if "project" in f else None
 
     # ---- initialization ---------------------------------------------------------------------------------------
 
@@ -114,7 +115,7 @@ class Slave(Fmi2Slave):
                 return entry.violation(value, t)
         if not np.isfinite(self._y).all():
             return "the initial state is not finite"
-        return self._table.failed_condition(t, self._y, self._u, self._k, 0.0)
+        return self._table.failed_condition(t, self._y, self._u, self._k, 0.0, start=True)
 
     def _enter(self, *, stepping: bool) -> None:
         """Enter the phase before the end of initialization, where all can be set, or the one after it."""
@@ -164,6 +165,9 @@ class Slave(Fmi2Slave):
             return f"{step.obstacle()}; the step from t = {t:.9g} is taken back"
         step.next[0] = t + H
         now[:] = step.next
+        if self._project is not None:  # back onto constraints and unit quaternions
+            self._project.run()
+            self._y[:] = self._y_jumped
         self._remembered = self._jumped = self._evaluated = False
         return ""
 

@@ -56,6 +56,7 @@ class Table:
     outputs: tuple[Entry, ...]
     active: tuple[tuple[int, int, int], ...]  # places of s, s_dot, s_ddot among the inputs
     condition_texts: tuple[str, ...]
+    start_only: int  # so many conditions, the last ones, are asked of the start alone
     functions: dict[str, ca.Function]
 
     @property
@@ -66,10 +67,16 @@ class Table:
     def variables(self) -> tuple[Entry, ...]:
         return self.settable + self.outputs
 
-    def failed_condition(self, t: float, y: Array, u: Array, k: Array, least: float) -> str:
+    @property
+    def lasting(self) -> int:
+        """How many conditions are asked of the motion, too."""
+        return len(self.condition_texts) - self.start_only
+
+    def failed_condition(self, t: float, y: Array, u: Array, k: Array, least: float, *, start: bool = False) -> str:
         """The first condition whose margin is not greater than the least one; empty if there is none."""
         margins = np.asarray(self.functions["conditions"](t, y, u, k)).ravel()
-        for text, margin in zip(self.condition_texts, margins, strict=True):
+        count = len(self.condition_texts) if start else self.lasting
+        for text, margin in zip(self.condition_texts[:count], margins[:count], strict=True):
             if not margin > least:
                 return f"{text}; at t = {t:.9g} it {'hardly does' if margin > 0 else 'does not'} ({margin:.3g})"
         return ""

@@ -32,7 +32,7 @@ typedef struct {
     int32_t reconstruction;
     int32_t unstarted; /* y and m are still to be calculated from u and k */
     int32_t jumped;    /* inputs or parameters were set since m was remembered */
-    int32_t reserved;  /* keeps the size a multiple of 8 */
+    int32_t expanded;  /* derivatives of inputs are given for the next step */
 } Scalars;
 
 typedef struct { /* in front of the numbers of a saved state */
@@ -64,7 +64,7 @@ struct Instance {
     Scalars *backup;
     double step_start, step_size;
     Mover *movers;
-    size_t moving;
+    size_t moving, *mover_of; /* number of movers; place of an input among them */
     char text[TEXT]; /* why the present call fails */
 
     double *work, *condition, *instant, *dy, *du, *dk, *dm, *dz;
@@ -184,10 +184,10 @@ static int check_domains(Instance *self, double t) {
     return 1;
 }
 
-static int check_conditions(Instance *self, double t, const double *y) {
-    if (self->model->conditions == 0) return 1;
+static int check_conditions(Instance *self, double t, const double *y, size_t count) {
+    if (count == 0) return 1;
     evaluate(self, self->model->distances, t, y, self->condition);
-    for (size_t i = 0; i < self->model->conditions; i++)
+    for (size_t i = 0; i < count; i++)
         if (!(self->condition[i] > 0))
             return because(self, "%s; at t = %.9g it does not (%.3g)", self->model->condition_texts[i], t,
                            self->condition[i]);
@@ -224,7 +224,7 @@ static Status check_reference(const Instance *self, unsigned reference) {
 Instance *core_new(const Model *model, int model_exchange, Report *report, void *owner) {
     const size_t n = model->states, vectors = model->inputs * (2 + COEFFICIENTS) + 3 * n + model->memory
                                               + model->parameters;
-    const size_t scratch = SOLVER_COLUMNS * n + model->conditions + model->events + n + model->inputs
+    const size_t scratch = SOLVER_COLUMNS * n + model->start_conditions + model->events + n + model->inputs
                            + model->parameters + model->memory + model->outputs + model->reals;
     const size_t state_size = sizeof(Scalars) + vectors * sizeof(double);
     Instance *self = calloc(1, sizeof *self);
@@ -236,12 +236,13 @@ Instance *core_new(const Model *model, int model_exchange, Report *report, void 
     self->s = calloc(1, state_size + model->outputs * sizeof(double));
     self->backup = malloc(state_size);
     self->movers = calloc(model->inputs + 1, sizeof *self->movers);
+    self->mover_of = calloc(model->inputs + 1, sizeof *self->mover_of);
     self->work = calloc(scratch + 1, sizeof *self->work);
     self->arguments = calloc(model->most_arguments, sizeof *self->arguments);
     self->results = calloc(model->most_results, sizeof *self->results);
     self->integers = calloc(model->integers + 1, sizeof *self->integers);
-    if (!self->s || !self->backup || !self->movers || !self->work || !self->arguments || !self->results
-        || !self->integers) {
+    if (!self->s || !self->backup || !self->movers || !self->mover_of || !self->work || !self->arguments
+        || !self->results || !self->integers) {
         core_free(self);
         return NULL;
     }
@@ -256,7 +257,7 @@ Instance *core_new(const Model *model, int model_exchange, Report *report, void 
     self->set = self->k + model->parameters;
     self->z = self->set + model->inputs;
     self->condition = self->work + SOLVER_COLUMNS * n;
-    self->instant = self->condition + model->conditions;
+    self->instant = self->condition + model->start_conditions;
     self->dy = self->instant + model->events;
     self->du = self->dy + n;
     self->dk = self->du + model->inputs;
@@ -273,6 +274,7 @@ void core_free(Instance *self) {
     free(self->s);
     free(self->backup);
     free(self->movers);
+    free(self->mover_of);
     free(self->work);
     free(self->arguments);
     free(self->results);
@@ -325,7 +327,7 @@ Status core_exit_initialization(Instance *self) {
     start(self);
     const double t = self->s->time;
     if (!check_domains(self, t) || !check_finite(self, self->y, self->model->state_references, t)
-        || !check_conditions(self, t, self->y))
+        || !check_conditions(self, t, self->y, self->model->start_conditions))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->text);
     measure(self);
     self->s->phase = self->s->model_exchange ? EVENT : STEP;
@@ -523,6 +525,7 @@ Status core_set_input_derivatives(Instance *self, const unsigned references[], s
         taylor[0] = 1;
         taylor[orders[i]] = values[i];
     }
+    self->s->expanded = 1;
     return SUCCESS;
 }
 
@@ -546,43 +549,50 @@ static void interpolate(const double *u, const double *set, const Active *active
     c[5] = 6 * value - 3 * rate + acceleration / 2;
 }
 
-static int is_constant(const double *c) {
-    for (int j = 1; j <= ORDER; j++)
-        if (c[j] != 0) return 0;
-    return 1;
+static int rests(const Instance *self, const Active *active) {
+    const double *u = self->u, *set = self->set;
+    if (u[active->rate] != 0 || u[active->acceleration] != 0) return 0;
+    return self->s->reconstruction == EXTRAPOLATE
+           || (set[active->value] == u[active->value] && set[active->rate] == 0 && set[active->acceleration] == 0);
 }
 
-/* The polynomials of the inputs that move in a step of size H, from u and what was set. */
+/* The polynomial of an input, which is constant so far. */
+static double *polynomial(Instance *self, size_t place) {
+    const size_t found = self->mover_of[place];
+    if (found < self->moving && self->movers[found].place == place) return self->movers[found].c;
+    self->mover_of[place] = self->moving;
+    self->movers[self->moving] = (Mover){.place = place, .c = {self->u[place]}};
+    return self->movers[self->moving++].c;
+}
+
+/* The polynomials of all inputs that move in a step of size H, from u and what was set. */
 static void reconstruct(Instance *self, double H) {
     const Model *model = self->model;
     const int mode = self->s->reconstruction;
-    Mover *movers = self->movers;
-    for (size_t i = 0; i < model->inputs; i++) {
-        movers[i] = (Mover){.place = i, .c = {self->u[i]}};
-        if (mode == INTERPOLATE) movers[i].c[1] = self->set[i] - self->u[i];
-    }
+    const double *u = self->u, *set = self->set;
+    self->moving = 0;
+    for (size_t i = 0; i < model->inputs && mode == INTERPOLATE; i++)
+        if (set[i] != u[i]) polynomial(self, i)[1] = set[i] - u[i];
     for (size_t i = 0; i < model->actives && mode != HOLD; i++) {
         const Active *active = &model->active[i];
-        double *value = movers[active->value].c, *rate = movers[active->rate].c;
+        if (rests(self, active)) continue;
+        double *value = polynomial(self, active->value), *rate = polynomial(self, active->rate);
         if (mode == INTERPOLATE) {
-            interpolate(self->u, self->set, active, H, value);
+            interpolate(u, set, active, H, value);
         } else {
-            value[1] = H * self->u[active->rate];
-            value[2] = H * H * self->u[active->acceleration] / 2;
+            value[1] = H * u[active->rate];
+            value[2] = H * H * u[active->acceleration] / 2;
         }
         differentiate(value, H, rate);
-        differentiate(rate, H, movers[active->acceleration].c);
+        differentiate(rate, H, polynomial(self, active->acceleration));
     }
-    for (size_t i = 0; i < model->inputs && mode != INTERPOLATE; i++) {
+    for (size_t i = 0; i < model->inputs && mode != INTERPOLATE && self->s->expanded; i++) {
         const double *taylor = &self->taylor[i * COEFFICIENTS];
         if (taylor[0] == 0) continue;
-        double factor = 1;
-        movers[i].c[0] = self->u[i];
-        for (int j = 1; j <= ORDER; j++) movers[i].c[j] = taylor[j] * (factor *= H / j);
+        double *c = polynomial(self, i), factor = 1;
+        for (int j = 1; j <= ORDER; j++) c[j] = taylor[j] * (factor *= H / j);
+        c[0] = u[i];
     }
-    self->moving = 0;
-    for (size_t i = 0; i < model->inputs; i++)
-        if (!is_constant(movers[i].c)) movers[self->moving++] = movers[i];
 }
 
 /* u at a time inside the step; 0 if one leaves its domain. */
@@ -606,23 +616,35 @@ static Signal rates(void *context, double t, const double y[], double f[]) {
     return GO_ON;
 }
 
-static Signal accept(void *context, double t, const double y[]) {
+static Signal accept(void *context, double t, double y[]) {
     Instance *self = context;
-    if (self->model->conditions == 0) return GO_ON;
-    return move_inputs(self, t) && check_conditions(self, self->step_start + t, y) ? GO_ON : STOP;
+    const Model *model = self->model;
+    if (model->conditions == 0 && model->project == NULL) return GO_ON;
+    if (!move_inputs(self, t)) return STOP;
+    if (model->project != NULL) { /* back onto constraints and unit quaternions */
+        evaluate(self, model->project, self->step_start + t, y, self->dy);
+        memcpy(y, self->dy, model->states * sizeof *y);
+        memset(self->low, 0, model->states * sizeof *self->low);
+    }
+    return check_conditions(self, self->step_start + t, y, model->conditions) ? GO_ON : STOP;
 }
 
-/* Why no step is small enough. */
-static int explain_underflow(Instance *self, double t) {
+/* Why no step from a time inside the communication step is small enough. */
+static int explain_stuck(Instance *self, double t) {
     const Model *model = self->model;
-    evaluate(self, model->derivatives, t, self->y, self->dy);
-    if (!check_finite(self, self->dy, model->derivative_references, t)) return 0;
-    if (model->conditions > 0) evaluate(self, model->distances, t, self->y, self->condition);
+    const double time = self->step_start + t;
+    if (!move_inputs(self, t)) return 0;
+    evaluate(self, model->derivatives, time, self->y, self->dy);
+    if (!check_finite(self, self->dy, model->derivative_references, time)) return 0;
+    if (model->conditions > 0) evaluate(self, model->distances, time, self->y, self->condition);
     for (size_t i = 0; i < model->conditions; i++)
         if (self->condition[i] < 1e-3) /* distances from a singularity, of order 1 elsewhere */
-            return because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], t,
+            return because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], time,
                            self->condition[i]);
-    return because(self, "no step from t = %.9g is small enough for the tolerance %g", t, self->s->tolerance);
+    /* An input that is about to leave its domain, where a singularity lies as a rule. */
+    for (double ahead = 1e-12; ahead < 1e-2; ahead *= 10)
+        if (!move_inputs(self, t + ahead * self->step_size)) return 0;
+    return because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
 }
 
 /* The states from the start of the step to its end, event by event. */
@@ -636,7 +658,7 @@ static int move_states(Instance *self) {
         const double end = event < start + size ? event - start : size;
         switch (solver_advance(&problem, &t, end, self->y, self->low, &self->s->step, self->work)) {
         case STOPPED: return 0;
-        case UNDERFLOW: return explain_underflow(self, start + t);
+        case STUCK: return explain_stuck(self, t);
         case REACHED: break;
         }
     } while (t < size);
@@ -657,13 +679,14 @@ static int advance(Instance *self, double time, double size) {
     }
     if (self->s->jumped) jump(self);
     reconstruct(self, size);
-    if (!check_conditions(self, time, self->y)) return 0;
+    if (!check_conditions(self, time, self->y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
     if (interpolating)
         memcpy(self->u, self->set, inputs_size);
     else if (!move_inputs(self, size))
         return 0;
-    memset(self->taylor, 0, COEFFICIENTS * inputs_size);
+    if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
+    self->s->expanded = 0;
     self->s->time = time + size;
     remember(self);
     return 1;
@@ -711,7 +734,7 @@ Status core_get_derivatives(Instance *self, double f[]) {
     const double t = self->s->time;
     start(self);
     evaluate(self, self->model->derivatives, t, self->y, self->dy);
-    if (!check_domains(self, t) || !check_conditions(self, t, self->y)
+    if (!check_domains(self, t) || !check_conditions(self, t, self->y, self->model->conditions)
         || !check_finite(self, self->dy, self->model->derivative_references, t))
         return core_report(self, DISCARD, "%s", self->text);
     memcpy(f, self->dy, self->model->states * sizeof *f);

@@ -31,7 +31,8 @@ typedef struct { /* places of a coordinate that an operator prescribes, among th
 typedef struct {
     const char *name, *guid;
     double tolerance; /* where the importer gives none */
-    size_t parameters, inputs, outputs, states, memory, actives, conditions, events;
+    size_t parameters, inputs, outputs, states, memory, actives, events;
+    size_t conditions, start_conditions; /* asked of the motion, and of the start: these and more */
     const Variable *variables;
     const Active *active;
     const size_t *state_references;      /* of the variables that show the states */
@@ -43,6 +44,7 @@ typedef struct {
     Function *jump;        /* (t, y, u, k, m) -> y */
     Function *remember;    /* (t, y, u, k, m) -> m */
     Function *nominals;    /* (t, y, u, k) -> sizes of y */
+    Function *project;     /* (t, y, u, k) -> y put back onto the constraints after a step of the solver; or NULL */
     Function *distances;   /* (t, y, u, k) -> how far each condition is from failing: must stay > 0 */
     Function *instants;    /* (k) -> when the component is not smooth */
     /* directional derivatives: arguments, results, directions -> derivatives of the results */

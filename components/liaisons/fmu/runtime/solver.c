@@ -156,7 +156,7 @@ Outcome solver_advance(const Problem *p, double *t, double end, double y[], doub
             }
             *step = h * fmin(growth(error), 1);
             largest_growth = 1; /* right after a rejection */
-            if (*step < smallest) return UNDERFLOW;
+            if (*step < smallest) return STUCK;
         }
         if (p->accept(p->context, *t, y) == STOP) return STOPPED;
     }

@@ -5,14 +5,14 @@
 #include <stddef.h>
 
 typedef enum { GO_ON, STOP } Signal;
-typedef enum { REACHED, STOPPED, UNDERFLOW } Outcome;
+typedef enum { REACHED, STOPPED, STUCK } Outcome;
 
 typedef struct {
     size_t n;
     double tolerance;
     const double *size; /* of each component: the error of a step stays below tolerance * (size + |y|) */
     Signal (*rates)(void *context, double t, const double y[], double f[]); /* f = dy/dt */
-    Signal (*accept)(void *context, double t, const double y[]);            /* asked after each step */
+    Signal (*accept)(void *context, double t, double y[]);                  /* asked after each step; may correct y */
     void *context;
 } Problem;
 
@@ -20,7 +20,7 @@ enum { SOLVER_COLUMNS = 14 };
 
 /* Integrate from *t to exactly `end`.  y + low is the state, summed in twice the precision.  *step is the step size
  * to try, 0 if unknown, and on return the one to go on with.  work holds SOLVER_COLUMNS * n numbers.
- * STOPPED: one of the functions said so.  UNDERFLOW: no step is small enough.  Both leave *t, y, low where they got. */
+ * STOPPED: one of the functions said so.  STUCK: no step is small enough.  Both leave *t, y, low where they got. */
 Outcome solver_advance(const Problem *problem, double *t, double end, double y[], double low[], double *step,
                        double work[]);
 

@@ -1,0 +1,286 @@
+"""Building: reproducible, atomic, self-contained, and clear about what went wrong."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import os
+import re
+import shutil
+import stat
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fmpy
+import pytest
+from driver import Library
+from handmade import kick, pendulum
+
+from liaisons.errors import BuildError
+from liaisons.fmu import archive, build, compiler
+from liaisons.fmu.code import source_files
+from liaisons.mechanics.model import Experiment
+
+needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
+
+
+def members(fmu: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(fmu) as content:
+        return {name: content.read(name) for name in content.namelist()}
+
+
+# ---- the file ----------------------------------------------------------------------------------------------------
+
+
+def test_same_bytes_for_same_model_wherever_it_is_built(tmp_path) -> None:
+    first = build(pendulum(), tmp_path / "one", backend="native")
+    second = build(pendulum(), tmp_path / "another folder", backend="native")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_same_sources_in_another_process(tmp_path, pendulum_fmu) -> None:
+    """Sets and hashes of strings have another order in each process."""
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from handmade import pendulum; from liaisons.fmu import build\n"
+    )
+    code += "build(pendulum(), sys.argv[2], backend='native')"
+    arguments = [sys.executable, "-c", code, str(Path(__file__).parent), str(tmp_path)]
+    subprocess.run(arguments, check=True, env=os.environ | {"PYTHONHASHSEED": "12345"})
+    assert (tmp_path / "HandPendulum.fmu").read_bytes() == pendulum_fmu.read_bytes()
+
+
+def test_members(pendulum_fmu) -> None:
+    names = list(members(pendulum_fmu))
+    assert names[0] == "modelDescription.xml"
+    assert f"binaries/{fmpy.platform}/HandPendulum{fmpy.sharedLibraryExtension}" in names
+    assert "documentation/index.html" in names
+    sources = {name.removeprefix("sources/") for name in names if name.startswith("sources/")}
+    assert sources >= {"model.c", "core.c", "core.h", "solver.c", "solver.h", "fmi2.c", "buildDescription.xml"}
+    assert sources >= {"fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"}
+
+
+def test_archive_holds_no_dates_and_no_owner(pendulum_fmu) -> None:
+    with zipfile.ZipFile(pendulum_fmu) as content:
+        assert {info.date_time for info in content.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+    library = next(content for name, content in members(pendulum_fmu).items() if name.startswith("binaries/"))
+    for trace in (b"/tmp", b"/home", b"model.c", os.fsencode(Path.cwd())):
+        assert trace not in library
+
+
+def test_only_the_interface_is_exported(pendulum_fmu, tmp_path) -> None:
+    if not shutil.which("nm"):
+        pytest.skip("nm is not installed")
+    with zipfile.ZipFile(pendulum_fmu) as content:
+        library = content.extract(f"binaries/{fmpy.platform}/HandPendulum{fmpy.sharedLibraryExtension}", tmp_path)
+    lines = subprocess.check_output(["nm", "-D", "--defined-only", library], text=True).splitlines()
+    names = {line.split()[-1] for line in lines}
+    assert {"fmi2DoStep", "fmi2SetContinuousStates", "fmi2GetDirectionalDerivative"} <= names
+    assert all(name.startswith("fmi2") for name in names), names
+    assert len(names) == 44  # FMI 2.0 for co-simulation and model exchange
+
+
+def test_file_can_be_read_by_whom_a_new_file_can_be_read(pendulum_fmu, tmp_path) -> None:
+    plain = tmp_path / "plain"
+    plain.touch()
+    assert stat.S_IMODE(pendulum_fmu.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
+
+
+def test_sources_compile_on_their_own(pendulum_fmu, tmp_path, capfd) -> None:
+    """As an importer for another platform does it: unpack, compile what SourceFiles lists, without a warning."""
+    folder = Path(fmpy.extract(str(pendulum_fmu), unzipdir=str(tmp_path / "fmu")))
+    description = ElementTree.parse(folder / "modelDescription.xml")
+    files = [element.attrib["name"] for element in description.findall("CoSimulation/SourceFiles/File")]
+    cc = compiler.system_compiler() or compiler.zig_compiler()
+    assert cc is not None
+    flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O2", "-fPIC", "-shared"]
+    subprocess.run([*cc, *flags, *files, "-o", tmp_path / "library.so", "-lm"], cwd=folder / "sources", check=True)
+    assert capfd.readouterr().err == ""
+    build_description = fmpy.model_description.read_build_description(str(folder))
+    assert build_description[0].sourceFileSets[0].sourceFiles == files
+
+
+def test_documentation(pendulum_fmu) -> None:
+    page = members(pendulum_fmu)["documentation/index.html"].decode()
+    for text in ("HandPendulum", "By hand.", "theta_force", "N.m", "&gt; 0", "input_reconstruction"):
+        assert text in page
+
+
+# ---- when it is built --------------------------------------------------------------------------------------------
+
+
+def test_nothing_is_compiled_twice(tmp_path, monkeypatch) -> None:
+    fmu = build(kick(), tmp_path, backend="native")
+    before = fmu.stat().st_mtime_ns
+    module = importlib.import_module("liaisons.fmu.build")  # the package's attribute of this name is the function
+    monkeypatch.setattr(module, "compile_library", lambda *_, **__: pytest.fail("compiled again"))
+    assert build(kick(), tmp_path, backend="native") == fmu
+    assert fmu.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("damage", ["changed model", "cut off", "binary missing"])
+def test_what_is_out_of_date_or_damaged_is_built_anew(tmp_path, damage) -> None:
+    model = kick()
+    fmu = build(model, tmp_path, backend="native")
+    good = members(fmu)
+    if damage == "changed model":
+        model = dataclasses.replace(model, experiment=Experiment(stop_time=7.0))
+    elif damage == "cut off":
+        fmu.write_bytes(fmu.read_bytes()[:-100])
+    else:
+        archive.write_archive(fmu, {name: data for name, data in good.items() if not name.startswith("binaries/")})
+    build(model, tmp_path, backend="native")
+    assert members(fmu).keys() == good.keys()
+    assert (members(fmu) == good) == (damage != "changed model")
+
+
+def test_guid_is_a_hash_of_everything(tmp_path) -> None:
+    def guid(fmu: Path) -> str | None:
+        return fmpy.read_model_description(str(fmu)).guid
+
+    model = kick()
+    one = guid(build(model, tmp_path / "1", backend="native"))
+    documented = dataclasses.replace(model, documentation="Other words.")
+    assert guid(build(documented, tmp_path / "2", backend="native")) != one
+    assert guid(build(model, tmp_path / "3", backend="native")) == one
+
+
+def test_without_a_compiler_it_is_built_in_python(tmp_path, monkeypatch, caplog) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr(compiler, "find_spec", lambda _: None)
+    fmu = build(pendulum(), tmp_path)
+    assert fmu == tmp_path / "python" / "HandPendulum.fmu"
+    (record,) = caplog.records
+    assert "no C compiler is found" in record.message
+    assert "pip install ziglang" in record.message
+    with pytest.raises(BuildError, match="no C compiler is found; install one, or the compiler in the ziglang package"):
+        build(pendulum(), tmp_path, backend="native")
+
+
+# ---- what goes wrong ---------------------------------------------------------------------------------------------
+
+
+def test_interrupt_while_writing_leaves_the_old_file(tmp_path, monkeypatch) -> None:
+    target = tmp_path / "x.fmu"
+    archive.write_archive(target, {"a": b"old"})
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(zipfile.ZipFile, "writestr", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        archive.write_archive(target, {"a": b"new"})
+    monkeypatch.undo()
+    assert members(target) == {"a": b"old"}
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_interrupt_while_compiling_leaves_nothing(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(subprocess.Popen, "communicate", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        build(kick(), tmp_path / "out", backend="native")
+    assert not (tmp_path / "out").exists()
+    assert list((tmp_path / "temporary").iterdir()) == []
+
+
+def test_no_permission_is_one_clear_message(tmp_path, monkeypatch) -> None:
+    """Simulated, for whoever runs this may be allowed everything."""
+
+    def deny(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(zipfile, "ZipFile", deny)
+    with pytest.raises(BuildError, match=r"x\.fmu cannot be written: Permission denied; choose another folder"):
+        archive.write_archive(tmp_path / "x.fmu", {"a": b""})
+
+
+def test_folder_that_is_a_file(tmp_path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(BuildError, match=r"HandKick\.fmu cannot be written: .*; choose another folder with output="):
+        build(kick(), tmp_path / "file", backend="native")
+
+
+def test_first_words_of_the_compiler() -> None:
+    with pytest.raises(BuildError, match=r"failed: bad\.c:1:\d+: error: .* \| ") as caught:
+        compiler.compile_library({"bad.c": b"int f(void) { return nonsense; }\nint g( {}\n"}, compiler.host())
+    assert "\n" not in str(caught.value)
+
+
+def test_time_out_ends_the_whole_process_group(tmp_path, monkeypatch) -> None:
+    """The compiler's children too: here a shell that starts another one, which writes its id and sleeps."""
+    script = tmp_path / "cc"
+    script.write_text(f"#!/bin/sh\nsh -c 'echo $$ > {tmp_path}/id; exec sleep 60' &\nwait\n")
+    script.chmod(0o755)
+    monkeypatch.setattr(compiler, "system_compiler", lambda: [str(script)])
+    monkeypatch.setattr(compiler, "TIME_OUT", 1.0)
+    with pytest.raises(BuildError, match="did not end within 1 s"):
+        compiler.compile_library({"a.c": b""}, compiler.host())
+    process = int((tmp_path / "id").read_text())
+    for _ in range(100):  # until its parent, whoever that is now, has noticed
+        state = Path(f"/proc/{process}/stat")
+        if not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z":
+            return
+        time.sleep(0.05)
+    pytest.fail("the compiler's child is still running")
+
+
+def test_missing_headers_are_named(monkeypatch) -> None:
+    monkeypatch.setattr("liaisons.fmu.code.find_spec", lambda _: None)
+    with pytest.raises(BuildError, match=r"fmi2Functions\.h is missing in the installed fmpy"):
+        source_files(kick(), "{}")
+
+
+# ---- other platforms ---------------------------------------------------------------------------------------------
+
+
+@needs_zig
+@pytest.mark.slow
+def test_all_platforms(tmp_path) -> None:
+    """What each file is, by its first bytes; the one for this machine runs, a host build leaves the others alone."""
+    fmu = build(pendulum(), tmp_path, backend="native", platforms="all")
+    heads = {name: data for name, data in members(fmu).items() if name.startswith("binaries/")}
+    kinds = {
+        "binaries/linux64/HandPendulum.so": (b"\x7fELF", 18, b"\x3e\x00"),
+        "binaries/aarch64-linux/HandPendulum.so": (b"\x7fELF", 18, b"\xb7\x00"),
+        "binaries/win64/HandPendulum.dll": (b"MZ", None, b""),
+        "binaries/darwin64/HandPendulum.dylib": (b"\xcf\xfa\xed\xfe", 4, b"\x07\x00\x00\x01"),
+        "binaries/aarch64-darwin/HandPendulum.dylib": (b"\xcf\xfa\xed\xfe", 4, b"\x0c\x00\x00\x01"),
+    }
+    assert heads.keys() == kinds.keys()
+    for name, (magic, offset, machine) in kinds.items():
+        assert heads[name].startswith(magic), name
+        if offset is not None:
+            assert heads[name][offset:].startswith(machine), name
+        assert heads[name].count(b"fmi2DoStep") >= 1
+    # glibc 2.17 is what the oldest supported systems have: nothing newer may be asked for.
+    versions = {int(v) for v in re.findall(rb"GLIBC_2\.(\d+)", heads["binaries/linux64/HandPendulum.so"])}
+    assert max(versions) <= 17
+    before = fmu.read_bytes()
+    assert build(pendulum(), tmp_path, backend="native").read_bytes() == before
+    instance = Library(fmu).start(theta_0=0.5)
+    assert instance.step(0.0, 1.0) == 0
+
+
+@needs_zig
+@pytest.mark.slow
+def test_zig_where_there_is_no_system_compiler(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(compiler, "system_compiler", lambda: None)
+    first = build(kick(), tmp_path / "1", backend="native")
+    second = build(kick(), tmp_path / "2", backend="native")
+    assert first.read_bytes() == second.read_bytes()
+    assert Library(first).start().step(0.0, 1.0) == 0
+
+
+def test_all_platforms_need_zig(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(compiler, "find_spec", lambda _: None)
+    with pytest.raises(BuildError, match="binaries for other platforms need the compiler in the ziglang package"):
+        build(kick(), tmp_path, backend="native", platforms="all")

@@ -1,0 +1,141 @@
+"""Model exchange: the same motion by the importer's solver, events, order of the calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import fmpy
+import numpy as np
+import pytest
+from driver import DISCARD, MODEL_EXCHANGE, OK, Instance, Library, reals
+from handmade import breathing, libration
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+Inputs = Callable[[float], dict[str, float]]
+NAMES: tuple[str, ...] = ("length", "length_dot", "length_ddot")
+
+
+def continuous(library: Library, **start: float) -> Instance:
+    """An instance in continuous-time mode."""
+    instance = library.start(MODEL_EXCHANGE, **start)
+    instance.new_discrete_states()
+    assert instance.call("EnterContinuousTimeMode") == OK
+    return instance
+
+
+def rates(instance: Instance, t: float, y: Sequence[float] | NDArray) -> NDArray:
+    assert instance.call("SetTime", t) == OK
+    assert instance.call("SetContinuousStates", reals(y), len(y)) == OK
+    return instance.vector("GetDerivatives", len(y))
+
+
+def integrate(instance: Instance, span: tuple[float, float], y: NDArray, inputs: Inputs | None = None) -> NDArray:
+    """The states at the end of the span, which the instance has then."""
+
+    def right_hand_side(t: float, y: NDArray) -> NDArray:
+        if inputs is not None:
+            assert instance.set(inputs(t)) == OK
+        return rates(instance, t, y)
+
+    y = solve_ivp(right_hand_side, span, y, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    right_hand_side(span[1], y)
+    return y
+
+
+def test_fmpy_with_cvode_agrees_with_co_simulation(pendulum_fmu) -> None:
+    options = {"stop_time": 10.0, "output_interval": 0.1, "relative_tolerance": 1e-8, "output": ["theta", "theta_dot"]}
+    start = {"theta_0": 1.0, "friction": 0.1}
+    results = [
+        fmpy.simulate_fmu(str(pendulum_fmu), fmi_type=kind, start_values=start, **options)
+        for kind in ("CoSimulation", "ModelExchange")
+    ]
+    assert len(results[0]) == len(results[1]) == 101
+    for name in ("theta", "theta_dot"):
+        # CVODE (BDF) at a relative tolerance of 1e-8 makes some 1000 steps over 10 s; ours is far below.
+        np.testing.assert_allclose(results[0][name], results[1][name], atol=1e-5)
+
+
+def test_motion_with_a_driven_length_is_that_of_co_simulation(pendulum_library) -> None:
+    def inputs(t: float) -> dict[str, float]:
+        return dict(zip(NAMES, breathing(t), strict=True))
+
+    exchange = continuous(pendulum_library, **inputs(0.0))
+    y = integrate(exchange, (0.0, 5.0), exchange.vector("GetContinuousStates", 4), inputs)
+    simulated = pendulum_library.start(tolerance=1e-12, input_reconstruction=2, **inputs(0.0))
+    for i in range(100):
+        assert simulated.set(inputs((i + 1) * 0.05)) == OK
+        assert simulated.step(i * 0.05, 0.05) == OK
+    # Sixth-order interpolation at H = 0.05 s: some 1e-12; SciPy at 1e-12 over 50 steps.
+    np.testing.assert_allclose(simulated.get("theta", "p_theta", "work", "dissipated"), y, atol=1e-10)
+    # Outputs belong to the states that were set, work up to rounding of energies of 10 J; the balance needs no event.
+    assert exchange["theta"] == y[0]
+    assert exchange["work"] == pytest.approx(y[2], abs=1e-14)
+    assert abs(exchange["energy_balance"]) <= 1e-10
+
+
+def test_free_motion(pendulum_library) -> None:
+    instance = continuous(pendulum_library, theta_0=2.0)
+    y = integrate(instance, (0.0, 5.0), instance.vector("GetContinuousStates", 4))
+    theta, theta_dot = libration(5.0, 2.0)
+    # 50 steps of SciPy's of 1e-12 * (1 + 6 kg.m2/s).
+    np.testing.assert_allclose(y[:2], [theta, theta_dot], atol=1e-9)
+
+
+def test_sizes_of_the_states_follow_the_parameters(pendulum_library) -> None:
+    instance = pendulum_library.start(MODEL_EXCHANGE, mass=3.0, length=2.0)
+    np.testing.assert_array_equal(instance.vector("GetNominalsOfContinuousStates", 4), [1.0, 12.0, 3.0, 3.0])
+
+
+def test_jump_of_an_input_in_event_mode_is_booked(pendulum_library) -> None:
+    """A jump of l' by 0.3 m/s does the work m/2 0.3²; angle and momentum stay."""
+    instance = continuous(pendulum_library, theta_0=0.8)
+    y = integrate(instance, (0.0, 1.0), instance.vector("GetContinuousStates", 4))
+    assert instance.call("EnterEventMode") == OK
+    assert instance.set(length_dot=0.3) == OK
+    assert instance["work"] == pytest.approx(y[2] + 0.3**2 / 2, rel=1e-12)  # a difference of energies of 10 J
+    info = instance.new_discrete_states()
+    assert info.valuesOfContinuousStatesChanged
+    assert not info.newDiscreteStatesNeeded
+    assert not info.nextEventTimeDefined
+    after = instance.vector("GetContinuousStates", 4)
+    np.testing.assert_array_equal(after[:2], y[:2])
+    assert after[2] == pytest.approx(y[2] + 0.3**2 / 2, rel=1e-12)
+    assert not instance.new_discrete_states().valuesOfContinuousStatesChanged
+    assert instance.call("EnterContinuousTimeMode") == OK
+    y = integrate(instance, (1.0, 2.0), after, lambda t: {"length": 1 + 0.3 * (t - 1), "length_dot": 0.3})
+    assert abs(instance["energy_balance"]) <= 1e-10  # 2 x 15 steps of SciPy's at 1e-12 * 10 J
+
+
+def test_time_event(kick_library) -> None:
+    """x' = 1, from the event at t_1 = 1 s on x' = 3; up to the event the left value holds."""
+    instance = kick_library.start(MODEL_EXCHANGE, t_1=1.0)
+    info = instance.new_discrete_states()
+    assert info.nextEventTimeDefined
+    assert info.nextEventTime == 1.0
+    assert instance.call("EnterContinuousTimeMode") == OK
+    assert rates(instance, 0.999, [0.999]) == 1.0
+    assert rates(instance, 1.0, [1.0]) == 1.0
+    assert instance["x_dot"] == 1.0
+    assert instance.call("EnterEventMode") == OK
+    assert instance["x_dot"] == 3.0
+    assert not instance.new_discrete_states().nextEventTimeDefined
+    assert instance.call("EnterContinuousTimeMode") == OK
+    assert rates(instance, 1.0, [1.0]) == 3.0
+
+
+def test_fmpy_finds_the_time_event(kick_library) -> None:
+    options = {"stop_time": 3.0, "output_interval": 0.5, "start_values": {"t_1": 1.2345}}
+    result = fmpy.simulate_fmu(str(kick_library.path), fmi_type="ModelExchange", **options)
+    # CVODE's default tolerance is 1e-5; a piecewise linear function it integrates far better, unless it steps over.
+    assert result["x"][-1] == pytest.approx(3.0 + 2 * (3.0 - 1.2345), abs=1e-9)
+
+
+def test_derivatives_that_do_not_exist_are_refused(fall_library) -> None:
+    instance = continuous(fall_library)
+    assert instance.call("SetContinuousStates", reals([0.0, 0.0]), 2) == OK
+    assert instance.call("GetDerivatives", reals([0.0, 0.0]), 2) == DISCARD
+    assert instance.messages == ["x must stay > 0; at t = 0 it does not (0)"]
+    assert instance.call("SetContinuousStates", reals([1.0, float("nan")]), 2) == DISCARD
+    assert instance.messages[-1] == "v = nan: set a finite number"
+    np.testing.assert_array_equal(instance.vector("GetContinuousStates", 2), [0.0, 0.0])
