@@ -5,6 +5,7 @@ from liaisons.mechanics.constraints import gauss
 from liaisons.mechanics.declarations import (
     ActiveCoordinate,
     Coordinate,
+    Input,
     InternalState,
     Orientation,
     Parameter,
@@ -28,6 +29,7 @@ __all__ = [
     "Coordinate",
     "Equations",
     "Experiment",
+    "Input",
     "InternalState",
     "Mechanism",
     "Model",

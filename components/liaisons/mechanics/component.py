@@ -17,6 +17,7 @@ from liaisons.mechanics.declarations import (
     Condition,
     Coordinate,
     Declaration,
+    InternalState,
     Output,
     Parameter,
     Point,
@@ -133,6 +134,15 @@ def call(instance: Component, name: str, *arguments: Any) -> Any:
         text = str(error).strip().splitlines()
         reason = text[-1] if text else type(error).__name__
         raise ComponentError(f"{type(instance).__name__}.{name}: {type(error).__name__}: {reason}") from error
+
+
+def check_internal_rates(picture: Component, states: Iterable[InternalState], symbols: dict[str, ca.SX]) -> None:
+    """Raise a ComponentError unless ``internal_rates`` gives one scalar rate for each internal state."""
+    owner, given, names = type(picture), call(picture, "internal_rates"), sorted(state.name for state in states)
+    if sorted(given) != names:
+        raise ComponentError(f"{owner.__name__}.internal_rates gives {sorted(given)}; it must give {names}")
+    for name, rate in given.items():
+        scalar(owner, f"internal_rates[{name!r}]", rate, symbols)
 
 
 def _reject_name_clashes(cls: type[Component]) -> None:

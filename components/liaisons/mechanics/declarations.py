@@ -20,6 +20,7 @@ from liaisons.mechanics.model import Causality, Variability, Variable
 __all__ = [
     "ActiveCoordinate",
     "Coordinate",
+    "Input",
     "InternalState",
     "Orientation",
     "Parameter",
@@ -183,6 +184,19 @@ class ActiveCoordinate(_Symbol):
         below: float | None = None,
     ) -> None:
         super().__init__(unit, description, start=start, above=above, minimum=None, below=below, maximum=None)
+
+
+class Input(_Symbol):
+    """What an operator measures: an FMU input, to be connected with an output of the mechanism that it controls.
+
+    :param unit: SI unit.
+    :param description: what it is.
+    :param start: its value until something else is connected or set.
+    :raises ComponentError: for a unit that is not understood.
+    """
+
+    def __init__(self, unit: str, description: str, *, start: float = 0.0) -> None:
+        super().__init__(unit, description, start=start, above=None, minimum=None, below=None, maximum=None)
 
 
 class InternalState(_Symbol):

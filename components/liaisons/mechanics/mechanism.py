@@ -12,7 +12,7 @@ import numpy as np
 
 from liaisons.errors import ComponentError
 from liaisons.mechanics.assembly import assemble
-from liaisons.mechanics.component import Component, call, declared, scalar
+from liaisons.mechanics.component import Component, call, check_internal_rates, declared, scalar
 from liaisons.mechanics.declarations import (
     ActiveCoordinate,
     Calculated,
@@ -244,7 +244,7 @@ class Mechanism(Component, abstract=True):
         for item in cls.points:
             for axis, component in _components(picture, item).items():
                 scalar(cls, f"{item.name}[{axis!r}]", component, configuration)
-        _check_internal_rates(picture, motion | internal)
+        check_internal_rates(picture, cls.internal_states, motion | internal)
         _check_mass_matrix(picture, lagrangian, kinetic, motion)
 
 
@@ -260,16 +260,6 @@ def _components(picture: Mechanism, item: Point) -> Mapping[str, ca.SX]:
 def _named(picture: Mechanism, *columns: ca.SX) -> dict[str, ca.SX]:
     names = {str(element) for column in columns for element in ca.vertsplit(column)}
     return {name: picture.symbols[name] for name in names}
-
-
-def _check_internal_rates(picture: Mechanism, symbols: dict[str, ca.SX]) -> None:
-    given, declared_names = call(picture, "internal_rates"), [state.name for state in picture.internal_states]
-    if sorted(given) != sorted(declared_names):
-        raise ComponentError(
-            f"{type(picture).__name__}.internal_rates gives {sorted(given)}; it must give {sorted(declared_names)}"
-        )
-    for name, rate in given.items():
-        scalar(type(picture), f"internal_rates[{name!r}]", rate, symbols)
 
 
 def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:

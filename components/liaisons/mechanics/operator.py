@@ -4,34 +4,53 @@ from __future__ import annotations
 
 import inspect
 from abc import abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
 
 import casadi as ca
 
 from liaisons import units
-from liaisons.mechanics.component import Component, call, scalar
-from liaisons.mechanics.model import Model, Port, PortMember, Variable
+from liaisons.errors import ComponentError
+from liaisons.mechanics.algebra import stack
+from liaisons.mechanics.component import Component, call, check_internal_rates, declared, scalar
+from liaisons.mechanics.declarations import Input, InternalState
+from liaisons.mechanics.model import Model, Port, PortMember, State, Variable
 
 _TRIPLE = ("y", "y_dot", "y_ddot")
+_TEXTS = ("signal", "first derivative of the signal", "second derivative of the signal")
 
 
 class Operator(Component, abstract=True):
     """Source of a signal y(t) and its derivatives, for an active port; abstract.
 
-    A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, :meth:`events`.
+    A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, :meth:`events`.  One
+    that closes a loop declares inputs and internal states with :meth:`internal_rates`; the signal then depends on the
+    states, and through at least three of them on an input, so that y, y_dot and y_ddot are continuous.
     The outputs ``y``, ``y_dot``, ``y_ddot`` carry no unit: they take that of the port they are connected to.
 
-    :raises ComponentError: when the subclass is defined, for an unknown symbol or a wrong size.
+    :raises ComponentError: when the subclass is defined, for an unknown symbol, a wrong size, or a signal one of whose
+        derivatives jumps with an input.
     """
 
+    inputs: ClassVar[tuple[Input, ...]] = ()
+    internal_states: ClassVar[tuple[InternalState, ...]] = ()
     clock: ca.SX
+    internal: ca.SX
+    input_column: ca.SX
 
     def __init__(self) -> None:
         super().__init__()
         self.clock = ca.SX.sym("t")
+        self.internal = self._symbols(state.name for state in self.internal_states)
+        self.input_column = self._symbols(item.name for item in self.inputs)
 
     @abstractmethod
     def signal(self, t: ca.SX) -> ca.SX:
-        """y as an expression of time and the parameters."""
+        """y as an expression of time, the parameters and the internal states."""
+
+    def internal_rates(self) -> Mapping[str, ca.SX]:
+        """Rates of the internal states, by name."""
+        return {}
 
     def events(self) -> list[ca.SX]:
         """Instants at which y or one of its first two derivatives is not smooth."""
@@ -39,7 +58,16 @@ class Operator(Component, abstract=True):
 
     @classmethod
     def variable_names(cls) -> list[str]:
-        return [*(p.name for p in cls.parameters), *_TRIPLE]
+        names = [*(p.name for p in cls.parameters), *(item.name for item in cls.inputs), *_TRIPLE]
+        for state in cls.internal_states:
+            names += [f"{state.name}_0", state.name, f"{state.name}_dot"]
+        return names
+
+    @classmethod
+    def _collect(cls) -> None:
+        super()._collect()
+        cls.inputs = declared(cls, Input)
+        cls.internal_states = declared(cls, InternalState)
 
     @classmethod
     def _check(cls) -> None:
@@ -47,40 +75,69 @@ class Operator(Component, abstract=True):
         scalar(cls, "signal", call(picture, "signal", picture.clock), picture.symbols | {"t": picture.clock})
         for i, instant in enumerate(call(picture, "events")):
             scalar(cls, f"events[{i}]", instant, picture.symbols)
+        check_internal_rates(picture, picture.internal_states, picture.symbols)
+        for name, expression in zip(_TRIPLE, picture._triple(), strict=True):
+            if picture.inputs and ca.depends_on(expression, picture.input_column):
+                raise ComponentError(
+                    f"{cls.__name__}: {name} jumps with an input; pass the input through three internal states, "
+                    "each of which follows the one before"
+                )
+
+    def _triple(self) -> list[ca.SX]:
+        """y and its derivatives along the motion of the internal states."""
+        rates = stack(ca.SX(rate) for rate in self._rates())
+        triple = [ca.SX(self.signal(self.clock))]
+        for _ in range(2):
+            y = triple[-1]
+            triple.append(ca.jacobian(y, self.clock) + ca.jtimes(y, self.internal, rates))
+        return triple
+
+    def _rates(self) -> list[ca.SX]:
+        rates = self.internal_rates()
+        return [rates[state.name] for state in self.internal_states]
 
     @classmethod
     def model(cls) -> Model:
         picture = cls()
-        t, k = picture.clock, picture.parameter_column
-        y = ca.SX(picture.signal(t))
-        y_dot = ca.jacobian(y, t)
-        triple = ca.vertcat(y, y_dot, ca.jacobian(y_dot, t))
-        events = picture.events()
-        none = ca.SX(0, 1)
-        x = u = memory = none  # an operator has no state, no input and nothing to remember
-        texts = ("signal", "first derivative of the signal", "second derivative of the signal")
+        t, x, u = picture.clock, picture.internal, picture.input_column
+        rates, triple = picture._rates(), picture._triple()
+        start = [ca.SX.sym(f"{state.name}_0") for state in cls.internal_states]
+        k = ca.vertcat(picture.parameter_column, *start)
+        none = ca.SX(0, 1)  # an operator has nothing to remember
+        states = cls.internal_states
+        texts = zip(_TRIPLE, _TEXTS, strict=True)
+        outputs = [
+            *(Variable(name, units.ANY, text, "output", "continuous") for name, text in texts),
+            *(Variable(state.name, state.unit, state.description, "output", "continuous") for state in states),
+            *(_rate_of(state) for state in states),
+        ]
         return Model(
             name=cls.__name__,
             description=cls.summary(),
             documentation=inspect.getdoc(cls) or cls.__name__,
-            parameters=tuple(p.variable("parameter", "tunable" if p.tunable else "fixed") for p in cls.parameters),
-            inputs=(),
-            outputs=tuple(
-                Variable(name, units.ANY, text, "output", "continuous")
-                for name, text in zip(_TRIPLE, texts, strict=True)
+            parameters=(
+                *(p.variable("parameter", "tunable" if p.tunable else "fixed") for p in cls.parameters),
+                *(state.variable("parameter", "fixed", f"{state.name}_0") for state in cls.internal_states),
             ),
-            states=(),
+            inputs=tuple(item.variable("input", "continuous") for item in cls.inputs),
+            outputs=tuple(outputs),
+            states=tuple(State(state.name, f"{state.name}_dot") for state in cls.internal_states),
             memory=(),
-            start=ca.Function("start", [t, u, k], [none, none]),
-            derivatives=ca.Function("derivatives", [t, x, u, k], [none]),
-            outputs_function=ca.Function("outputs", [t, x, u, k, memory], [ca.densify(triple)]),
-            jump=ca.Function("jump", [t, x, u, k, memory], [none]),
-            remember=ca.Function("remember", [t, x, u, k, memory], [none]),
-            nominals=ca.Function("nominals", [t, x, u, k], [none]),
+            start=ca.Function("start", [t, u, k], [stack(start), none]),
+            derivatives=ca.Function("derivatives", [t, x, u, k], [stack(rates)]),
+            outputs_function=ca.Function("outputs", [t, x, u, k, none], [ca.densify(stack([*triple, x, *rates]))]),
+            jump=ca.Function("jump", [t, x, u, k, none], [x]),
+            remember=ca.Function("remember", [t, x, u, k, none], [none]),
+            nominals=ca.Function("nominals", [t, x, u, k], [ca.SX.ones(x.shape)]),
             conditions=ca.Function("conditions", [t, x, u, k], [none]),
             condition_texts=(),
-            events=ca.Function("events", [k], [ca.vertcat(*events) if events else none]),
+            events=ca.Function("events", [k], [stack(picture.events())]),
             ports=(Port("y", "signal", tuple(map(PortMember, ("s", "v", "a"), _TRIPLE))),),
             experiment=cls.experiment,
-            equations={"y": str(y)},
+            equations={"y": str(triple[0])},
         )
+
+
+def _rate_of(state: InternalState) -> Variable:
+    unit, text = units.rate(state.unit), f"rate of {state.name}"
+    return Variable(f"{state.name}_dot", unit, text, "local", "continuous", derivative_of=state.name)
