@@ -38,7 +38,8 @@ def random_states() -> Callable[..., list[State]]:
     def states(equations: Equations, count: int = 20, **fixed: float) -> list[State]:
         random = np.random.default_rng(20240229)
         m = equations.mechanism
-        domains = {item.name: item for item in (*m.parameters, *m.actives)}
+        bounded = (q for q in m.coordinates if q.minimum is not None)
+        domains = {item.name: item for item in (*m.parameters, *m.actives, *bounded)}
 
         def value(name: str) -> float:
             if name in domains and (domains[name].minimum is not None or domains[name].start):

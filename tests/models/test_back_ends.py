@@ -14,7 +14,7 @@ from liaisons.mechanics import Equations, Mechanism, Operator, derive
 from liaisons.models import CATALOGUE
 
 MECHANISMS = [component for component in CATALOGUE if issubclass(component, Mechanism)]
-OPERATORS = [component for component in CATALOGUE if issubclass(component, Operator)]
+OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
 
 
 def expressions(equations: Equations) -> dict[str, ca.SX]:

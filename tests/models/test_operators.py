@@ -9,7 +9,7 @@ from liaisons.errors import ValidityError
 from liaisons.mechanics import Operator
 from liaisons.models import CATALOGUE, Constant, Ramp, Sinusoid, SmoothStep
 
-OPERATORS = [component for component in CATALOGUE if issubclass(component, Operator)]
+OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
 VALUES: dict[type[Operator], dict[str, float]] = {
     Constant: {"value": 2.5},
     Ramp: {"offset": 1.0, "rate": -0.3, "start_time": 0.75},

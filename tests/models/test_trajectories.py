@@ -17,7 +17,7 @@ import pytest
 from liaisons.check import max_error, slope
 from liaisons.cosim import Result, System, simulate
 from liaisons.mechanics import Mechanism
-from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Ramp, Sinusoid, Swing
+from liaisons.models import CircularHoop, DoublePendulum, Flywheel, Oscillator, Pendulum, Ramp, Sinusoid, Swing
 
 Values = dict[str, Any]  # start values by name
 HOLD, EXTRAPOLATE, INTERPOLATE = 0, 1, 2  # input_reconstruction
@@ -143,6 +143,10 @@ MOVING: dict[type[Mechanism], tuple[Values, dict[str, Any]]] = {
     Flywheel: ({"angle_dot_0": 1.0, "friction": 0.2, "angle_load": 0.1}, {}),
     Swing: ({"theta_0": 0.5}, {"rope": wave(2.0, 0.1, 4.0), "lean": wave(1.5, 0.4, 4.0)}),
     CircularHoop: ({"xi_0": 1.0, "xi_dot_0": 0.5}, {"beta": wave(0.0, 1.0, 1.5)}),
+    DoublePendulum: (
+        {"theta_1_0": 1.0, "theta_2_0": -0.5, "theta_1_force": 0.3},
+        {"pivot_x": wave(0.0, 0.2, 1.3), "pivot_z": wave(0.1, 0.1, 3.0)},
+    ),
 }
 
 

@@ -1,0 +1,75 @@
+"""Motion in the field -μ/r: ellipse, parabola and hyperbola in one formula, without cancellation in any of them.
+
+With Stumpff's functions c_k = c_k(β s²), β = 2μ/r - v² (μ/a on an ellipse) and the universal anomaly s, ds = dt/r,
+counted like the time from the pericentre r_p, where x points and the angular momentum is L (per unit mass)::
+
+    t = r_p s c_1 + μ s³ c_3                Kepler's equation; E - e sin E = n t with E = s √β
+    r = r_p + μ e s² c_2 = dt/ds            all terms positive
+    x = r_p - μ s² c_2,    y = L s c_1
+
+Plane vectors are complex numbers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.models._stumpff import stumpff
+
+
+def kepler_motion(
+    t: NDArray[np.float64], r_0: complex, v_0: complex, mu: float
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Position and velocity after the times t, of its shape.
+
+    :param r_0: position at the start; ``v_0`` the velocity.  Their angular momentum must not vanish.
+    """
+    sigma, L = (r_0.conjugate() * v_0).real, (r_0.conjugate() * v_0).imag
+    distance, parameter = abs(r_0), L**2 / mu
+    beta = 2 * mu / distance - abs(v_0) ** 2
+    rate = np.sqrt(abs(beta))
+    if beta > 0:
+        e_cosine, e_sine = 1 - distance * beta / mu, sigma * rate / mu  # e cos E and e sin E at the start
+        e, s_0 = np.hypot(e_cosine, e_sine), np.arctan2(e_sine, e_cosine) / rate
+    else:
+        e = np.sqrt(1 - beta * parameter / mu)
+        s_0 = np.arcsinh(rate * sigma / (mu * e)) / rate if beta < 0 else sigma / mu
+    nearest = parameter / (1 + e)
+
+    def place(s: NDArray) -> NDArray:
+        c_1, c_2, _ = stumpff(beta * s**2)
+        return nearest - mu * s**2 * c_2 + 1j * L * s * c_1
+
+    def time(s: NDArray) -> NDArray:
+        c_1, _, c_3 = stumpff(beta * s**2)
+        return s * (nearest * c_1 + mu * s**2 * c_3)
+
+    since = t + time(np.asarray(s_0))
+    if beta > 0:
+        period = 2 * np.pi * mu / (beta * rate)
+        since -= period * np.round(since / period)
+    s = np.sign(since) * _universal_anomaly(np.abs(since), nearest, e, beta, mu)
+    c_1, c_2, _ = stumpff(beta * s**2)
+    r = nearest + mu * e * s**2 * c_2
+    turn = r_0 / place(np.asarray(s_0))
+    turn /= abs(turn)  # from the frame of the pericentre; well defined on a circle, too
+    return turn * place(s), turn * (-mu * s * c_1 + 1j * L * (1 - beta * s**2 * c_2)) / r
+
+
+def _universal_anomaly(t: NDArray, nearest: float, e: float, beta: float, mu: float) -> NDArray:
+    """s(t) for t >= 0, on an ellipse up to half a period.
+
+    By Newton's method: t(s) is convex, since r grows, so that from an upper bound s falls to the root.
+    """
+    rate = np.sqrt(abs(beta))
+    s = np.full_like(t, np.pi / rate) if beta > 0 else np.cbrt(6 * t / mu)  # c_3 >= 1/6
+    if beta < 0:  # sinh x - x >= ½ sinh x from x = 2.2 on
+        s = np.minimum(s, np.maximum(2.2, np.arcsinh(2 * t * rate**3 / mu)) / rate)
+    while True:
+        c_1, c_2, c_3 = stumpff(beta * s**2)
+        missing = t - s * (nearest * c_1 + mu * s**2 * c_3)
+        lower = np.minimum(s, s + missing / (nearest + mu * e * s**2 * c_2))
+        if np.all(s - lower <= 4e-16 * s):  # the last digit
+            return lower
+        s = lower

@@ -1,0 +1,148 @@
+"""The charged particle in uniform electric and magnetic fields."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
+from liaisons.models._stumpff import stumpff
+from liaisons.models._validity import require, require_positive
+
+
+class ChargedParticle(Mechanism):
+    """Point charge in uniform electric and magnetic fields of any direction.
+
+    ::
+
+        L = ½ m |r'|² - Q (φ - r'·A),    φ = -E·r,    A = ½ B∧r          K eq. 24, 26
+        p = ∂L/∂r' = m r' + Q A,         m r'' = Q (E + r'∧B)             K eq. 21
+        Ω = Q B/m                                                         K eq. 28
+        r_c = r + m r'∧B/(Q B²)          at rest if E = 0, else
+        r_c' = E∧B/B²                    if E is across B
+
+    r [m], m [kg] mass, Q [C] charge, B [T], E [V/m]; p_x, p_y, p_z [kg.m/s] are the canonical momenta in the
+    symmetric gauge, m r' the kinetic one, r_c [m] the centre of the turns.  The magnetic force does no work: the
+    energy is ½ m |r'|² - Q E·r.  A = ½ B∧r asks for a uniform B.
+
+    Source: K 2.3, Ex. 4 (eq. 27 with its dots restored), Ex. 7.
+    """
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    charge = Parameter(1.0, "C", "charge")
+    B_x = Parameter(0.0, "T", "magnetic field along x")
+    B_y = Parameter(0.0, "T", "magnetic field along y")
+    B_z = Parameter(1.0, "T", "magnetic field along z")
+    E_x = Parameter(0.0, "V/m", "electric field along x")
+    E_y = Parameter(0.0, "V/m", "electric field along y")
+    E_z = Parameter(0.0, "V/m", "electric field along z")
+    x = Coordinate("m", "position")
+    y = Coordinate("m", "position")
+    z = Coordinate("m", "position")
+    experiment = Experiment(stop_time=20.0, step_size=0.02)
+
+    @property
+    def _r(self) -> ca.SX:
+        return ca.vertcat(self.x, self.y, self.z)
+
+    @property
+    def _B(self) -> ca.SX:  # noqa: N802
+        return ca.vertcat(self.B_x, self.B_y, self.B_z)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * ca.sumsqr(self.dot(self._r))
+
+    def potential_energy(self) -> ca.SX:
+        return -self.charge * ca.dot(ca.vertcat(self.E_x, self.E_y, self.E_z), self._r)
+
+    def lagrangian(self) -> ca.SX:
+        A = ca.cross(self._B, self._r) / 2
+        return self.kinetic_energy() - self.potential_energy() + self.charge * ca.dot(self.dot(self._r), A)
+
+    @output("kg.m/s", "mass times velocity along x, p_x without the part of the field")
+    def kinetic_momentum_x(self) -> ca.SX:
+        return self.mass * self.dot(self.x)
+
+    @output("kg.m/s", "mass times velocity along y, p_y without the part of the field")
+    def kinetic_momentum_y(self) -> ca.SX:
+        return self.mass * self.dot(self.y)
+
+    @output("kg.m/s", "mass times velocity along z, p_z without the part of the field")
+    def kinetic_momentum_z(self) -> ca.SX:
+        return self.mass * self.dot(self.z)
+
+    @property
+    def _guiding_centre(self) -> ca.SX:
+        QB = self.charge * self._B
+        square = ca.sumsqr(QB)
+        arm = self.mass * ca.cross(self.dot(self._r), QB) / (square + (square == 0))  # 0 where there is no field
+        return self._r + arm
+
+    @output("m", "x of the centre of the turns; of the particle itself where charge or magnetic field is 0")
+    def guiding_centre_x(self) -> ca.SX:
+        return self._guiding_centre[0]
+
+    @output("m", "y of the centre of the turns; of the particle itself where charge or magnetic field is 0")
+    def guiding_centre_y(self) -> ca.SX:
+        return self._guiding_centre[1]
+
+    @output("m", "z of the centre of the turns; of the particle itself where charge or magnetic field is 0")
+    def guiding_centre_z(self) -> ca.SX:
+        return self._guiding_centre[2]
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        x_0: float = 0.0,
+        y_0: float = 0.0,
+        z_0: float = 0.0,
+        x_dot_0: float = 0.0,
+        y_dot_0: float = 0.0,
+        z_dot_0: float = 0.0,
+        mass: float = 1.0,
+        charge: float = 1.0,
+        B_x: float = 0.0,
+        B_y: float = 0.0,
+        B_z: float = 1.0,
+        E_x: float = 0.0,
+        E_y: float = 0.0,
+        E_z: float = 0.0,
+    ) -> dict[str, NDArray]:
+        """Helix, cycloid or parabola: K Ex. 4 for any direction of the fields and any start, without division by Ω.
+
+        :param t: times since the start [s], any shape.
+        :returns: ``x``, ``y``, ``z`` [m], ``x_dot``, ``y_dot``, ``z_dot`` [m/s].
+        :raises ValidityError: for mass <= 0.
+        """
+        require_positive("ChargedParticle.exact", mass=mass)
+        times = np.asarray(t, dtype=float)[..., None]  # the last axis is that of x, y, z
+        r_0, v_0 = np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0])
+        acceleration = charge / mass * np.array([E_x, E_y, E_z])
+        turn = -charge / mass * np.array([B_x, B_y, B_z])  # v' = acceleration + turn∧v
+        rate = float(np.linalg.norm(turn))
+        c_1, c_2, c_3 = stumpff((rate * times) ** 2)
+
+        # Along the field uniform acceleration, across it a turn.
+        axis = turn / rate if rate > 0 else np.zeros(3)
+        v_along, a_along = axis * (axis @ v_0), axis * (axis @ acceleration)
+        v, a = v_0 - v_along, acceleration - a_along
+        v_left, a_left = np.cross(turn, v), np.cross(turn, a)
+        cosine = 1 - (rate * times) ** 2 * c_2
+        r = r_0 + times * (v_along + c_1 * v) + times**2 * (a_along / 2 + c_2 * (v_left + a)) + times**3 * c_3 * a_left
+        r_dot = v_along + cosine * v + times * (a_along + c_1 * (v_left + a)) + times**2 * c_2 * a_left
+        names = ("x", "y", "z", "x_dot", "y_dot", "z_dot")
+        return dict(zip(names, np.moveaxis(np.concatenate([r, r_dot], axis=-1), -1, 0), strict=True))
+
+    @staticmethod
+    def drift(
+        *, B_x: float = 0.0, B_y: float = 0.0, B_z: float = 1.0, E_x: float = 0.0, E_y: float = 0.0, E_z: float = 0.0
+    ) -> NDArray:
+        """Velocity of the guiding centre across B, E∧B/B² [m/s], shape (3,): the same for all masses and charges.
+
+        :raises ValidityError: where there is no magnetic field.
+        """
+        B = np.array([B_x, B_y, B_z])
+        require(bool(np.any(B != 0)), "ChargedParticle.drift: B = 0; without a magnetic field nothing drifts")
+        return np.cross([E_x, E_y, E_z], B) / (B @ B)

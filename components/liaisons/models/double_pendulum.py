@@ -1,0 +1,116 @@
+"""The double pendulum: two rods, two point masses."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, point
+from liaisons.models._linear import oscillation
+from liaisons.models._validity import require_not_negative, require_positive
+
+
+class DoublePendulum(Mechanism):
+    """Pendulum hung from the bob of another; an operator may move the upper pivot.
+
+    With r_1 = r_p + l_1 (sin θ_1, -cos θ_1) and r_2 = r_1 + l_2 (sin θ_2, -cos θ_2)::
+
+        T = ½ m_1 |r_1'|² + ½ m_2 |r_2'|²,    V = m_1 g z_1 + m_2 g z_2
+        fixed pivot, δ = θ_1 - θ_2:
+        (m_1 + m_2) l_1 θ_1'' + m_2 l_2 (θ_2'' cos δ + θ_2'² sin δ) = -(m_1 + m_2) g sin θ_1
+                        l_2 θ_2'' + l_1 (θ_1'' cos δ - θ_1'² sin δ) = -g sin θ_2
+        small angles:  g/Ω² = ½ (l_1 + l_2 ± √((l_1 - l_2)² + 4 l_1 l_2 m_2/(m_1 + m_2)))
+
+    θ_1, θ_2 [rad] angles of the rods from the downward vertical, both absolute; l [m] lengths, m [kg] masses,
+    g [m/s2] gravity.  It is two :class:`Pendulum` s, the second one's pivot at the first one's bob.  Large motions
+    are chaotic: only the energy tells whether they are right.
+
+    Source: the two-pendulum case of K sec. 2.2 (eq. 12, 19) and of the normal modes of K 5.2.
+    """
+
+    mass_1 = Parameter(1.0, "kg", "mass of the upper bob", above=0)
+    mass_2 = Parameter(1.0, "kg", "mass of the lower bob", above=0)
+    length_1 = Parameter(1.0, "m", "length of the upper rod", above=0)
+    length_2 = Parameter(1.0, "m", "length of the lower rod", above=0)
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    theta_1 = Coordinate("rad", "angle of the upper rod from the downward vertical")
+    theta_2 = Coordinate("rad", "angle of the lower rod from the downward vertical")
+    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
+    pivot_z = ActiveCoordinate("m", "height of the pivot")
+    experiment = Experiment(stop_time=10.0, step_size=0.01)
+
+    @point("m", "the upper bob")
+    def bob_1(self) -> dict[str, ca.SX]:
+        sine, cosine = ca.sin(self.theta_1), ca.cos(self.theta_1)
+        return {"x": self.pivot_x + self.length_1 * sine, "z": self.pivot_z - self.length_1 * cosine}
+
+    @point("m", "the lower bob")
+    def bob_2(self) -> dict[str, ca.SX]:
+        sine, cosine = ca.sin(self.theta_2), ca.cos(self.theta_2)
+        return {"x": self.bob_1["x"] + self.length_2 * sine, "z": self.bob_1["z"] - self.length_2 * cosine}
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass_1 / 2 * self.speed_squared(self.bob_1) + self.mass_2 / 2 * self.speed_squared(self.bob_2)
+
+    def potential_energy(self) -> ca.SX:
+        return self.gravity * (self.mass_1 * self.bob_1["z"] + self.mass_2 * self.bob_2["z"])
+
+    @staticmethod
+    def small_angles(
+        t: ArrayLike,
+        *,
+        theta_1_0: float = 0.0,
+        theta_2_0: float = 0.0,
+        theta_1_dot_0: float = 0.0,
+        theta_2_dot_0: float = 0.0,
+        mass_1: float = 1.0,
+        mass_2: float = 1.0,
+        length_1: float = 1.0,
+        length_2: float = 1.0,
+        gravity: float = 9.81,
+    ) -> dict[str, NDArray]:
+        """Motion for sin θ ≈ θ with fixed pivot: the superposition of the two normal modes.
+
+        :param t: times since the start [s], any shape, >= 0.
+        :returns: ``theta_1``, ``theta_2`` [rad], ``theta_1_dot``, ``theta_2_dot`` [rad/s].
+        :raises ValidityError: for a mass, length or gravity that is not positive, or negative times.
+        """
+        require_not_negative("DoublePendulum.small_angles", t=float(np.min(t)))
+        frequencies, modes = DoublePendulum.normal_modes(
+            mass_1=mass_1, mass_2=mass_2, length_1=length_1, length_2=length_2, gravity=gravity
+        )
+        # amplitudes in the modes (1, b_k): θ_1 = q_1 + q_2, θ_2 = b_1 q_1 + b_2 q_2
+        start = np.linalg.solve(modes, [[theta_1_0, theta_1_dot_0], [theta_2_0, theta_2_dot_0]])
+        moving = [oscillation(t, *q, omega_squared=w**2, gamma=0.0) for q, w in zip(start, frequencies, strict=True)]
+        theta, theta_dot = (np.tensordot(modes, np.array(part), 1) for part in zip(*moving, strict=True))
+        return {"theta_1": theta[0], "theta_2": theta[1], "theta_1_dot": theta_dot[0], "theta_2_dot": theta_dot[1]}
+
+    @staticmethod
+    def normal_modes(
+        *,
+        mass_1: float = 1.0,
+        mass_2: float = 1.0,
+        length_1: float = 1.0,
+        length_2: float = 1.0,
+        gravity: float = 9.81,
+    ) -> tuple[NDArray, NDArray]:
+        """Frequencies [rad/s], the slow one first, and modes (1, θ_2/θ_1) as columns, shapes (2,) and (2, 2).
+
+        In the slow mode both bobs swing to the same side, in the fast one to opposite sides.
+
+        :raises ValidityError: for a mass, length or gravity that is not positive.
+        """
+        require_positive("DoublePendulum.normal_modes", mass_1=mass_1, mass_2=mass_2)
+        require_positive("DoublePendulum.normal_modes", length_1=length_1, length_2=length_2, gravity=gravity)
+        # λ = g/Ω² solves λ² - (l_1 + l_2) λ + l_1 l_2 m_1/(m_1 + m_2) = 0 and θ_2/θ_1 = l_1/(λ - l_2); of the two
+        # roots each of λ and of λ - l_2 the one with cancellation follows from the product.
+        product, difference, total = length_1 * length_2, length_1 - length_2, mass_1 + mass_2
+        root = np.hypot(difference, 2 * np.sqrt(product * mass_2 / total))
+        slow = (length_1 + length_2 + root) / 2
+        fast = product * mass_1 / total / slow
+        larger = (abs(difference) + root) / 2
+        smaller = product * mass_2 / total / larger
+        behind_slow, behind_fast = (larger, -smaller) if difference >= 0 else (smaller, -larger)
+        modes = np.array([[1, 1], [length_1 / behind_slow, length_1 / behind_fast]])
+        return np.sqrt(gravity / np.array([slow, fast])), modes

@@ -1,0 +1,102 @@
+"""The planet in the field of a fixed star."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, condition, output
+from liaisons.models._kepler import kepler_motion
+from liaisons.models._validity import require, require_positive
+
+
+class KeplerOrbit(Mechanism):
+    """Planet in the plane of its orbit, attracted by a star at the origin.
+
+    ::
+
+        L = ½ m (x'² + y'²) + m μ/r,    r'' = -μ r/r³         V = -m μ/r, K 2.5 with its sign corrected
+        L_z = m (x y' - y x'),          e = r'∧(r∧r')/μ - r/r
+        T = 2π √(a³/μ),                 1/a = 2/r - |r'|²/μ   third law, for orbits of any eccentricity
+        2 T̄ + V̄ = [p·r]/τ              virial over any time τ, K eq. 74 with h = -1 in the limit
+
+    x, y [m], m [kg] planet, μ = γ M [m3/s2] gravitational constant times the mass of the star, L_z [kg.m2/s]; the
+    vector e points to the pericentre and has the length of the eccentricity.  Energy, L_z and e are constant.  r = 0
+    is reached by orbits without angular momentum.
+
+    Source: K 2.5, eq. 60 (star M and planet m told apart); K 2.7.
+    """
+
+    mass = Parameter(1.0, "kg", "mass of the planet", above=0)
+    mu = Parameter(1.0, "m3/s2", "gravitational constant times mass of the star", above=0)
+    x = Coordinate("m", "position", start=1.0)
+    y = Coordinate("m", "position", start_rate=1.0)
+    experiment = Experiment(stop_time=20.0, step_size=0.02)
+
+    @property
+    def _r(self) -> ca.SX:
+        return ca.hypot(self.x, self.y)
+
+    @property
+    def _moment(self) -> ca.SX:
+        """Angular momentum per unit mass [m2/s]."""
+        return self.x * self.dot(self.y) - self.y * self.dot(self.x)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+
+    def potential_energy(self) -> ca.SX:
+        return -self.mass * self.mu / self._r
+
+    @output("kg.m2/s", "angular momentum about the star")
+    def angular_momentum(self) -> ca.SX:
+        return self.mass * self._moment
+
+    @output("1", "x of the eccentricity vector, which points to the pericentre")
+    def eccentricity_x(self) -> ca.SX:
+        return self.dot(self.y) * self._moment / self.mu - self.x / self._r
+
+    @output("1", "y of the eccentricity vector")
+    def eccentricity_y(self) -> ca.SX:
+        return -self.dot(self.x) * self._moment / self.mu - self.y / self._r
+
+    @condition("r must stay > 0: without angular momentum the planet falls into the star")
+    def apart(self) -> ca.SX:
+        return self._r
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        x_0: float = 1.0,
+        y_0: float = 0.0,
+        x_dot_0: float = 0.0,
+        y_dot_0: float = 1.0,
+        mass: float = 1.0,
+        mu: float = 1.0,
+    ) -> dict[str, NDArray]:
+        """Ellipse, parabola or hyperbola, by Kepler's equation solved to rounding.
+
+        :param t: times since the start [s], any shape.
+        :returns: ``x``, ``y`` [m], ``x_dot``, ``y_dot`` [m/s].
+        :raises ValidityError: for mass or mu <= 0, or a start without angular momentum.
+        """
+        require_positive("KeplerOrbit.exact", mass=mass, mu=mu)
+        require(x_0 * y_dot_0 != y_0 * x_dot_0, "KeplerOrbit.exact: angular momentum 0: the planet moves through r = 0")
+        start, rate = complex(x_0, y_0), complex(x_dot_0, y_dot_0)
+        position, velocity = kepler_motion(np.asarray(t, dtype=float), start, rate, mu)
+        return {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
+
+    @staticmethod
+    def period(
+        *, x_0: float = 1.0, y_0: float = 0.0, x_dot_0: float = 0.0, y_dot_0: float = 1.0, mu: float = 1.0
+    ) -> float:
+        """Time of a revolution, 2π √(a³/μ) (K eq. 60); infinite on a parabola or hyperbola [s].
+
+        :raises ValidityError: for mu <= 0 or a start in the star.
+        """
+        distance = float(np.hypot(x_0, y_0))
+        require_positive("KeplerOrbit.period", mu=mu, r_0=distance)
+        inverse = 2 / distance - (x_dot_0**2 + y_dot_0**2) / mu  # 1/a
+        return float(2 * np.pi / np.sqrt(mu * inverse**3)) if inverse > 0 else np.inf

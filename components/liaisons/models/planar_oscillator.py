@@ -1,0 +1,65 @@
+"""The oscillator in the plane, in Cartesian coordinates."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
+from liaisons.models._linear import oscillation
+from liaisons.models._validity import require_not_negative, require_positive
+
+
+class PlanarOscillator(Mechanism):
+    """Mass in a plane, drawn to the origin by a force in proportion to the distance.
+
+    ::
+
+        L = ½ m (x'² + y'²) - ½ K (x² + y²)                   K eq. 35,  Ω² = K/m
+        x'' + Ω² x = 0,    y'' + Ω² y = 0                     K eq. 36, 37
+
+    x, y [m], m [kg] mass, K [N/m] stiffness.  The orbit is an ellipse about the origin.  Energy and angular momentum
+    m (x y' - y x') are constant; the latter is p_φ of :class:`PolarOscillator`, the same motion in r and φ.
+
+    Source: K Ex. 5.
+    """
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
+    x = Coordinate("m", "position")
+    y = Coordinate("m", "position")
+    experiment = Experiment(stop_time=20.0, step_size=0.01)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (self.x**2 + self.y**2)
+
+    @output("kg.m2/s", "angular momentum about the origin")
+    def angular_momentum(self) -> ca.SX:
+        return self.mass * (self.x * self.dot(self.y) - self.y * self.dot(self.x))
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        x_0: float = 0.0,
+        y_0: float = 0.0,
+        x_dot_0: float = 0.0,
+        y_dot_0: float = 0.0,
+        mass: float = 1.0,
+        stiffness: float = 1.0,
+    ) -> dict[str, NDArray]:
+        """Two oscillations of one frequency: an ellipse.
+
+        :param t: times since the start [s], any shape, >= 0.
+        :returns: ``x``, ``y`` [m], ``x_dot``, ``y_dot`` [m/s].
+        :raises ValidityError: for mass <= 0, negative stiffness or times.
+        """
+        require_positive("PlanarOscillator.exact", mass=mass)
+        require_not_negative("PlanarOscillator.exact", stiffness=stiffness, t=float(np.min(t)))
+        x, x_dot = oscillation(t, x_0, x_dot_0, omega_squared=stiffness / mass, gamma=0.0)
+        y, y_dot = oscillation(t, y_0, y_dot_0, omega_squared=stiffness / mass, gamma=0.0)
+        return {"x": x, "y": y, "x_dot": x_dot, "y_dot": y_dot}

@@ -1,0 +1,208 @@
+"""LinearMolecule: K Ex. 11, its equations, modes and motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import Decimal
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.check import max_error
+from liaisons.cosim import simulate
+from liaisons.errors import SimulationError, ValidityError
+from liaisons.mechanics import derive
+from liaisons.models.linear_molecule import LinearMolecule
+
+State = dict[str, float]
+ATOMS = (1, 2, 3)
+CO2 = {item.name: item.start for item in LinearMolecule.parameters}
+RECORD = [form.format(i) for i in ATOMS for form in ("x_{}_dot", "p_x_{}", "omega_{}", "mode_{}")]
+# not at rest, not symmetric
+START: State = {"x_1_0": -0.02, "x_2_0": 0.13, "x_3_0": 0.21, "x_1_dot_0": 0.01, "x_3_dot_0": -0.02}
+
+
+def algebra(value: ArrayLike) -> object:
+    """Equal up to the rounding of an algebraic identity: sums of a few terms, a few roundings of the largest."""
+    return pytest.approx(value, rel=1e-12, abs=1e-12)
+
+
+def matrices(n: State) -> tuple[NDArray, NDArray]:
+    """M and K of K eq. 155 and 154."""
+    M = np.diag([n["mass_outer"], n["mass_inner"], n["mass_outer"]])
+    return M, n["stiffness"] * np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+
+
+def displacements(n: State) -> NDArray:
+    """u = X - X⁰ with X⁰ = (0, L, 2L)."""
+    return np.array([n[f"x_{i}"] - (i - 1) * n["spacing"] for i in ATOMS])
+
+
+# ---- Newton's law and the formulas of the text -------------------------------------------------------------------
+
+
+def test_atoms_move_by_newtons_law(random_states) -> None:
+    """M u'' + K u = F (K eq. 137), the spacing only shifting the positions."""
+    equations = derive(LinearMolecule)
+    for n in random_states(equations):
+        M, K = matrices(n)
+        applied = np.array([n[f"x_{i}_force"] - n[f"x_{i}_load"] for i in ATOMS])
+        u = displacements(n)
+        assert equations.evaluate("accelerations", **n) == algebra(np.linalg.solve(M, applied - K @ u))
+        assert equations.evaluate("potential_energy", **n) == algebra(u @ K @ u / 2)  # K eq. 153
+
+
+def outputs(random_states, *names: str) -> list[tuple[State, NDArray]]:
+    """Random states and the values of some outputs there."""
+    equations = derive(LinearMolecule)
+    symbols = equations.symbols
+    m = equations.mechanism
+    function = ca.Function("f", list(symbols.values()), [ca.vertcat(*(getattr(m, name) for name in names))])
+    states = random_states(equations)
+    return [(n, np.asarray(function(*(n[name] for name in symbols)))[:, 0]) for n in states]
+
+
+def test_ka16_the_eigenvalues_are_the_squares_of_the_normal_frequencies(random_states) -> None:
+    for n, omega in outputs(random_states, "omega_1", "omega_2", "omega_3"):
+        M, K = matrices(n)
+        root = np.sqrt(M)
+        eigenvalues = np.linalg.eigvalsh(np.linalg.solve(root, K) @ np.linalg.inv(root))  # of K eq. 156
+        assert eigenvalues == algebra(omega**2)
+        assert np.max(np.abs(eigenvalues - omega)) > 1e-2  # K's words, "les valeurs propres … sont les fréquences"
+
+
+def test_modes_are_those_of_equation_158(random_states) -> None:
+    for n, q in outputs(random_states, "mode_1", "mode_2", "mode_3"):
+        M, K = matrices(n)
+        modes = LinearMolecule.modes(mass_outer=n["mass_outer"], mass_inner=n["mass_inner"])
+        alpha = n["mass_outer"] / n["mass_inner"]
+        third = [1 / np.sqrt(4 * alpha**2 + 2), -np.sqrt(2) * alpha / np.sqrt(2 * alpha**2 + 1)]
+        printed = np.array([[1 / np.sqrt(3)] * 3, [-1 / np.sqrt(2), 0, 1 / np.sqrt(2)], [*third, third[0]]]).T
+        assert modes == algebra(printed)
+        squares = n["stiffness"] * np.array([0, 1 / n["mass_outer"], 1 / n["mass_outer"] + 2 / n["mass_inner"]])
+        assert K @ modes == algebra(M @ modes * squares)  # K u_k = Ω_k² M u_k
+        assert modes @ q == algebra(displacements(n))  # u = Σ q_k u_k
+
+
+def test_kb12_the_vectors_of_equation_158_are_not_normalised_as_equation_151_says() -> None:
+    M, _ = matrices(CO2)
+    modes = LinearMolecule.modes()
+    assert np.linalg.norm(modes, axis=0) == algebra([1, 1, 1])
+    weights = np.diag(modes.T @ M @ modes)  # would be 1 with K eq. 151
+    assert np.min(weights) > 10
+    # The mass-weighted normal coordinates of K eq. 149 are √weight times ours: their energies are ½ q'² + ½ Ω² q².
+    u = np.array([0.1, -0.05, 0.02])
+    q = np.linalg.solve(modes, u)
+    D = np.sqrt(M) @ modes / np.sqrt(weights)  # the orthogonal matrix of K eq. 141
+    np.testing.assert_allclose(D.T @ D, np.eye(3), atol=1e-14)  # a few roundings
+    assert D.T @ np.sqrt(M) @ u == algebra(np.sqrt(weights) * q)
+
+
+def test_kb2_total_momentum_needs_each_atoms_own_mass(random_states) -> None:
+    """K eq. 46 prints Σ m r_α': with one mass for all it is no constant."""
+    equations = derive(LinearMolecule)
+    unloaded = {name: 0.0 for name in equations.symbols if name.endswith(("_force", "_load"))}
+    for n in random_states(equations, **unloaded):
+        rates = equations.evaluate("accelerations", **n)
+        masses = np.diag(matrices(n)[0])
+        terms = np.abs(masses * rates).sum()
+        assert abs(masses @ rates) <= 1e-14 * terms  # a few roundings
+        assert abs(n["mass_outer"] * rates.sum()) > 1e-3 * terms
+
+
+# ---- closed form -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "other", [{}, {"mass_outer": 1.0, "mass_inner": 0.01}, {"mass_inner": 500.0, "stiffness": 30.0}]
+)
+def test_closed_form_is_exact_to_rounding(other: State, taylor) -> None:
+    times = np.linspace(0, 20, 11)
+    n = {name: Decimal(value) for name, value in (CO2 | other).items()}
+    outer, inner = n["stiffness"] / n["mass_outer"], n["stiffness"] / n["mass_inner"]
+    # displacements u and their rates
+    rates = [{(3,): 1}, {(4,): 1}, {(5,): 1}]
+    rates += [{(0,): -outer, (1,): outer}, {(0,): inner, (1,): -2 * inner, (2,): inner}, {(1,): outer, (2,): -outer}]
+    L = n["spacing"]
+    u = [Decimal(START[f"x_{i}_0"]) - (i - 1) * L for i in ATOMS]
+    u_dot = [Decimal(START.get(f"x_{i}_dot_0", 0.0)) for i in ATOMS]
+    reference = taylor(times, [*u, *u_dot], rates)
+    exact = LinearMolecule.exact(times, **START, **other)
+    for i in ATOMS:
+        # Roundings of a phase of up to 300 (the light inner atom) in amplitudes of 0.05 m, rates 14 times that.
+        position = reference[i - 1] + (i - 1) * float(L)
+        np.testing.assert_allclose(exact[f"x_{i}"], position, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(exact[f"x_{i}_dot"], reference[i + 2], rtol=0, atol=1e-13)
+
+
+def test_modes_of_equal_masses_are_those_of_the_chain() -> None:
+    """Ω_k = 2 √(κ/m) sin(kπ/2N) for N = 3 (the free chain of K 5.3), shapes cos(kπ (j - ½)/N)."""
+    k, j = np.arange(3), np.arange(1, 4)
+    M, K = matrices({"mass_outer": 2.0, "mass_inner": 2.0, "stiffness": 3.0})
+    modes = LinearMolecule.modes(mass_outer=2.0, mass_inner=2.0)
+    omega = 2 * np.sqrt(3 / 2) * np.sin(k * np.pi / 6)
+    assert K @ modes == algebra(M @ modes * omega**2)
+    chain = np.cos(np.outer(j - 0.5, k) * np.pi / 3)
+    chain /= np.linalg.norm(chain, axis=0)
+    assert np.abs(chain.T @ modes) == algebra(np.eye(3))  # the sign of a mode is a convention
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: LinearMolecule.exact(1.0, mass_inner=0.0), "mass_inner = 0.0 must be > 0"),
+        (lambda: LinearMolecule.exact(1.0, spacing=-0.1), "spacing = -0.1 must be >= 0"),
+        (lambda: LinearMolecule.exact(-1.0), "t = -1.0 must be >= 0"),
+        (lambda: LinearMolecule.modes(mass_outer=-1.0), "mass_outer = -1.0 must be > 0"),
+    ],
+)
+def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValidityError, match=words):
+        call()
+
+
+# ---- FMU ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("other", [{}, {"mass_outer": 1.0, "mass_inner": 1.0, "stiffness": 2.0, "spacing": 0.5}])
+def test_fmu_follows_the_superposition_of_modes(fmu, other: Any) -> None:
+    start: Any = START | other
+    result = simulate(fmu(LinearMolecule), stop_time=200.0, step_size=1.0, tolerance=1e-10, **start)
+    for name, values in LinearMolecule.exact(result.time, **start).items():
+        # κ = 1 and a drift; hundred periods of 1e-10 each at a size of 0.1 m
+        assert max_error(result[name], values) <= 1e-8, name
+
+
+def test_fmu_keeps_momentum_and_the_energy_of_each_mode(fmu) -> None:
+    start: Any = START
+    result = simulate(fmu(LinearMolecule), stop_time=200.0, step_size=0.5, tolerance=1e-10, record=RECORD, **start)
+    momentum = np.sum([result[f"p_x_{i}"] for i in ATOMS], axis=0)
+    assert max_error(momentum, momentum[0]) <= 1e-13  # the springs' forces cancel in each step: roundings
+    M, _ = matrices(CO2)
+    modes = LinearMolecule.modes()
+    rates = np.linalg.solve(modes, [result[f"x_{i}_dot"] for i in ATOMS])
+    weights = np.diag(modes.T @ M @ modes)
+    for k in ATOMS:
+        energy = weights[k - 1] / 2 * (rates[k - 1] ** 2 + (result[f"omega_{k}"] * result[f"mode_{k}"]) ** 2)
+        assert max_error(energy, energy[0]) <= 10 * 1e-10 * 200 * float(np.max(energy))
+        assert energy[0] > 1e-5  # each mode takes part
+
+
+@pytest.mark.parametrize("k", ATOMS)
+def test_started_in_a_mode_the_others_stay_still(fmu, k: int) -> None:
+    u = 0.05 * LinearMolecule.modes()[:, k - 1]
+    start: Any = {f"x_{i}_0": (i - 1) * 0.116 + u[i - 1] for i in ATOMS}
+    result = simulate(fmu(LinearMolecule), stop_time=200.0, step_size=0.5, tolerance=1e-10, record=RECORD, **start)
+    for other in set(ATOMS) - {k}:
+        assert max_error(result[f"mode_{other}"], 0.0) <= 1e-10  # tolerance; linear equations mix by rounding only
+    cosine = 0.05 * np.cos(result[f"omega_{k}"] * result.time)
+    assert max_error(result[f"mode_{k}"], cosine) <= 1e-9  # phase errors of 1e-10 · Ωt of 100, of 0.05 m
+
+
+@pytest.mark.parametrize("name", ["mass_outer", "mass_inner", "stiffness"])
+def test_bad_input_is_named(fmu, name: str) -> None:
+    with pytest.raises(SimulationError, match=f"{name} = 0 at t = 0: it must be > 0"):
+        simulate(fmu(LinearMolecule), stop_time=1.0, **{name: 0.0})  # type: ignore[arg-type]

@@ -1,0 +1,495 @@
+"""FreeParticle, ChargedParticle and KeplerOrbit, from Newton's law to FMUs.
+
+Tolerances of trajectories: as in test_trajectories, ten times the solver's tolerance times the amplification κ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import Decimal
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.check import max_error, slope
+from liaisons.cosim import simulate
+from liaisons.errors import SimulationError, ValidityError
+from liaisons.mechanics import Mechanism, derive
+from liaisons.models._stumpff import stumpff
+from liaisons.models.charged_particle import ChargedParticle
+from liaisons.models.free_particle import FreeParticle
+from liaisons.models.kepler_orbit import KeplerOrbit
+
+State = dict[str, float]
+PARTICLES = [FreeParticle, ChargedParticle, KeplerOrbit]
+
+
+def algebra(value: ArrayLike) -> object:
+    """Equal up to the rounding of an algebraic identity: sums of a few terms, a few roundings of the largest."""
+    return pytest.approx(value, rel=1e-12, abs=1e-12)
+
+
+def vector(n: State, form: str, axes: str = "xyz") -> NDArray:
+    """The numbers of one vector: ``vector(n, "{}_dot")`` is the velocity."""
+    return np.array([n[form.format(axis)] for axis in axes])
+
+
+# ---- Newton's law ------------------------------------------------------------------------------------------------
+
+
+def force_on_free_particle(n: State) -> NDArray:
+    return np.array([0.0, 0.0, -n["mass"] * n["gravity"]]) - n["mass"] * n["friction"] * vector(n, "{}_dot")
+
+
+def lorentz_force(n: State) -> NDArray:
+    """K eq. 21."""
+    return n["charge"] * (vector(n, "E_{}") + np.cross(vector(n, "{}_dot"), vector(n, "B_{}")))
+
+
+def gravitation(n: State) -> NDArray:
+    r = vector(n, "{}", "xy")
+    return -n["mass"] * n["mu"] * r / np.hypot(*r) ** 3
+
+
+FORCES: dict[type[Mechanism], Callable[[State], NDArray]] = {
+    FreeParticle: force_on_free_particle,
+    ChargedParticle: lorentz_force,
+    KeplerOrbit: gravitation,
+}
+
+
+@pytest.mark.parametrize("component", PARTICLES, ids=lambda component: component.__name__)
+def test_motion_is_newtons(component, random_states) -> None:
+    equations = derive(component)
+    axes = "".join(q.name for q in component.coordinates)
+    for n in random_states(equations):
+        applied = vector(n, "{}_force", axes) - vector(n, "{}_load", axes)
+        expected = (FORCES[component](n) + applied) / n["mass"]
+        assert equations.evaluate("accelerations", **n) == algebra(expected)
+
+
+def vector_potential(n: State) -> NDArray:
+    """K eq. 26."""
+    return np.cross(vector(n, "B_{}"), vector(n, "{}")) / 2
+
+
+def test_charged_particle_has_the_lagrangian_and_the_momenta_of_kneller(random_states, number) -> None:
+    equations = derive(ChargedParticle)
+    m = equations.mechanism
+    for n in random_states(equations):
+        v, A = vector(n, "{}_dot"), vector_potential(n)
+        phi = -vector(n, "E_{}") @ vector(n, "{}")
+        L = n["mass"] / 2 * v @ v - n["charge"] * (phi - v @ A)  # K eq. 24
+        assert number(equations, equations.lagrangian, n) == algebra(L)
+        assert equations.evaluate("momenta", **n) == algebra(n["mass"] * v + n["charge"] * A)  # K Ex. 7
+        kinetic = ca.vertcat(m.kinetic_momentum_x, m.kinetic_momentum_y, m.kinetic_momentum_z)
+        assert number(equations, kinetic, n) == algebra(n["mass"] * v)
+        H = equations.evaluate("momenta", **n) @ v - L
+        assert equations.evaluate("energy", **n) == algebra(H)  # the magnetic field is not in it
+
+
+def guiding_centre(m: Any) -> ca.SX:
+    return ca.vertcat(m.guiding_centre_x, m.guiding_centre_y, m.guiding_centre_z)
+
+
+def test_guiding_centre_drifts_with_e_cross_b_whatever_the_charge(random_states, number) -> None:
+    equations = derive(ChargedParticle)
+    m = equations.mechanism
+    for n in random_states(equations, **{f"{axis}_{kind}": 0.0 for axis in "xyz" for kind in ("force", "load")}):
+        B, E, v = vector(n, "B_{}"), vector(n, "E_{}"), vector(n, "{}_dot")
+        arm = number(equations, guiding_centre(m) - m._r, n)
+        # Across B, at v_⊥/Ω from the particle, in the direction in which the magnetic force pulls.
+        across = v - B * (v @ B) / (B @ B)
+        radius = n["mass"] * np.linalg.norm(across) / (abs(n["charge"]) * np.linalg.norm(B))
+        pull = n["charge"] * np.cross(v, B)
+        assert arm == algebra(radius * pull / np.linalg.norm(pull))
+        rate = number(equations, m.dot(guiding_centre(m)), n)
+        drift = ChargedParticle.drift(**{f"{F}_{axis}": n[f"{F}_{axis}"] for F in "BE" for axis in "xyz"})
+        assert rate - B * (rate @ B) / (B @ B) == algebra(drift)
+        assert drift == algebra(np.cross(E, B) / (B @ B))
+
+
+def test_guiding_centre_without_a_field_is_the_particle(random_states, number) -> None:
+    equations = derive(ChargedParticle)
+    for n in random_states(equations, count=3, B_x=0.0, B_y=0.0, B_z=0.0):
+        np.testing.assert_array_equal(number(equations, guiding_centre(equations.mechanism), n), vector(n, "{}"))
+
+
+def test_eccentricity_vector_is_that_of_laplace_and_runge(random_states, number) -> None:
+    """((v² - μ/r) r - (r·v) v)/μ by hand, and constant along the motion, as is the angular momentum."""
+    equations = derive(KeplerOrbit)
+    m = equations.mechanism
+    e = ca.vertcat(m.eccentricity_x, m.eccentricity_y)
+    for n in random_states(equations, x_force=0.0, y_force=0.0, x_load=0.0, y_load=0.0):
+        r, v, mu = vector(n, "{}", "xy"), vector(n, "{}_dot", "xy"), n["mu"]
+        by_hand = ((v @ v - mu / np.hypot(*r)) * r - (r @ v) * v) / mu
+        assert number(equations, e, n) == algebra(by_hand)
+        assert number(equations, m.angular_momentum, n) == algebra(n["mass"] * (r[0] * v[1] - r[1] * v[0]))
+        rates = number(equations, m.dot(ca.vertcat(e, m.angular_momentum)), n)
+        size = (v @ v + 1) * np.hypot(*v) / np.hypot(*r) ** 2  # of the terms that cancel
+        np.testing.assert_allclose(rates, 0, rtol=0, atol=1e-13 * max(1.0, size))
+
+
+# ---- errata and validity of the texts ----------------------------------------------------------------------------
+
+
+class PrintedFreeFall(FreeParticle):
+    """K 2.5 item 2 as printed: U = -m g z."""
+
+    def potential_energy(self) -> ca.SX:
+        return -super().potential_energy()
+
+
+def test_ka8_with_the_printed_potential_things_fall_upwards(random_states) -> None:
+    right, printed = derive(FreeParticle), derive(PrintedFreeFall)
+    still = {f"{q}{end}": 0.0 for q in "xyz" for end in ("_dot", "_force", "_load")}
+    for n in random_states(right, **still):
+        fall = np.array([0.0, 0.0, -n["gravity"]])  # z'' = -g, K's own next line
+        assert right.evaluate("accelerations", **n) == algebra(fall)
+        assert printed.evaluate("accelerations", **n) == algebra(-fall)
+
+
+class PrintedKepler(KeplerOrbit):
+    """K 2.5 item 3 as printed: U = +γ m/|r|."""
+
+    def potential_energy(self) -> ca.SX:
+        return -super().potential_energy()
+
+
+def test_ka9_the_printed_potential_repels_and_has_no_bound_orbit(random_states) -> None:
+    right, printed = derive(KeplerOrbit), derive(PrintedKepler)
+    free = dict.fromkeys(("x_force", "y_force", "x_load", "y_load"), 0.0)
+    for n in random_states(right, **free):
+        r = vector(n, "{}", "xy")
+        assert right.evaluate("accelerations", **n) @ r < 0 < printed.evaluate("accelerations", **n) @ r
+        assert printed.evaluate("energy", **n) > 0  # whatever the start: it escapes, and there is no period
+
+
+def test_ka11_virial_needs_positions_where_velocities_are_printed(random_states, number) -> None:
+    """K 2.7: 2T = d/dt(p·r) - r·p', and by K eq. 73 with h = -1: 2T + V = d/dt(p·r)."""
+    equations = derive(KeplerOrbit)
+    m = equations.mechanism
+    r, v = m.free.q, m.free.q_dot
+    p = m.mass * v
+    for n in random_states(equations, x_force=0.0, y_force=0.0, x_load=0.0, y_load=0.0):
+        twice_T = 2 * equations.evaluate("kinetic_energy", **n)[0]
+        V = equations.evaluate("potential_energy", **n)[0]
+        force_term, product_rate, printed_rate = number(
+            equations, ca.vertcat(ca.dot(r, m.dot(p)), m.dot(ca.dot(p, r)), m.dot(ca.dot(p, v))), n
+        )
+        assert product_rate - force_term == algebra(twice_T)
+        assert twice_T + V == algebra(product_rate)
+        assert abs(printed_rate - force_term - twice_T) > 1e-3 * twice_T
+
+
+class PrintedLandau(ChargedParticle):
+    """K eq. 27 as printed, for B along z: (Q B/2) (x y - y x)."""
+
+    def lagrangian(self) -> ca.SX:
+        printed = self.charge * self.B_z / 2 * (self.x * self.y - self.y * self.x)
+        return self.kinetic_energy() - self.potential_energy() + printed
+
+
+def test_ka12_without_its_dots_equation_27_has_no_magnetic_field_in_it(random_states, number) -> None:
+    right, printed = derive(ChargedParticle), derive(PrintedLandau)
+    for n in random_states(right, B_x=0.0, B_y=0.0):
+        area_rate = n["x"] * n["y_dot"] - n["y"] * n["x_dot"]
+        without = number(right, right.kinetic_energy - right.potential_energy, n)
+        L = without + n["charge"] * n["B_z"] / 2 * area_rate
+        assert number(right, right.lagrangian, n) == algebra(L)
+        electric = n["charge"] * vector(n, "E_{}") + vector(n, "{}_force") - vector(n, "{}_load")
+        assert printed.evaluate("accelerations", **n) == algebra(electric / n["mass"])
+        magnetic = lorentz_force(n) - n["charge"] * vector(n, "E_{}")
+        assert np.linalg.norm(magnetic) > 1e-3
+
+
+def curl(A: ca.SX, r: ca.SX) -> ca.SX:
+    J = ca.jacobian(A, r)
+    return ca.vertcat(J[2, 1] - J[1, 2], J[0, 2] - J[2, 0], J[1, 0] - J[0, 1])
+
+
+def test_kc3_half_b_cross_r_is_the_potential_of_a_uniform_field_only() -> None:
+    r, B = ca.SX.sym("r", 3), ca.SX.sym("B", 3)
+    uniform = ca.Function("uniform", [r, B], [curl(ca.cross(B, r) / 2, r) - B])
+    np.testing.assert_allclose(uniform([1, 2, 3], [0.3, -0.7, 0.2]), 0, atol=1e-15)  # a rounding
+    static = ca.vertcat(0, 0, r[0])  # B = x e_z, constant in time
+    error = ca.Function("static", [r], [curl(ca.cross(static, r) / 2, r) - static])
+    assert abs(float(error([1, 2, 3])[2])) == 0.5  # x/2 is missing
+
+
+def kneller_example_4(t: NDArray, omega: float, v: NDArray) -> NDArray:
+    """The solution as printed, r(0) = 0, B along z."""
+    sine, cosine = np.sin(omega * t), np.cos(omega * t)
+    x = (v[0] * sine - v[1] * cosine + v[1]) / omega
+    y = (v[0] * cosine + v[1] * sine - v[0]) / omega
+    return np.array([x, y, v[2] * t])
+
+
+def test_kc4_closed_form_is_that_of_example_4_and_holds_where_it_divides_by_zero() -> None:
+    times, v = np.linspace(0, 30, 61), np.array([1.0, -0.4, 0.1])
+    start = {"x_dot_0": 1.0, "y_dot_0": -0.4, "z_dot_0": 0.1}
+    for B_z in (1.0, -0.7):
+        exact = ChargedParticle.exact(times, B_z=B_z, **start)
+        found = [exact[axis] for axis in "xyz"]
+        np.testing.assert_allclose(found, kneller_example_4(times, B_z, v), rtol=0, atol=2e-14)  # phase of 30, v/Ω = 1
+    straight = ChargedParticle.exact(times, B_z=0.0, **start)
+    np.testing.assert_allclose([straight[axis] for axis in "xyz"], np.outer(v, times), rtol=1e-15)  # one rounding
+    nearly = ChargedParticle.exact(times, B_z=1e-20, **start)
+    np.testing.assert_allclose(nearly["x"], straight["x"], rtol=1e-15)  # Ωt = 3e-19 of it
+    # whereas the printed form loses v_y Ωt beside v_x, and with it all of y
+    np.testing.assert_array_equal(kneller_example_4(times, 1e-20, v)[1], 0.0)
+    np.testing.assert_allclose(nearly["y"], straight["y"], rtol=1e-15)  # as x
+    with np.errstate(invalid="ignore"):
+        assert np.all(np.isnan(kneller_example_4(times, 0.0, v)[:2]))
+
+
+# ---- closed forms ------------------------------------------------------------------------------------------------
+
+
+def test_stumpffs_functions_are_sines_and_their_series() -> None:
+    theta = np.array([1e-8, 0.1, 0.999, 1.001, 3.0, 20.0])
+    for sign, sine, cosine in ((1, np.sin, np.cos), (-1, np.sinh, np.cosh)):
+        c_1, c_2, c_3 = stumpff(sign * theta**2)
+        np.testing.assert_allclose(c_1, sine(theta) / theta, rtol=1e-15)  # the same expression
+        # 1 - cos and θ - sin cancel in the references, by ε/θ² and ε/θ²
+        np.testing.assert_allclose(c_2[1:], sign * (1 - cosine(theta[1:])) / theta[1:] ** 2, rtol=1e-13)
+        np.testing.assert_allclose(c_3[1:], sign * (theta[1:] - sine(theta[1:])) / theta[1:] ** 3, rtol=1e-12)
+        np.testing.assert_allclose([c_2[0], c_3[0]], [1 / 2, 1 / 6], rtol=1e-15)  # θ² = 1e-16
+    assert [float(c) for c in stumpff(0.0)] == [1, 1 / 2, 1 / 6]
+
+
+@pytest.mark.parametrize("friction", [0.0, 1e-9, 0.5, 20.0])
+def test_free_particle_is_exact_to_rounding(friction: float, taylor) -> None:
+    times = np.linspace(0, 5, 11)
+    reference = taylor(
+        times, [2, -3], [{(1,): 1}, {(): -Decimal(FreeParticle.gravity.start), (1,): -Decimal(friction)}]
+    )
+    exact = FreeParticle.exact(times, z_0=2, z_dot_0=-3, x_dot_0=-3, friction=friction)
+    # Roundings of up to 140 m and of 50 m/s.
+    np.testing.assert_allclose(exact["z"], reference[0], rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(exact["z_dot"], reference[1], rtol=1e-14, atol=1e-14)
+    weightless = taylor(times, [0, -3], [{(1,): 1}, {(1,): -Decimal(friction)}])
+    np.testing.assert_allclose(exact["x"], weightless[0], rtol=1e-14, atol=1e-14)
+
+
+FIELDS: list[State] = [
+    {"B_x": 0.3, "B_y": -0.8, "B_z": 0.5, "E_x": 0.2, "E_y": 0.1, "E_z": -0.4, "charge": -1.3, "mass": 0.7},
+    {"B_z": 0.0, "E_x": 0.3, "E_z": -0.2},
+    {"B_z": 1e-9, "E_x": 0.3},
+    {"B_z": 20.0, "E_x": 5.0, "E_z": 0.1},
+    {"charge": 0.0, "E_x": 1.0},
+]
+
+
+@pytest.mark.parametrize("fields", FIELDS)
+def test_charged_particle_is_exact_to_rounding_in_any_fields(fields: State, taylor) -> None:
+    times = np.linspace(0, 12, 13)
+    n = {item.name: item.start for item in ChargedParticle.parameters} | fields
+    ratio = Decimal(n["charge"]) / Decimal(n["mass"])
+    E, B = ([ratio * Decimal(n[f"{F}_{axis}"]) for axis in "xyz"] for F in "EB")
+    # r' = v; v_x' = E_x + v_y B_z - v_z B_y, and so on round
+    rates: list[dict[tuple[int, ...], Any]] = [{(3 + i,): 1} for i in range(3)]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rates.append({(): E[i], (3 + j,): B[k], (3 + k,): -B[j]})
+    start = {"x_0": 1.0, "y_0": -2.0, "z_0": 0.5, "x_dot_0": 0.3, "y_dot_0": 0.7, "z_dot_0": -1.1}
+    reference = taylor(times, list(start.values()), rates)
+    exact = ChargedParticle.exact(times, **start, **fields)
+    phase = abs(n["charge"] / n["mass"]) * np.linalg.norm(vector(n, "B_{}")) * times[-1]
+    # Roundings of the phase times speeds of up to 2 m/s and lengths of up to 30 m.
+    tolerance = 4e-16 * max(30.0, 2 * phase)
+    for name, expected in zip(exact, reference, strict=True):
+        np.testing.assert_allclose(exact[name], expected, rtol=1e-14, atol=tolerance, err_msg=name)
+
+
+ORBITS: dict[str, State] = {
+    "circle": {},
+    "ellipse": {"x_0": 0.3, "y_0": -1.1, "x_dot_0": 0.7, "y_dot_0": 0.2, "mu": 1.3},
+    "e = 0.8": {"y_dot_0": np.sqrt(0.2)},
+    "nearly parabolic": {"x_0": 0.5, "y_dot_0": 2 - 1e-9},
+    "parabola": {"x_0": 0.5, "y_dot_0": 2.0},
+    "hyperbola, inwards": {"x_0": 3.0, "x_dot_0": -1.5, "y_dot_0": 0.3},
+    "backwards": {"y_dot_0": -1.2, "x_dot_0": -0.3},
+}
+
+
+@pytest.mark.parametrize("start", ORBITS.values(), ids=ORBITS.keys())
+def test_kepler_orbit_is_exact_to_rounding(start: State, taylor) -> None:
+    times = np.linspace(0, 4, 17)
+    x, y, u, v = (
+        start.get(name, default) for name, default in (("x_0", 1.0), ("y_0", 0.0), ("x_dot_0", 0.0), ("y_dot_0", 1.0))
+    )
+    mu = Decimal(start.get("mu", 1.0))
+    X, Y, U, V = map(Decimal, (x, y, u, v))
+    w = 1 / (X * X + Y * Y).sqrt()
+    sigma = X * U + Y * V
+    # x, y, x', y', σ = r·v, K = v², w = 1/r, A = w², B = w³, C = A σ: everything is a polynomial in these
+    rates = [
+        {(2,): 1},
+        {(3,): 1},
+        {(8, 0): -mu},
+        {(8, 1): -mu},
+        {(5,): 1, (6,): -mu},
+        {(8, 4): -2 * mu},
+        {(6, 9): -1},
+        {(7, 9): -2},
+        {(8, 9): -3},
+        {(9, 9): -2, (7, 5): 1, (8,): -mu},
+    ]
+    reference = taylor(times, [X, Y, U, V, sigma, U * U + V * V, w, w**2, w**3, w**2 * sigma], rates, step="0.01")
+    exact = KeplerOrbit.exact(times, **start)
+    # What the roundings of period and time do, some 1e-15 s, times speed and acceleration; and the orbit's size.
+    late, speed, acceleration = 4e-15, np.hypot(*reference[2:4]), float(mu) * reference[6] ** 2
+    assert np.all(np.hypot(exact["x"] - reference[0], exact["y"] - reference[1]) <= late * (1 + speed))
+    assert np.all(np.hypot(exact["x_dot"] - reference[2], exact["y_dot"] - reference[3]) <= late * (1 + acceleration))
+
+
+@pytest.mark.parametrize("y_dot_0", [0.05, 0.7, 1.0, 1.3, 1.414])
+def test_kepler_orbit_closes_after_its_period(y_dot_0: float) -> None:
+    period = KeplerOrbit.period(y_dot_0=y_dot_0)
+    times = np.array([0.0, 0.3, 0.4]) * min(period, 10.0)
+    first, later = (KeplerOrbit.exact(times + turns * period, y_dot_0=y_dot_0) for turns in (0, 1000))
+    # κ of the period: roundings of 1000 periods times the largest speed, that of the pericentre
+    slowest = min(y_dot_0, 2 / y_dot_0 - y_dot_0)
+    for name in first:
+        np.testing.assert_allclose(later[name], first[name], rtol=0, atol=1e3 * period * 4e-16 * (2 / slowest) ** 4)
+
+
+def test_kepler_orbit_runs_back() -> None:
+    start = {"x_0": 0.3, "y_0": -1.1, "x_dot_0": 0.7, "y_dot_0": 0.2}
+    end = {f"{name}_0": float(value) for name, value in KeplerOrbit.exact(7.3, **start).items()}
+    back = KeplerOrbit.exact(-7.3, **end)
+    for name, value in back.items():
+        assert value == pytest.approx(start[f"{name}_0"], abs=1e-13)  # a phase of 10, amplified by about ten
+
+
+def test_kepler_orbit_far_out_on_a_hyperbola() -> None:
+    exact = KeplerOrbit.exact(np.array([1e3, 1e9]), y_dot_0=2.0)
+    speed = np.hypot(exact["x_dot"], exact["y_dot"])
+    distance = np.hypot(exact["x"], exact["y"])
+    np.testing.assert_allclose(speed**2 / 2 - 1 / distance, 1.0, rtol=1e-14)  # energy; a few roundings
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: FreeParticle.exact(1.0, mass=0.0), "mass = 0.0 must be > 0"),
+        (lambda: FreeParticle.exact([0.0, -1.0]), "t = -1.0 must be >= 0"),
+        (lambda: ChargedParticle.exact(1.0, mass=np.nan), "mass = nan must be > 0"),
+        (lambda: ChargedParticle.drift(B_z=0.0, E_x=1.0), "without a magnetic field nothing drifts"),
+        (lambda: KeplerOrbit.exact(1.0, mu=-1.0), "mu = -1.0 must be > 0"),
+        (lambda: KeplerOrbit.exact(1.0, y_dot_0=0.0), "angular momentum 0"),
+        (lambda: KeplerOrbit.period(x_0=0.0), "r_0 = 0.0 must be > 0"),
+    ],
+)
+def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValidityError, match=words):
+        call()
+
+
+# ---- FMUs --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_thrown_particle(fmu, friction: float) -> None:
+    start: Any = {"x_0": 1.0, "z_0": 10.0, "x_dot_0": 3.0, "y_dot_0": -1.0, "z_dot_0": 5.0, "friction": friction}
+    result = simulate(fmu(FreeParticle), stop_time=10.0, step_size=0.5, tolerance=1e-10, **start)
+    for name, values in FreeParticle.exact(result.time, **start).items():
+        assert max_error(result[name], values) <= 1e-8, name  # κ = 1, lengths of 400 m
+
+
+TRAPS: dict[str, State] = {
+    "Fig. 3": {"x_dot_0": 1.0, "z_dot_0": 0.1},
+    "oblique fields": {"x_dot_0": 1.0, "x_0": 2.0} | FIELDS[0],
+    "no magnetic field": {"x_dot_0": 1.0, "B_z": 0.0, "E_y": 0.5},
+}
+
+
+@pytest.mark.parametrize("start", TRAPS.values(), ids=TRAPS.keys())
+def test_charged_particle_in_uniform_fields(fmu, start: Any) -> None:
+    result = simulate(fmu(ChargedParticle), stop_time=50.0, step_size=0.5, tolerance=1e-10, **start)
+    for name, values in ChargedParticle.exact(result.time, **start).items():
+        scale = max(1.0, float(np.max(np.abs(values))))
+        assert max_error(result[name], values) <= 1e-8 * scale, name  # κ = 1: linear, with constant coefficients
+
+
+def test_charged_particle_keeps_what_the_fields_let_it_keep(fmu) -> None:
+    """Without E: speed, velocity along B, guiding centre across B; canonical L·B in the symmetric gauge."""
+    fields: Any = {"B_x": 0.3, "B_y": -0.8, "B_z": 0.5}
+    start: Any = {"x_0": 1.0, "y_0": 0.4, "x_dot_0": 0.5, "y_dot_0": -0.2, "z_dot_0": 0.9}
+    result = simulate(fmu(ChargedParticle), stop_time=500.0, step_size=0.5, tolerance=1e-10, **start, **fields)
+    r, p, mv, centre = (
+        np.array([result[form.format(axis)] for axis in "xyz"])
+        for form in ("{}", "p_{}", "kinetic_momentum_{}", "guiding_centre_{}")
+    )
+    b = np.array(list(fields.values())) / np.linalg.norm(list(fields.values()))
+    across = centre - np.outer(b, b @ centre)
+    kept = {
+        "speed": np.linalg.norm(mv, axis=0),
+        "velocity along B": b @ mv,
+        "angular momentum about B": b @ np.cross(r, p, axis=0),
+        **{f"guiding centre {axis}": component for axis, component in zip("xyz", across, strict=True)},
+        "energy": result["energy"],
+    }
+    for name, values in kept.items():
+        # 10 · tolerance a second at most; the angular momentum has lengths of 200 m in it
+        assert max_error(values, values[0]) <= 10 * 1e-10 * 500, name
+    assert np.ptp(p[0]) > 0.5  # while the canonical momentum alone is not kept
+
+
+@pytest.mark.parametrize("name", ["circle", "ellipse", "e = 0.8", "parabola", "hyperbola, inwards", "backwards"])
+def test_kepler_orbit(fmu, name: str) -> None:
+    start: Any = ORBITS[name]
+    result = simulate(fmu(KeplerOrbit), stop_time=20.0, step_size=0.1, tolerance=1e-10, **start)
+    exact = KeplerOrbit.exact(result.time, **start)
+    # κ(t): what a disturbance of the start becomes, from the closed form itself.
+    relative = 1e-7
+    y_dot_0 = start.get("y_dot_0", 1.0) * (1 + relative)
+    disturbed = KeplerOrbit.exact(result.time, **(start | {"y_dot_0": y_dot_0}))
+    for signal, values in exact.items():
+        amplification = max(1.0, max_error(disturbed[signal], values) / relative)
+        assert max_error(result[signal], values) <= 10 * 1e-10 * amplification, signal
+    for integral in ("energy", "angular_momentum", "eccentricity_x", "eccentricity_y"):
+        assert max_error(result[integral], result[integral][0]) <= 1e-8, integral  # 20 s, rates of up to 6 at 1e-10
+
+
+def test_kepler_orbit_is_the_better_the_smaller_the_tolerance(fmu) -> None:
+    start: Any = ORBITS["ellipse"]
+    tolerances, found = [1e-6, 1e-8, 1e-10, 1e-12], []
+    for tolerance in tolerances:
+        result = simulate(fmu(KeplerOrbit), stop_time=50.0, step_size=1.0, tolerance=tolerance, **start)
+        exact = KeplerOrbit.exact(result.time, **start)
+        found.append(max(max_error(result[name], values) for name, values in exact.items()))
+    assert 0.7 <= slope(tolerances, found) <= 1.3  # in proportion, as far as step sizes vary smoothly
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("a", [0.5, 1.0, 4.0])
+def test_kc8_third_law_holds_for_orbits_of_any_shape(fmu, a: float, e: float) -> None:
+    """After 2π √(a³/μ) the planet is back; K eq. 60 compares orbits of one shape only."""
+    start: Any = {"x_0": a * (1 - e), "y_dot_0": np.sqrt((1 + e) / (1 - e) / a)}
+    period = 2 * np.pi * a**1.5
+    result = simulate(fmu(KeplerOrbit), stop_time=period, step_size=period / 20, tolerance=1e-11, **start)
+    assert KeplerOrbit.period(**start) == pytest.approx(period, rel=1e-14)  # a few roundings
+    speed = start["y_dot_0"]
+    for name in ("x", "y"):
+        assert abs(result[name][-1] - result[name][0]) <= 1e-8 * max(1.0, speed * period)  # κ: speed × period
+
+
+@pytest.mark.parametrize(
+    ("component", "start", "words"),
+    [
+        (FreeParticle, {"mass": 0.0}, "mass = 0 at t = 0: it must be > 0"),
+        (FreeParticle, {"friction": -0.1}, "friction = -0.1 at t = 0: it must be >= 0"),
+        (ChargedParticle, {"mass": -1.0}, "mass = -1 at t = 0: it must be > 0"),
+        (KeplerOrbit, {"mu": -1.0}, "mu = -1 at t = 0: it must be > 0"),
+        (KeplerOrbit, {"x_0": 0.0}, "r must stay > 0"),
+        (KeplerOrbit, {"y_dot_0": 0.0}, "r must stay > 0.* at t = 1.1107"),  # a fall from 1 m: π/√8 seconds
+    ],
+)
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_bad_input_is_named(fmu, component, start: Any, words: str, backend: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        simulate(fmu(component, backend), stop_time=2.0, step_size=0.1, **start)

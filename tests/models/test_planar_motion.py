@@ -1,0 +1,252 @@
+"""PlanarOscillator and PolarOscillator: one motion, two descriptions (K Ex. 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import Decimal
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.check import max_error
+from liaisons.cosim import Result, simulate
+from liaisons.errors import SimulationError, ValidityError
+from liaisons.mechanics import derive
+from liaisons.models.planar_oscillator import PlanarOscillator
+from liaisons.models.polar_oscillator import PolarOscillator
+
+State = dict[str, float]
+
+
+def algebra(value: ArrayLike) -> object:
+    """Equal up to the rounding of an algebraic identity: sums of a few terms, a few roundings of the largest."""
+    return pytest.approx(value, rel=1e-12, abs=1e-12)
+
+
+@pytest.fixture
+def polar_states(random_states) -> list[State]:
+    """Random states with r > 0."""
+    return [n | {"r": abs(n["r"]) + 0.1} for n in random_states(derive(PolarOscillator))]
+
+
+# ---- Newton's law and the formulas of the text -------------------------------------------------------------------
+
+
+def test_planar_oscillator_moves_by_newtons_law(random_states) -> None:
+    equations = derive(PlanarOscillator)
+    for n in random_states(equations):
+        force = np.array([-n["stiffness"] * n[q] + n[f"{q}_force"] - n[f"{q}_load"] for q in "xy"])
+        assert equations.evaluate("accelerations", **n) == algebra(force / n["mass"])
+
+
+def test_polar_oscillator_moves_by_newtons_law(polar_states) -> None:
+    """In the complex plane: (r e^iφ)'' e^-iφ = r'' - r φ'² + i (r φ'' + 2 r' φ')."""
+    equations = derive(PolarOscillator)
+    for n in polar_states:
+        radial = -n["stiffness"] * n["r"] + n["r_force"] - n["r_load"]
+        across = (n["phi_force"] - n["phi_load"]) / n["r"]  # the couple as a force
+        r_ddot = radial / n["mass"] + n["r"] * n["phi_dot"] ** 2
+        phi_ddot = (across / n["mass"] - 2 * n["r_dot"] * n["phi_dot"]) / n["r"]
+        assert equations.evaluate("accelerations", **n) == algebra([r_ddot, phi_ddot])
+        moment = n["mass"] * n["r"] ** 2 * n["phi_dot"]
+        assert equations.evaluate("momenta", **n) == algebra([n["mass"] * n["r_dot"], moment])  # K eq. 42
+
+
+def test_both_have_the_same_energies_and_angular_momentum(polar_states, number) -> None:
+    """K eq. 35 is eq. 41 under x = r cos φ, y = r sin φ (eq. 39, 40)."""
+    polar, planar = derive(PolarOscillator), derive(PlanarOscillator)
+    for n in polar_states:
+        position = n["r"] * np.exp(1j * n["phi"])
+        velocity = (n["r_dot"] + 1j * n["r"] * n["phi_dot"]) * np.exp(1j * n["phi"])
+        same = {name: n[name] for name in ("mass", "stiffness")}
+        there = dict.fromkeys(planar.symbols, 0.0) | same
+        there |= {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
+        for quantity in ("kinetic_energy", "potential_energy"):
+            assert polar.evaluate(quantity, **n) == algebra(planar.evaluate(quantity, **there))
+        moment = number(planar, planar.mechanism.angular_momentum, there)
+        assert polar.evaluate("momenta", **n)[1] == algebra(moment)
+
+
+def test_phi_is_cyclic() -> None:
+    equations = derive(PolarOscillator)
+    assert not ca.depends_on(equations.lagrangian, equations.mechanism.phi)
+
+
+def test_ka1_the_printed_radial_equation_lacks_the_centrifugal_term(polar_states) -> None:
+    equations = derive(PolarOscillator)
+    for n in polar_states:
+        free = n | dict.fromkeys(("r_force", "r_load", "phi_force", "phi_load"), 0.0)
+        printed = -n["stiffness"] / n["mass"] * n["r"]  # K eq. 43
+        p_phi = n["mass"] * n["r"] ** 2 * n["phi_dot"]
+        centrifugal = p_phi**2 / (n["mass"] ** 2 * n["r"] ** 3)
+        assert equations.evaluate("accelerations", **free)[0] == algebra(printed + centrifugal)
+        assert centrifugal > 1e-6  # it is the whole difference, and it is there
+        radial = free | {"phi_dot": 0.0}
+        assert equations.evaluate("accelerations", **radial)[0] == algebra(printed)  # right for p_φ = 0 only
+
+
+def test_ka10_the_printed_hamiltonian_subtracts_the_lagrangian_once_too_often(polar_states, number) -> None:
+    """K eq. 29 with the braces where they are printed: L is subtracted f = 2 times."""
+    equations = derive(PolarOscillator)
+    for n in polar_states:
+        L = number(equations, equations.lagrangian, n)
+        products = equations.evaluate("momenta", **n) * [n["r_dot"], n["phi_dot"]]
+        E = equations.evaluate("energy", **n)[0]
+        assert products.sum() - L == algebra(E)
+        assert (products - L).sum() == algebra(E - L)
+
+
+# ---- closed forms ------------------------------------------------------------------------------------------------
+
+STARTS: dict[str, State] = {
+    "ellipse": {"r_0": 1.0, "phi_dot_0": 0.5},
+    "circle": {"r_0": 2.0, "phi_dot_0": 1.0},
+    "oblique": {"r_0": 0.7, "phi_0": 2.0, "r_dot_0": -0.9, "phi_dot_0": 0.8, "stiffness": 2.5, "mass": 0.6},
+    "backwards": {"r_0": 1.3, "phi_0": -1.0, "r_dot_0": 0.4, "phi_dot_0": -0.6},
+    "free": {"r_0": 1.0, "r_dot_0": -0.5, "phi_dot_0": 0.3, "stiffness": 0.0},
+}
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
+def test_polar_closed_form_is_exact_to_rounding(start: State, taylor) -> None:
+    times = np.linspace(0, 12, 25)
+    n = {"phi_0": 0.0, "r_dot_0": 0.0, "mass": 1.0, "stiffness": 1.0} | start
+    r, phi, r_dot, phi_dot = (Decimal(n[name]) for name in ("r_0", "phi_0", "r_dot_0", "phi_dot_0"))
+    omega_squared, J = Decimal(n["stiffness"]) / Decimal(n["mass"]), r * r * phi_dot
+    # r' = r D, φ' = J W, W' = -2 W D, D' = J² W² - Ω² - D² with W = 1/r² and D = r'/r
+    rates = [{(0, 3): 1}, {(2,): J}, {(2, 3): -2}, {(2, 2): J * J, (): -omega_squared, (3, 3): -1}]
+    reference = taylor(times, [r, phi, 1 / (r * r), r_dot / r], rates, step="0.02")
+    exact = PolarOscillator.exact(times, **start)
+    expected = {
+        "r": reference[0],
+        "phi": reference[1],
+        "r_dot": reference[0] * reference[3],
+        "phi_dot": float(J) * reference[2],
+    }
+    # Roundings of a phase of 12 · 2, seen from distances down to 0.3: rates of up to 10 /s.
+    for name, values in expected.items():
+        np.testing.assert_allclose(exact[name], values, rtol=0, atol=3e-13, err_msg=name)
+
+
+@pytest.mark.parametrize("phi_dot_0", [1e-9, -0.3, 4.0])
+def test_phi_grows_by_pi_in_each_half_period(phi_dot_0: float) -> None:
+    times = np.linspace(0, 3, 13)
+    first, later = (PolarOscillator.exact(times + 7 * shift, phi_dot_0=phi_dot_0) for shift in (0, np.pi))
+    # A rounding of the phase 25, divided by the shortest distance squared: φ_dot is at most r_0² φ_dot/r_min².
+    largest = max(abs(phi_dot_0), 1 / abs(phi_dot_0))
+    gain = 7 * np.copysign(np.pi, phi_dot_0)
+    np.testing.assert_allclose(later["phi"] - first["phi"], gain, rtol=0, atol=4e-15 * (1 + largest))
+    np.testing.assert_allclose(later["r"], first["r"], rtol=0, atol=1e-14 * (1 + abs(phi_dot_0)))  # of the phase
+
+
+def test_planar_closed_form_is_an_ellipse_with_its_invariants() -> None:
+    times = np.linspace(0, 50, 101)
+    start = {"x_0": 1.0, "y_0": -0.4, "x_dot_0": 0.3, "y_dot_0": 0.9, "mass": 1.7, "stiffness": 0.8}
+    exact = PlanarOscillator.exact(times, **start)
+    x, y, u, v = (exact[name] for name in ("x", "y", "x_dot", "y_dot"))
+    # Energy, angular momentum and Fradkin's tensor K x_i x_j + m v_i v_j, which fixes the axes of the ellipse.
+    for integral in (x * v - y * u, *(0.8 * a * b + 1.7 * c * d for a, b, c, d in ((x, x, u, u), (x, y, u, v)))):
+        np.testing.assert_allclose(integral, integral[0], rtol=0, atol=5e-14)  # roundings of a phase of 35
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: PlanarOscillator.exact(1.0, mass=0.0), "mass = 0.0 must be > 0"),
+        (lambda: PlanarOscillator.exact(1.0, stiffness=-1.0), "stiffness = -1.0 must be >= 0"),
+        (lambda: PolarOscillator.exact(1.0, r_0=0.0), "r_0 = 0.0 must be > 0"),
+        (lambda: PolarOscillator.exact(1.0, phi_dot_0=0.0), "phi_dot_0 = 0 leads through r = 0"),
+    ],
+)
+def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValidityError, match=words):
+        call()
+
+
+# ---- FMUs --------------------------------------------------------------------------------------------------------
+
+
+def cartesian(start: State) -> State:
+    """The start of a PlanarOscillator that is that of a PolarOscillator."""
+    n = {"phi_0": 0.0, "r_dot_0": 0.0} | start
+    direction = np.exp(1j * n["phi_0"])
+    position, velocity = n["r_0"] * direction, (n["r_dot_0"] + 1j * n["r_0"] * n["phi_dot_0"]) * direction
+    same = {name: value for name, value in start.items() if name in ("mass", "stiffness")}
+    return same | {
+        "x_0": position.real,
+        "y_0": position.imag,
+        "x_dot_0": velocity.real,
+        "y_dot_0": velocity.imag,
+    }
+
+
+def run(file: Any, start: Any, tolerance: float = 1e-10) -> Result:
+    return simulate(file, stop_time=50.0, step_size=0.1, tolerance=tolerance, **start)
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
+def test_fmus_follow_their_closed_forms(fmu, start: State) -> None:
+    planar, polar = run(fmu(PlanarOscillator), cartesian(start)), run(fmu(PolarOscillator), start)
+    for name, values in PlanarOscillator.exact(planar.time, **cartesian(start)).items():
+        assert max_error(planar[name], values) <= 1e-8, name  # κ of a few, a hundred tolerances
+    for name, values in PolarOscillator.exact(polar.time, **start).items():
+        # The same, with (r_max/r_min)² ≤ 10 more: φ_dot = J/r².
+        assert max_error(polar[name], values) <= 1e-7, name
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
+def test_two_descriptions_agree(fmu, start: State) -> None:
+    planar = run(fmu(PlanarOscillator), cartesian(start), 1e-12)
+    polar = run(fmu(PolarOscillator), start, 1e-12)
+    position = polar["r"] * np.exp(1j * polar["phi"])
+    size = max(1.0, float(np.max(np.abs(position))))  # the free one goes 30 m away
+    for found, expected in ((planar["x"], position.real), (planar["y"], position.imag)):
+        assert max_error(found, expected) <= 1e-9 * size  # asked for; 1000 solver tolerances
+    for name in ("kinetic_energy", "potential_energy"):
+        assert max_error(planar[name], polar[name]) <= 1e-9 * max(1.0, float(np.max(polar[name])))
+    assert max_error(planar["angular_momentum"], polar["p_phi"]) <= 1e-9
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
+def test_p_phi_is_constant_to_the_last_digit(fmu, start: State) -> None:
+    """A cyclic coordinate has the momentum rate 0, not a small one: integration adds nothing."""
+    polar = run(fmu(PolarOscillator), start, 1e-6)
+    np.testing.assert_array_equal(polar["p_phi"], polar["p_phi"][0])
+
+
+def test_near_the_origin_the_polar_form_still_follows(fmu) -> None:
+    """r_min = 1e-3: φ turns by π within a millisecond, once a half period."""
+    start: Any = {"phi_dot_0": 1e-3}
+    polar = simulate(fmu(PolarOscillator), stop_time=20.0, step_size=0.1, tolerance=1e-12, **start)
+    exact = PolarOscillator.exact(polar.time, **start)
+    assert max_error(polar["r"], exact["r"]) <= 1e-12 * 1e6  # tolerance × (r_max/r_min)²
+    assert max_error(polar["p_phi"], 1e-3) == 0
+
+
+def fall_along_a_radius(t: NDArray) -> NDArray:
+    """K eq. 43 as printed, from r = 1 at rest."""
+    return np.cos(t)
+
+
+def test_ka1_as_printed_r_would_become_negative_while_the_fmu_stays_on_its_ellipse(fmu) -> None:
+    polar = run(fmu(PolarOscillator), {"phi_dot_0": 0.5})
+    assert np.min(fall_along_a_radius(polar.time)) < 0
+    assert np.min(polar["r"]) == pytest.approx(0.5, abs=1e-2)  # the small semi-axis, met to a tenth of a second
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize(
+    ("component", "start", "words"),
+    [
+        (PlanarOscillator, {"mass": 0.0}, "mass = 0 at t = 0: it must be > 0"),
+        (PlanarOscillator, {"stiffness": -1.0}, "stiffness = -1 at t = 0: it must be >= 0"),
+        (PolarOscillator, {"r_0": 0.0}, "r_0 = 0 at t = 0: it must be > 0"),
+        (PolarOscillator, {"phi_dot_0": 0.0}, r"r must stay > 0 m; at t = 1\.5[78]"),  # a quarter period, π/2
+    ],
+)
+def test_bad_input_is_named(fmu, component, start: Any, words: str, backend: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        simulate(fmu(component, backend), stop_time=5.0, step_size=0.01, **start)
