@@ -84,17 +84,17 @@ def pendulum() -> Model:
 
 def fall() -> Model:
     """Fall onto a centre, x'' = -1/x² from rest at x = x_0: it ends after t = π (x_0/2)^(3/2), where x = 0."""
-    t, y, u, k, m = (ca.SX.sym(name, size) for name, size in (("t", 1), ("y", 2), ("u", 0), ("k", 1), ("m", 0)))
+    t, y, u, k, m = (ca.SX.sym(name, size) for name, size in (("t", 1), ("y", 2), ("u", 0), ("k", 2), ("m", 0)))
     x, v = ca.vertsplit(y)
     return _model(
         "HandFall",
         (t, y, u, k, m),
         {"x": ("m", "output", x), "v": ("m/s", "output", v), "a": ("m/s2", "local", -1 / x**2)},
-        parameters=(_parameter("x_0", "m", 1.0, minimum=0.0, strict=True),),
+        parameters=(_parameter("x_0", "m", 1.0, minimum=0.0, strict=True), _parameter("limit", "m/s", 1e9)),
         derivatives={"v": "x", "a": "v"},
-        start=[ca.vertcat(k, 0), NOTHING],
+        start=[ca.vertcat(k[0], 0), NOTHING],
         rates=ca.vertcat(v, -1 / x**2),
-        conditions={"x must stay > 0": x},
+        conditions={"x must stay > 0": x, "v must stay > -limit": v + k[1]},
     )
 
 

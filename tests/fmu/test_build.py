@@ -233,6 +233,13 @@ def test_time_out_ends_the_whole_process_group(tmp_path, monkeypatch) -> None:
     pytest.fail("the compiler's child is still running")
 
 
+def test_choices_that_do_not_exist(tmp_path) -> None:
+    with pytest.raises(BuildError, match=r"backend = 'nativ' is not known; did you mean 'native'\?"):
+        build(kick(), tmp_path, backend="nativ")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BuildError, match="platforms = 'linux' is not known; known: all, host"):
+        build(kick(), tmp_path, platforms="linux")  # pyright: ignore[reportArgumentType]
+
+
 def test_missing_headers_are_named(monkeypatch) -> None:
     monkeypatch.setattr("liaisons.fmu.code.find_spec", lambda _: None)
     with pytest.raises(BuildError, match=r"fmi2Functions\.h is missing in the installed fmpy"):

@@ -36,6 +36,17 @@ def test_interpolation_is_of_sixth_order(pendulum_library) -> None:
     assert follow(pendulum_library, INTERPOLATE, 0.1) <= 1e-9
 
 
+def test_forces_are_interpolated_linearly(pendulum_library) -> None:
+    """Weightless: p is the integral of the torque, which goes from 1 to 2 and on to -1 N.m."""
+    instance = pendulum_library.start(gravity=0.0, theta_0=0.0, theta_force=1.0, input_reconstruction=INTERPOLATE)
+    for i, (torque, momentum) in enumerate([(2.0, 0.75), (-1.0, 1.0)]):
+        assert instance.set(theta_force=torque) == OK
+        assert instance.step(0.5 * i, 0.5) == OK
+        assert instance["p_theta"] == pytest.approx(momentum, rel=1e-14)  # exact up to rounding
+    assert instance.step(1.0, 0.5) == OK  # nothing new is set: it stays
+    assert instance["p_theta"] == pytest.approx(0.5, rel=1e-14)
+
+
 @pytest.mark.parametrize(("mode", "order"), [(HOLD, 1), (EXTRAPOLATE, 3)])
 def test_order_of_the_other_modes(pendulum_library, mode, order) -> None:
     sizes = np.array([0.1, 0.05, 0.025])
@@ -156,7 +167,9 @@ def test_tuning_the_friction_in_mid_run(pendulum_library) -> None:
     """p' = -m g l sin θ - η p with η from 0 to 0.5 1/s at t = 1 s, against SciPy on both sides."""
     instance = pendulum_library.start(tolerance=1e-12, theta_0=0.8)
     assert instance.step(0.0, 1.0) == OK
+    rate, momentum = instance.get("p_theta_dot", "p_theta")
     assert instance.set(friction=0.5) == OK
+    assert instance["p_theta_dot"] == pytest.approx(rate - 0.5 * momentum, rel=1e-15)
     assert instance.step(1.0, 1.0) == OK
 
     def part(span: tuple[float, float], start: ArrayLike, friction: float) -> NDArray:
@@ -202,10 +215,28 @@ def test_input_derivatives_are_a_taylor_polynomial_for_one_step(pendulum_library
         assert instance["p_theta"] == pytest.approx(integral + 0.5 * coefficients[0], rel=1e-14)
 
 
+def test_input_derivatives_of_one_input_do_not_wake_old_ones_of_another(pendulum_library) -> None:
+    instance = pendulum_library.start(gravity=0.0, theta_0=0.0, theta_force=1.0)
+    assert set_input_derivatives(instance, "theta_force", [2.0]) == OK
+    assert instance.step(0.0, 0.5) == OK
+    momentum = instance["p_theta"]
+    assert set_input_derivatives(instance, "length_ddot", [0.0]) == OK
+    assert instance.step(0.5, 0.5) == OK
+    assert instance["p_theta"] - momentum == pytest.approx(0.5, rel=1e-14)  # the constant torque, exact to rounding
+
+
 def output_derivatives(instance: Instance, names: list[str]) -> NDArray:
     values, orders = (c.c_double * len(names))(), (c.c_int * len(names))(*[1] * len(names))
     assert instance.call("GetRealOutputDerivatives", instance.refs(names), len(names), orders, values) == OK
     return np.array(values)
+
+
+def test_output_derivatives_follow_the_input_derivatives_to_come(pendulum_library) -> None:
+    """p' = τ in weightlessness: p'' is what the torque is told to do."""
+    instance = pendulum_library.start(gravity=0.0)
+    assert output_derivatives(instance, ["p_theta_dot"]) == 0.0
+    assert set_input_derivatives(instance, "theta_force", [2.0]) == OK
+    assert output_derivatives(instance, ["p_theta_dot"]) == 2.0
 
 
 def test_output_derivatives_are_the_rates_of_the_outputs(pendulum_library) -> None:

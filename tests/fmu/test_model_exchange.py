@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes as c
 from collections.abc import Callable, Sequence
 
 import fmpy
@@ -82,6 +83,13 @@ def test_free_motion(pendulum_library) -> None:
     np.testing.assert_allclose(y[:2], [theta, theta_dot], atol=1e-9)
 
 
+def test_completed_steps_ask_for_nothing(pendulum_library) -> None:
+    instance = continuous(pendulum_library)
+    event, end = (c.c_int * 1)(7), (c.c_int * 1)(7)
+    assert instance.call("CompletedIntegratorStep", 1, event, end) == OK
+    assert (event[0], end[0]) == (0, 0)
+
+
 def test_sizes_of_the_states_follow_the_parameters(pendulum_library) -> None:
     instance = pendulum_library.start(MODEL_EXCHANGE, mass=3.0, length=2.0)
     np.testing.assert_array_equal(instance.vector("GetNominalsOfContinuousStates", 4), [1.0, 12.0, 3.0, 3.0])
@@ -89,7 +97,7 @@ def test_sizes_of_the_states_follow_the_parameters(pendulum_library) -> None:
 
 def test_jump_of_an_input_in_event_mode_is_booked(pendulum_library) -> None:
     """A jump of l' by 0.3 m/s does the work m/2 0.3²; angle and momentum stay."""
-    instance = continuous(pendulum_library, theta_0=0.8)
+    instance = continuous(pendulum_library, theta_0=0.8, friction=0.3)
     y = integrate(instance, (0.0, 1.0), instance.vector("GetContinuousStates", 4))
     assert instance.call("EnterEventMode") == OK
     assert instance.set(length_dot=0.3) == OK

@@ -134,6 +134,36 @@ def test_end_of_the_motion_is_found_and_named(fall_library) -> None:
     assert instance.step(1.0, 0.1) == OK  # a step that ends before it does
 
 
+def test_step_that_would_take_forever_is_discarded(pendulum_library) -> None:
+    """With 1e14 m/s2 the pendulum swings 1.6e6 times a second: a million solver steps are less than a second."""
+    instance = pendulum_library.start(gravity=1e14)
+    assert instance.step(0.0, 1000.0) == DISCARD
+    (message,) = instance.messages
+    assert message.startswith("1000000 solver steps lead no further than t = 0.")
+    assert instance.step(0.0, 1e-6) == OK
+
+
+def test_condition_that_fails_inside_a_step_discards_it(fall_library) -> None:
+    """v reaches -1 m/s at x = 2/3, before t = 1 s."""
+    instance = fall_library.start(limit=1.0)
+    before = instance.get("x", "v")
+    assert instance.step(0.0, 1.0) == DISCARD
+    (message,) = instance.messages
+    assert message.startswith("v must stay > -limit; at t = 0.")
+    assert message.endswith("; the step from t = 0 is taken back")
+    np.testing.assert_array_equal(instance.get("x", "v"), before)
+
+
+def test_condition_that_fails_at_the_start_is_refused(fall_library) -> None:
+    instance = fall_library.instantiate()
+    assert instance.setup() == OK
+    assert instance.call("EnterInitializationMode") == OK
+    assert instance.set(limit=-2.0) == OK
+    assert instance.call("ExitInitializationMode") == ERROR
+    message = "v must stay > -limit; at t = 0 it does not (-2); set another value and initialize again"
+    assert instance.messages == [message]
+
+
 def test_start_outside_a_domain_is_refused(fall_library) -> None:
     instance = fall_library.instantiate()
     assert instance.setup() == OK

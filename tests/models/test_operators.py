@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from liaisons.cosim import System
 from liaisons.errors import ValidityError
 from liaisons.mechanics import Operator
 from liaisons.models import CATALOGUE, Constant, Ramp, Sinusoid, SmoothStep
@@ -59,6 +60,15 @@ def test_events_are_the_instants_where_the_signal_is_not_smooth() -> None:
 def test_ramp_takes_the_rate_after_the_jump_at_the_jump() -> None:
     at_jump = triple(Ramp, np.array([0.75]), VALUES[Ramp])
     assert (at_jump["y"][0], at_jump["y_dot"][0], at_jump["y_ddot"][0]) == (1.0, -0.3, 0.0)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_a_communication_point_that_misses_the_jump_by_rounding_is_taken_for_it(fmu, backend: str) -> None:
+    assert 3 * 0.3 < 0.9
+    system = System("late")
+    system.add("ramp", fmu(Ramp, backend), rate=2.0, start_time=0.9)
+    result = system.simulate(1.5, 0.3)
+    assert result["ramp.y_dot"].tolist() == [0, 0, 0, 2, 2, 2]
 
 
 @pytest.mark.parametrize("t", [0.5, 2.0])

@@ -6,16 +6,20 @@ import hashlib
 import logging
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 from uuid import UUID
 from xml.etree import ElementTree
 
+from liaisons.errors import BuildError, suggestion
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
 from liaisons.fmu.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
 from liaisons.fmu.description import model_description
 from liaisons.fmu.documentation import index_page
 from liaisons.mechanics.model import Model
+
+Backend = Literal["native", "python", "auto"]
+Platforms = Literal["host", "all"]
 
 # Stands for the guid, which is a hash of everything else, until that is known.
 _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
@@ -26,8 +30,8 @@ def build(
     model: Model,
     output: Path | str = "fmus",
     *,
-    backend: Literal["native", "python", "auto"] = "auto",
-    platforms: Literal["host", "all"] = "host",
+    backend: Backend = "auto",
+    platforms: Platforms = "host",
 ) -> Path:
     """Build the FMU of a model; an FMU that is there already and up to date is left as it is.
 
@@ -38,6 +42,9 @@ def build(
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     """
+    for name, value, known in (("backend", backend, get_args(Backend)), ("platforms", platforms, get_args(Platforms))):
+        if value not in known:
+            raise BuildError(f"{name} = {value!r} is not known{suggestion(value, known)}")
     if backend == "auto" and not (system_compiler() or zig_compiler()):
         _say_how_to_get_native()
         backend = "python"

@@ -103,10 +103,6 @@ def projection(m: Mechanism, A: ca.SX, velocities: ca.SX, kept: Constraints) -> 
         return None
     q, p = m.free.q, m.free.p
     on_constraints = _positions(m, A, kept)
-    for k in range(len(m.orientations)):
-        first = len(m.coordinates) + 4 * k
-        before, quaternion, after = ca.vertsplit(on_constraints, [0, first, first + 4, q.shape[0]])
-        on_constraints = ca.vertcat(before, quaternion / ca.norm_2(quaternion), after)
     momenta = p
     C = kept.matrix
     for _ in range(ROUNDS if C.shape[0] else 0):
@@ -117,12 +113,20 @@ def projection(m: Mechanism, A: ca.SX, velocities: ca.SX, kept: Constraints) -> 
 
 
 def _positions(m: Mechanism, A: ca.SX, kept: Constraints) -> ca.SX:
-    rows = list(kept.of_position)
-    moved = m.free.q
+    q, rows = m.free.q, list(kept.of_position)
+    moved = _with_unit_quaternions(m, q)
     if rows:
         C = kept.matrix[rows, :]
         push = solve_symmetric(C @ solve_symmetric(A, C.T), kept.residuals[rows, 0])
-        step = m.free.q - m.free.kinematics @ solve_symmetric(A, C.T @ push)
+        step = _with_unit_quaternions(m, q - m.free.kinematics @ solve_symmetric(A, C.T @ push))
         for _ in range(ROUNDS):
-            moved = ca.substitute(step, m.free.q, moved)
+            moved = ca.substitute(step, q, moved)
     return moved
+
+
+def _with_unit_quaternions(m: Mechanism, q: ca.SX) -> ca.SX:
+    for k in range(len(m.orientations)):
+        first = len(m.coordinates) + 4 * k
+        before, quaternion, after = ca.vertsplit(q, [0, first, first + 4, q.shape[0]])
+        q = ca.vertcat(before, quaternion / ca.norm_2(quaternion), after)
+    return q

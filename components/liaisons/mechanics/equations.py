@@ -181,7 +181,8 @@ def derive(component: type[Mechanism]) -> Equations:
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
     # What a non-holonomic constraint does is neither drive nor load: Gauss's forces take it out of the energy.
-    constraint_power = ca.dot(lambdas[:passive, 0], C[:passive, :] @ q_dot)
+    inner = list(range(len(component.constraints), passive))
+    constraint_power = ca.dot(lambdas[inner, 0], C[inner, :] @ q_dot)
     power = (
         ca.dot(operator_forces, m.active.s_dot)
         + ca.dot(drives - loads, q_dot[:driven, 0])

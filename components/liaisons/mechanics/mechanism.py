@@ -201,6 +201,10 @@ class Mechanism(Component, abstract=True):
         super()._collect()
         cls.coordinates = declared(cls, Coordinate)
         cls.orientations = declared(cls, Orientation)
+        if len(cls.orientations) > 1:
+            raise ComponentError(
+                f"{cls.__name__}: declare one Orientation at most; the names of its variables are fixed"
+            )
         cls.internal_states = declared(cls, InternalState)
         cls.submersions = declared(cls, Submersion)
         cls.constraints = declared(cls, Constraint)
@@ -213,10 +217,6 @@ class Mechanism(Component, abstract=True):
 
     @classmethod
     def _check(cls) -> None:
-        if len(cls.orientations) > 1:
-            raise ComponentError(
-                f"{cls.__name__}: declare one Orientation at most; the names of its variables are fixed"
-            )
         if not cls.coordinates and not cls.orientations:
             raise ComponentError(f"{cls.__name__}: declare at least one Coordinate that moves freely")
         picture = cls()

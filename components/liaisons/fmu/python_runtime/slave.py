@@ -71,6 +71,8 @@ class Slave(Fmi2Slave):
         self._output = Call(f["outputs"], (*point, self._m), (self._z,))
         self._jump = Call(f["jump"], (*point, self._m), (self._y_jumped,))
         self._remember = Call(f["remember"], (*point, self._m), (self._m_next,))
+        self._instants = np.zeros(f["events"].numel_out(0))
+        self._find_instants = Call(f["events"], (self._k,), (self._instants,))
         self._project = Call(f["project"], point, (self._y_jumped,)) if "project" in f else None
 
     # ---- initialization ---------------------------------------------------------------------------------------
@@ -163,13 +165,19 @@ class Slave(Fmi2Slave):
             self._y[:] = self._y_jumped
         if not step.advance():
             return f"{step.obstacle()}; the step from t = {t:.9g} is taken back"
-        step.next[0] = t + H
+        step.next[0] = self._at_instant(t + H) if self._instants.size else t + H
         now[:] = step.next
         if self._project is not None:  # back onto constraints and unit quaternions
             self._project.run()
             self._y[:] = self._y_jumped
         self._remembered = self._jumped = self._evaluated = False
         return ""
+
+    def _at_instant(self, end: float) -> float:
+        """The end of a step, moved onto an instant that it means and misses by rounding: 3 * 0.3 is not 0.9."""
+        self._find_instants.run()
+        near = (instant for instant in self._instants.tolist() if abs(instant - end) <= 1e-12 * (1 + abs(end)))
+        return next(near, end)
 
     def _take_inputs(self) -> None:
         """What the importer gave becomes the inputs of the present time."""

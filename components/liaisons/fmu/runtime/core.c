@@ -53,7 +53,7 @@ struct Instance {
     Scalars *s;
     size_t state_size; /* in bytes */
     double *u;         /* inputs at the present time */
-    double *taylor;    /* derivatives given for the next step, COEFFICIENTS an input; the 0th says whether there are any */
+    double *taylor;    /* given derivatives of the inputs, COEFFICIENTS each; the 0th says whether there are any */
     double *y, *low;   /* states, and the part of their sum that is too small for them */
     double *m;
     double *size;      /* of the states: scales the tolerance */
@@ -162,6 +162,12 @@ static double next_instant(Instance *self, double t) {
     for (size_t i = 0; i < self->model->events; i++)
         if (self->instant[i] > t && self->instant[i] < next) next = self->instant[i];
     return next;
+}
+
+/* The end of a step, moved onto an instant that it means and misses by rounding: 3 * 0.3 is not 0.9. */
+static double at_instant(Instance *self, double start, double end) {
+    const double instant = next_instant(self, start);
+    return fabs(instant - end) <= 1e-12 * (1 + fabs(end)) ? instant : end;
 }
 
 /* ---- what is allowed --------------------------------------------------------------------------------------- */
@@ -302,7 +308,8 @@ Phase core_phase(const Instance *self) { return (Phase)self->s->phase; }
 double core_time(const Instance *self) { return self->s->time; }
 
 Status core_setup(Instance *self, double start_time, double tolerance) {
-    if (!isfinite(start_time)) return core_report(self, ERROR, "start time = %s: it must be finite", spelled(start_time));
+    if (!isfinite(start_time))
+        return core_report(self, ERROR, "start time = %s: it must be finite", spelled(start_time));
     if (!(tolerance >= 0 && isfinite(tolerance)))
         return core_report(self, ERROR, "tolerance = %g: it must be > 0 and finite", tolerance);
     self->s->time = start_time;
@@ -350,16 +357,18 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     return SUCCESS;
 }
 
+static const char FIXED[] = "it is a fixed parameter; set it before initialization ends";
+
 static Status check_setting(const Instance *self, unsigned reference, double value) {
     if (check_reference(self, reference) != SUCCESS) return ERROR;
     const Variable *variable = &self->model->variables[reference];
     if (!isfinite(value))
-        return core_report(self, DISCARD, "%s = %s: set a finite number; it stays %.9g", variable->name, spelled(value),
-                           self->k[reference]);
+        return core_report(self, DISCARD, "%s = %s: set a finite number; it stays %.9g", variable->name,
+                           spelled(value), self->k[reference]);
     if (settable(self, variable)) return SUCCESS;
     return core_report(self, ERROR, "%s = %.9g: %s", variable->name, value,
                        variable->kind == CALCULATED        ? "it is calculated; set parameters and inputs"
-                       : variable->kind == FIXED_PARAMETER ? "it is a fixed parameter; set it before initialization ends"
+                       : variable->kind == FIXED_PARAMETER ? FIXED
                                                            : "it is a parameter; set it in event mode");
 }
 
@@ -403,8 +412,7 @@ Status core_set_reconstruction(Instance *self, unsigned reference, int value) {
         return core_report(self, ERROR, "input_reconstruction = %d: set 0 (hold), 1 (extrapolate) or 2 (interpolate)",
                            value);
     if (self->s->phase >= EVENT)
-        return core_report(self, ERROR, "input_reconstruction = %d: %s", value,
-                           "it is a fixed parameter; set it before initialization ends");
+        return core_report(self, ERROR, "input_reconstruction = %d: %s", value, FIXED);
     self->s->reconstruction = value;
     return SUCCESS;
 }
@@ -659,6 +667,9 @@ static int move_states(Instance *self) {
         switch (solver_advance(&problem, &t, end, self->y, self->low, &self->s->step, self->work)) {
         case STOPPED: return 0;
         case STUCK: return explain_stuck(self, t);
+        case EXHAUSTED:
+            return because(self, "%d solver steps lead no further than t = %.9g: something moves very fast", MOST_STEPS,
+                           start + t);
         case REACHED: break;
         }
     } while (t < size);
@@ -687,7 +698,7 @@ static int advance(Instance *self, double time, double size) {
         return 0;
     if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
     self->s->expanded = 0;
-    self->s->time = time + size;
+    self->s->time = at_instant(self, time, time + size);
     remember(self);
     return 1;
 }
@@ -790,14 +801,16 @@ void core_save(const Instance *self, void *bytes) {
 
 Status core_check_state(const Instance *self, const void *bytes, size_t size) {
     Header header;
-    if (size < sizeof header) return core_report(self, ERROR, "the saved state has %lu bytes: it is cut off", (unsigned long)size);
+    if (size < sizeof header)
+        return core_report(self, ERROR, "the saved state has %lu bytes: it is cut off", (unsigned long)size);
     memcpy(&header, bytes, sizeof header);
     if (memcmp(header.magic, HEADER.magic, sizeof header.magic) != 0)
         return core_report(self, ERROR, "these bytes are no saved state of such an FMU");
     if (header.byte_order != HEADER.byte_order)
         return core_report(self, ERROR, "the saved state comes from a machine with another byte order");
     if (header.version != HEADER.version)
-        return core_report(self, ERROR, "the saved state has version %u, this FMU reads version %u", header.version, HEADER.version);
+        return core_report(self, ERROR, "the saved state has version %u, this FMU reads version %u", header.version,
+                           HEADER.version);
     if (strncmp(header.guid, self->model->guid, sizeof header.guid) != 0)
         return core_report(self, ERROR, "the saved state belongs to another FMU, with guid %.39s", header.guid);
     if (header.size != core_state_size(self) || size != header.size)

@@ -80,7 +80,8 @@ void core_reset(Instance *);
 
 Phase core_phase(const Instance *);
 double core_time(const Instance *);
-Status core_setup(Instance *, double start_time, double tolerance); /* tolerance 0: the component's own */
+/* Tolerances from 1e-14 to 1e-2 are kept; 0: the component's own. */
+Status core_setup(Instance *, double start_time, double tolerance);
 void core_enter_initialization(Instance *);
 Status core_exit_initialization(Instance *);
 void core_terminate(Instance *);
@@ -107,7 +108,7 @@ Status core_get_derivatives(Instance *, double f[]);
 void core_get_nominals(Instance *, double sizes[]);
 void core_enter_event_mode(Instance *);
 void core_enter_continuous_mode(Instance *);
-/* Book what a jump of the inputs brought in; returns whether states changed.  *next: the next time event, or INFINITY. */
+/* Book what a jump of the inputs brought in; returns whether states changed.  *next: next time event, or INFINITY. */
 int core_update_discrete_states(Instance *, double *next);
 
 /* saved states: plain bytes, valid in any process */

@@ -134,7 +134,8 @@ Outcome solver_advance(const Problem *p, double *t, double end, double y[], doub
     const double *sum = work + (SOLVER_COLUMNS - 1) * n;
     double error, largest_growth = GROW;
 
-    while (*t < end) {
+    for (long steps = 0; *t < end; steps++) {
+        if (steps == MOST_STEPS) return EXHAUSTED;
         if (p->rates(p->context, *t, y, work) == STOP) return STOPPED;
         if (*step <= 0) *step = first_step(p, *t, end - *t, y, work);
         for (;;) { /* until a step is accepted */
