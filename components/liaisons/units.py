@@ -104,6 +104,11 @@ def momentum(name: str) -> str:
     return _MOMENTUM.get(name) or _over("J.s", name)
 
 
+def multiplier(name: str) -> str:
+    """Unit of the multiplier of a constraint on rates that has this unit: their product is a power."""
+    return _over("W", name)
+
+
 def _over(numerator: str, name: str) -> str:
     top, slash, bottom = name.partition("/")
     return f"{numerator}.{bottom}/{top}" if slash else f"{numerator}/{top}"

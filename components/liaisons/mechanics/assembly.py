@@ -150,6 +150,8 @@ def _start_conditions(component: type[Mechanism], equations: Equations) -> dict[
     for i, item in enumerate((*component.constraints, *component.non_holonomic, *component.submersions)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         found[text] = CONSISTENT - ca.fabs(kept.residuals[i])
+        if i not in kept.of_position:
+            continue  # a constraint on rates has no other
         found[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(kept.rate_residuals[i])
     for turn in component.orientations:
         text = f"{', '.join(turn.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"

@@ -13,14 +13,10 @@ import casadi as ca
 from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.mechanics.declarations import (
     ActiveCoordinate,
-    Calculated,
-    Condition,
     Coordinate,
     Declaration,
     InternalState,
-    Output,
     Parameter,
-    Point,
 )
 from liaisons.mechanics.model import Experiment, Model
 
@@ -146,12 +142,11 @@ def check_internal_rates(picture: Component, states: Iterable[InternalState], sy
 
 
 def _reject_name_clashes(cls: type[Component]) -> None:
-    for kind in (Parameter, Coordinate, ActiveCoordinate, Point, Output, Calculated, Condition):
-        for item in declared(cls, kind):
-            if not _IDENTIFIER.match(item.name):
-                raise ComponentError(f"{cls.__name__}.{item.name}: use an ASCII identifier that starts with a letter")
-            if item.name in _reserved(cls):
-                raise ComponentError(f"{cls.__name__}.{item.name}: the name is taken by the base class; choose another")
+    for item in declared(cls, Declaration):
+        if not _IDENTIFIER.match(item.name):
+            raise ComponentError(f"{cls.__name__}.{item.name}: use an ASCII identifier that starts with a letter")
+        if item.name in _reserved(cls):
+            raise ComponentError(f"{cls.__name__}.{item.name}: the name is taken by the base class; choose another")
     for item in (*cls.parameters, *declared(cls, Coordinate), *declared(cls, ActiveCoordinate)):
         variable = item.variable("parameter", "fixed")
         if not variable.allows(item.start):

@@ -156,8 +156,11 @@ class Mechanism(Component, abstract=True):
         """λ of a constraint of this name: its force is λ times the constraint's gradient; for outputs."""
         return self._of(f"lambda_{name}", "constraint_force", (*self.constraints, *self.non_holonomic))
 
-    def operator_force(self, coordinate: ca.SX) -> ca.SX:
-        """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs."""
+    def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
+        """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
+
+        :param coordinate: the coordinate, or its name; the name for a submersion.
+        """
         return self._of(f"{coordinate}_force", "operator_force", self.actives)
 
     def _of(self, name: str, method: str, kind: Sequence[Declaration]) -> ca.SX:

@@ -138,8 +138,9 @@ def _of_constraints(component: type[Mechanism], equations: Equations) -> Iterato
         residual = equations.constraints.residuals[i]
         yield _output(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}", residual)
     for i, item in enumerate(passive):
+        unit = units.force(item.unit) if item in component.constraints else units.multiplier(item.unit)
         text = f"multiplier of: {item.description} (K eq. 7)"
-        yield _output(f"lambda_{item.name}", units.force(item.unit), text, equations.multipliers[i])
+        yield _output(f"lambda_{item.name}", unit, text, equations.multipliers[i])
 
 
 def _of_actives(component: type[Mechanism], equations: Equations) -> Iterator[Row]:

@@ -1,33 +1,43 @@
 """The catalogue: one file, one component; each with its equation, its source and its closed form."""
 
 from liaisons.mechanics import Component
+from liaisons.models.cartesian_pendulum import CartesianPendulum
 from liaisons.models.charged_particle import ChargedParticle
 from liaisons.models.circular_hoop import CircularHoop
 from liaisons.models.double_pendulum import DoublePendulum
 from liaisons.models.flywheel import Flywheel
 from liaisons.models.free_particle import FreeParticle
+from liaisons.models.isokinetic_oscillator import IsokineticOscillator
 from liaisons.models.kepler_orbit import KeplerOrbit
 from liaisons.models.linear_molecule import LinearMolecule
+from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
 from liaisons.models.operators import Constant, Ramp, Sinusoid, SmoothStep
 from liaisons.models.oscillator import Oscillator
 from liaisons.models.pendulum import Pendulum
 from liaisons.models.planar_oscillator import PlanarOscillator
 from liaisons.models.polar_oscillator import PolarOscillator
+from liaisons.models.satellite import Satellite
+from liaisons.models.spatial_cat import SpatialCat
 from liaisons.models.swing import Swing
 from liaisons.models.swing_pump import SwingPump
 
 CATALOGUE: tuple[type[Component], ...] = (
     Pendulum,
+    CartesianPendulum,
     DoublePendulum,
     Oscillator,
     Flywheel,
     PlanarOscillator,
     PolarOscillator,
+    IsokineticOscillator,
+    NoseHooverOscillator,
     LinearMolecule,
     FreeParticle,
     ChargedParticle,
     KeplerOrbit,
     Swing,
+    SpatialCat,
+    Satellite,
     CircularHoop,
     Constant,
     Ramp,
@@ -38,21 +48,26 @@ CATALOGUE: tuple[type[Component], ...] = (
 
 __all__ = [
     "CATALOGUE",
+    "CartesianPendulum",
     "ChargedParticle",
     "CircularHoop",
     "Constant",
     "DoublePendulum",
     "Flywheel",
     "FreeParticle",
+    "IsokineticOscillator",
     "KeplerOrbit",
     "LinearMolecule",
+    "NoseHooverOscillator",
     "Oscillator",
     "Pendulum",
     "PlanarOscillator",
     "PolarOscillator",
     "Ramp",
+    "Satellite",
     "Sinusoid",
     "SmoothStep",
+    "SpatialCat",
     "Swing",
     "SwingPump",
 ]

@@ -1,0 +1,109 @@
+"""Plane motion at constant speed v in a harmonic potential: turning points by Lambert's W, the rest by quadrature.
+
+With w = r² and |r × r'| = c v exp(a w/2), which is what Gauss's friction leaves of the angular momentum::
+
+    w'² = 4 v² f(w),    f(w) = w - c² exp(a w),    φ' = c v exp(a w/2) / w
+
+f vanishes at w_1 < w_2.  On w = (w_1 + w_2)/2 - (w_2 - w_1)/2 cos θ both dt/dθ and dφ/dθ are even, periodic
+and analytic in θ, so that their cosine series converge geometrically.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.special import exprel, lambertw
+
+from liaisons.models._validity import require
+
+_NEAREST = 0.04  # smallest r / largest r; the cosine series converge as exp(-2k) of it
+_MODES = 512  # of them, exp(-2 · 512 · 0.04) = 1e-18
+_CIRCLE = 1e-4  # relative width of the ring below which c does not resolve the turning points (error √ε/width)
+
+
+@dataclass(frozen=True, slots=True)
+class Orbit:
+    """Motion between two turning points; the phase θ is 0 at the inner one and π at the outer one."""
+
+    inner: float  # w_1
+    outer: float  # w_2
+    time: NDArray  # cosine series of dt/dθ
+    angle: NDArray  # of dφ/dθ
+
+    @classmethod
+    def of(cls, speed: float, a: float, c: float) -> Orbit:
+        """The orbit of given speed, a > 0 and 0 < c <= 1/√(a e).
+
+        :raises ValidityError: on the circle r² = 1/a or too close to it, and where it passes too close to the origin.
+        """
+        product = -a * c**2
+        inner, outer = (float(-lambertw(product, branch).real) / a for branch in (0, -1))
+        require(
+            product > -np.exp(-1) and outer - inner > _CIRCLE * outer,
+            f"IsokineticOscillator.exact: the orbit is almost the circle of radius {a**-0.5:g} m; r is constant there",
+        )
+        ratio = np.sqrt(inner / outer)
+        require(
+            ratio >= _NEAREST,
+            f"IsokineticOscillator.exact: r falls to {ratio:.2g} of its largest value; the series reach {_NEAREST}",
+        )
+        theta = np.pi * (np.arange(_MODES) + 0.5) / _MODES
+        w = _between(inner, outer, theta)
+        near, far = np.where(theta < np.pi / 2, inner, outer), np.where(theta < np.pi / 2, outer, inner)
+        # f(w)/((w - w_1)(w_2 - w)), from the nearer root, where f itself has no digits: c² exp(a w_i) = w_i
+        root = np.sqrt((1 - near * a * exprel(a * (w - near))) / (far - w))
+        rate = 2 * speed * root
+        turn = c * speed * np.exp(a * w / 2) / w
+        return cls(inner, outer, _cosines(1 / rate), _cosines(turn / rate))
+
+    @property
+    def half_period(self) -> float:
+        """Time from one turning point to the other [s]."""
+        return float(np.pi * self.time[0])
+
+    @property
+    def apsidal_angle(self) -> float:
+        """Angle at the centre between them [rad]."""
+        return float(np.pi * self.angle[0])
+
+    def phase(self, w: float, *, outwards: bool) -> float:
+        """θ at a distance √w."""
+        theta = float(np.arccos(np.clip((self.inner + self.outer - 2 * w) / (self.outer - self.inner), -1, 1)))
+        return theta if outwards else -theta
+
+    def at(self, t: NDArray, phase: float) -> tuple[NDArray, NDArray, NDArray]:
+        """r [m], r' [m/s] and φ - φ(0) [rad] at times since θ had the given phase."""
+        target = t + _integral(self.time, np.array(phase))
+        theta = target / self.time[0]
+        for _ in range(60):  # Newton; quadratic from a start that is off by the sine series alone
+            step = (_integral(self.time, theta) - target) / _sum(self.time, theta)
+            theta = theta - step
+            if np.max(np.abs(step)) <= 4e-16 * np.max(1 + np.abs(theta)):
+                break
+        w = _between(self.inner, self.outer, theta)
+        w_dot = (self.outer - self.inner) / 2 * np.sin(theta) / _sum(self.time, theta)
+        r = np.sqrt(w)
+        return r, w_dot / (2 * r), _integral(self.angle, theta) - _integral(self.angle, np.array(phase))
+
+
+def _between(inner: float, outer: float, theta: NDArray) -> NDArray:
+    return inner + (outer - inner) * np.sin(theta / 2) ** 2
+
+
+def _cosines(values: NDArray) -> NDArray:
+    """Coefficients of Σ a_k cos kθ from the values at (j + ½) π/n."""
+    coefficients = np.asarray(dct(values, type=2)) / values.size
+    coefficients[0] /= 2
+    return coefficients
+
+
+def _sum(series: NDArray, theta: NDArray) -> NDArray:
+    return np.cos(np.multiply.outer(theta, np.arange(series.size))) @ series
+
+
+def _integral(series: NDArray, theta: NDArray) -> NDArray:
+    k = np.arange(1, series.size)
+    return series[0] * theta + np.sin(np.multiply.outer(theta, k)) @ (series[1:] / k)

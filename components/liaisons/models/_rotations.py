@@ -1,0 +1,52 @@
+"""Unit quaternions in NumPy, scalar first, shape (4, ...): q turns a vector of the body into the fixed frame."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+NAMES = ("q_w", "q_x", "q_y", "q_z")
+
+
+def product(*factors: NDArray) -> NDArray:
+    """q_1 q_2 ...: the rotation q_1 after q_2 after ...; the factors broadcast."""
+    w, x, y, z = factors[0]
+    for a, b, c, d in factors[1:]:
+        w, x, y, z = (
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        )
+    return np.stack(np.broadcast_arrays(w, x, y, z))
+
+
+def conjugate(q: NDArray) -> NDArray:
+    """The inverse of a unit quaternion."""
+    return np.concatenate([q[:1], -q[1:]])
+
+
+def about(axis: int, angle: ArrayLike) -> NDArray:
+    """Rotation by an angle [rad] of any shape about axis 0, 1 or 2; continuous in the angle."""
+    half = np.asarray(angle, dtype=float) / 2
+    q = np.zeros((4, *half.shape))
+    q[0], q[1 + axis] = np.cos(half), np.sin(half)
+    return q
+
+
+def exponential(vector: NDArray) -> NDArray:
+    """Rotation by a rotation vector [rad], shape (3, ...); continuous in the vector."""
+    half = np.linalg.norm(vector, axis=0) / 2
+    return np.concatenate([np.cos(half)[None], np.sinc(half / np.pi) * vector / 2])
+
+
+def of_matrix(matrix: NDArray) -> NDArray:
+    """Either of the two unit quaternions of a rotation matrix, shape (3, 3)."""
+    return np.roll(Rotation.from_matrix(matrix).as_quat(), 1)
+
+
+def unit(q: ArrayLike) -> NDArray:
+    """A quaternion divided by its norm."""
+    q = np.asarray(q, dtype=float)
+    return q / np.linalg.norm(q)

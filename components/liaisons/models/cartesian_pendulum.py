@@ -1,0 +1,89 @@
+"""The plane pendulum in Cartesian coordinates: constraints instead of an angle."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, constraint, output, submersion
+from liaisons.models.pendulum import Pendulum
+
+_START = 0.1  # rad, angle of the rod from the downward vertical
+
+
+class CartesianPendulum(Mechanism):
+    """Point mass in space, held in the plane y = 0 and at the distance from its pivot that an operator prescribes.
+
+    With r = (x, y, z), the pivot at (0, 0, h), d = r - (0, 0, h) and the constraints |d| = l(t), y = 0::
+
+        m r'' = -m g e_z + Z,    Z = 2 λ_1 d + λ_2 e_y                                   K eq. 3, 7
+        |d| |d|'' = d·r'' + r'² - |d|'² = l l'',    y'' = 0                              K eq. 9, l(t) included
+        constant l = h:    λ_1 = -m (g (l - z) + r'²) / 2 l²,    λ_2 = 0                 K Ex. 1
+        Gauss:             μ_1 = -2 λ_1 = tension / l                                    K Ex. 9, the 2 removed
+
+    m [kg] mass, g [m/s2] gravity, l [m] length of the rod, h [m] height; λ_1 [N/m], λ_2 [N] in K's normalisation,
+    that is, of σ_1 = |d|² - l² and σ_2 = y; the operator's force on the port ``rod`` is 2 l λ_1.  K's multipliers keep
+    what they find and have "no function of regulation"; here an error decays, and every step ends on the constraints.
+
+    Source: K Ex. 1, Ex. 9; M eq. 20-22 for the rod.
+    """
+
+    mass = Parameter(1.0, "kg", "mass of the bob", above=0)
+    height = Parameter(1.0, "m", "height of the pivot, which is (0, 0, height)")
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    x = Coordinate("m", "horizontal position in the plane of the motion", start=float(np.sin(_START)))
+    y = Coordinate("m", "distance from the plane of the motion")
+    z = Coordinate("m", "height", start=float(1 - np.cos(_START)))
+    experiment = Experiment(stop_time=10.0, step_size=0.01)
+
+    @submersion("m", "distance from the pivot to the bob", start=1.0, above=0)
+    def rod(self) -> ca.SX:
+        return ca.norm_2(ca.vertcat(self.x, self.y, self.z - self.height))
+
+    @constraint("m", "distance from the plane of the motion")
+    def plane(self) -> ca.SX:
+        return self.y
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
+
+    def potential_energy(self) -> ca.SX:
+        return self.mass * self.gravity * self.z
+
+    @output("N/m", "multiplier of x^2 + y^2 + (z - height)^2 - rod^2 (K Ex. 1); negative when the rod pulls")
+    def lambda_1(self) -> ca.SX:
+        return self.operator_force("rod") / (2 * self.rod)
+
+    @output("N", "multiplier of y (K Ex. 1)")
+    def lambda_2(self) -> ca.SX:
+        return self.constraint_force("plane")
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        theta_0: float = _START,
+        theta_dot_0: float = 0.0,
+        rod: float = 1.0,
+        mass: float = 1.0,
+        height: float = 1.0,
+        gravity: float = 9.81,
+    ) -> dict[str, NDArray]:
+        """Motion with a fixed rod, from :meth:`Pendulum.exact`: the start lies at an angle from the vertical.
+
+        :param t: times since the start [s], any shape.
+        :param theta_0: initial angle [rad]; ``theta_dot_0`` its rate [rad/s].
+        :returns: ``x``, ``z`` [m], ``x_dot``, ``z_dot`` [m/s], ``lambda_1`` [N/m].
+        :raises ValidityError: for mass, rod or gravity that are not positive.
+        """
+        start = {"theta_0": theta_0, "theta_dot_0": theta_dot_0}
+        swing = Pendulum.exact(t, **start, length=rod, mass=mass, gravity=gravity)
+        sine, cosine = np.sin(swing["theta"]), np.cos(swing["theta"])
+        return {
+            "x": rod * sine,
+            "z": height - rod * cosine,
+            "x_dot": rod * cosine * swing["theta_dot"],
+            "z_dot": rod * sine * swing["theta_dot"],
+            "lambda_1": -swing["tension"] / (2 * rod),
+        }

@@ -1,0 +1,122 @@
+"""The oscillator at constant kinetic energy: a non-holonomic constraint as a thermostat."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
+from liaisons.models._isokinetic import Orbit
+from liaisons.models._validity import require, require_not_negative, require_positive
+
+
+class IsokineticOscillator(Mechanism):
+    """Harmonic oscillator in space whose speed is held at m v² = 3 k_B T by Gauss's principle.
+
+    ::
+
+        m r'' = -K r - μ m r',    μ = -K r·r' / m v²   ( = -K r·r' / 3 k_B T on the constraint)      K Ex. 10
+        (r × r') exp(-V / 3 k_B T) is constant, V = K r²/2: the motion stays in a plane
+        r'² = v² (1 - c² exp(a r²) / r²),    a = K / 3 k_B T,    c = |r × r'| exp(-a r²/2) / v
+
+    r = (x, y, z) [m], m [kg] mass, K [N/m] stiffness, k_B T [J] thermal energy, μ [1/s] a friction of either sign.
+    The energy T + V is not conserved.  With μ as printed an error of the constraint grows as exp(2 V / 3 k_B T); with
+    m v² in its place any speed is kept.  The multiplier of ``kinetic`` is -μ.
+
+    Source: K Ex. 10, eq. 107-113.
+    """
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0)
+    thermal_energy = Parameter(1.0, "J", "Boltzmann's constant times temperature", above=0)
+    x = Coordinate("m", "position", start=1.0, start_rate=1.0)
+    y = Coordinate("m", "position", start_rate=1.0)
+    z = Coordinate("m", "position", start_rate=1.0)
+    experiment = Experiment(stop_time=20.0, step_size=0.02)
+
+    def _speed_squared(self) -> ca.SX:
+        return self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
+
+    @non_holonomic("J", "kinetic energy less 3/2 of the thermal energy")
+    def kinetic(self) -> ca.SX:
+        return self.kinetic_energy() - 1.5 * self.thermal_energy
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self._speed_squared()
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (self.x**2 + self.y**2 + self.z**2)
+
+    @output("1/s", "friction of the thermostat, Gauss's multiplier (K Ex. 10)")
+    def mu(self) -> ca.SX:
+        return -self.constraint_force("kinetic")
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        x_0: float = 1.0,
+        y_0: float = 0.0,
+        z_0: float = 0.0,
+        x_dot_0: float = 1.0,
+        y_dot_0: float = 1.0,
+        z_dot_0: float = 1.0,
+        mass: float = 1.0,
+        stiffness: float = 1.0,
+        thermal_energy: float = 1.0,
+    ) -> dict[str, NDArray]:
+        """Motion: turning points by Lambert's W, time and angle between them by quadrature.
+
+        Through the origin, or without a spring, the motion is uniform and straight.
+
+        :param t: times since the start [s], any shape.
+        :returns: ``x``, ``y``, ``z`` [m], their rates [m/s], ``mu`` [1/s].
+        :raises ValidityError: for a parameter outside its domain, m v² ≠ 3 k_B T, or an orbit that is almost a circle.
+        """
+        require_positive("IsokineticOscillator.exact", mass=mass, thermal_energy=thermal_energy)
+        require_not_negative("IsokineticOscillator.exact", stiffness=stiffness)
+        position, velocity = np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0])
+        speed = np.sqrt(3 * thermal_energy / mass)
+        found = np.linalg.norm(velocity)
+        require(
+            abs(found - speed) <= 1e-6 * speed,
+            f"IsokineticOscillator.exact: the start velocity {found:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
+        )
+        t = np.asarray(t, dtype=float)
+        a = stiffness / (3 * thermal_energy)
+        r_0, moment = float(np.linalg.norm(position)), np.cross(position, velocity)
+        area_rate = float(np.linalg.norm(moment))
+        if stiffness == 0 or area_rate == 0:
+            r = position[:, None] + np.multiply.outer(velocity, t.ravel())
+            v = np.broadcast_to(velocity[:, None], r.shape)
+        else:
+            orbit = Orbit.of(speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
+            distance, rate, phi = orbit.at(t.ravel(), orbit.phase(r_0**2, outwards=bool(position @ velocity >= 0)))
+            phi_dot = area_rate * np.exp(a * (distance**2 - r_0**2) / 2) / distance**2
+            radial = position / r_0
+            across = np.cross(moment / area_rate, radial)
+            e_r = np.multiply.outer(radial, np.cos(phi)) + np.multiply.outer(across, np.sin(phi))
+            e_phi = np.multiply.outer(across, np.cos(phi)) - np.multiply.outer(radial, np.sin(phi))
+            r, v = distance * e_r, rate * e_r + distance * phi_dot * e_phi
+        mu = -a * np.sum(r * v, axis=0)
+        names = ("x", "y", "z", "x_dot", "y_dot", "z_dot", "mu")
+        return {name: row.reshape(t.shape) for name, row in zip(names, (*r, *v, mu), strict=True)}
+
+    @staticmethod
+    def turning_points(
+        *, position: ArrayLike, velocity: ArrayLike, stiffness: float = 1.0, thermal_energy: float = 1.0
+    ) -> tuple[float, float, float, float]:
+        """Where the distance from the centre turns.
+
+        :param position: at some instant [m], shape (3,); ``velocity`` [m/s], with m v² = 3 k_B T.
+        :returns: smallest and largest r [m], time from one to the other [s], angle between them [rad].
+        :raises ValidityError: for parameters that are not positive, a motion through the origin, or almost a circle.
+        """
+        require_positive("IsokineticOscillator.turning_points", stiffness=stiffness, thermal_energy=thermal_energy)
+        r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
+        area_rate, a = float(np.linalg.norm(np.cross(r, v))), stiffness / (3 * thermal_energy)
+        require(area_rate > 0, "IsokineticOscillator.turning_points: straight through the origin r does not turn")
+        speed = float(np.linalg.norm(v))
+        orbit = Orbit.of(speed, a, area_rate * float(np.exp(-a * (r @ r) / 2)) / speed)
+        return float(np.sqrt(orbit.inner)), float(np.sqrt(orbit.outer)), orbit.half_period, orbit.apsidal_angle

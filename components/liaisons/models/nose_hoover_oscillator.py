@@ -1,0 +1,50 @@
+"""The oscillator with the thermostat of Nosé and Hoover: constant temperature on the average."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from liaisons.mechanics import Coordinate, Experiment, InternalState, Mechanism, Parameter, output
+
+
+class NoseHooverOscillator(Mechanism):
+    """Harmonic oscillator with a friction ξ, of either sign, that rises while it is hotter than its thermostat.
+
+    ::
+
+        m q'' = -K q - ξ m q',    ξ' = (m q'² - k_B T) / Q,    η' = ξ
+        H' = m q'²/2 + K q²/2 + Q ξ²/2 + k_B T η is constant
+
+    q [m], m [kg] mass, K [N/m] stiffness, k_B T [J] thermal energy, Q [kg.m2] mass of the thermostat, ξ [1/s], η [1].
+    One oscillator is not ergodic and parts of its phase space are chaotic: over long times only H' can be compared.
+    The area of a piece of phase space (q, p, ξ) shrinks as exp(-(η - η_0)).
+
+    Source: K 4.2, end, with references 10 and 11.
+    """
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0)
+    thermal_energy = Parameter(1.0, "J", "Boltzmann's constant times temperature", above=0)
+    thermostat_mass = Parameter(1.0, "kg.m2", "mass of the thermostat", above=0)
+    q = Coordinate("m", "elongation", start=1.0)
+    xi = InternalState("1/s", "friction, the state of the thermostat")
+    eta = InternalState("1", "integral of the friction")
+    experiment = Experiment(stop_time=50.0, step_size=0.05)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.q) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return self.stiffness / 2 * self.q**2
+
+    def friction_coefficient(self) -> ca.SX:
+        return self.xi
+
+    def internal_rates(self) -> dict[str, ca.SX]:
+        excess = self.mass * self.dot(self.q) ** 2 - self.thermal_energy
+        return {"xi": excess / self.thermostat_mass, "eta": self.xi}
+
+    @output("J", "energy of oscillator and thermostat together; it is constant")
+    def extended_energy(self) -> ca.SX:
+        thermostat = self.thermostat_mass / 2 * self.xi**2 + self.thermal_energy * self.eta
+        return self.kinetic_energy() + self.potential_energy() + thermostat

@@ -1,0 +1,138 @@
+"""The satellite with three reaction wheels."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
+from liaisons.models import _rotations
+from liaisons.models._euler_top import euler_top
+from liaisons.models._validity import require, require_positive
+
+
+def _least_minor(matrix: ca.SX) -> ca.SX:
+    """The smallest leading minor: positive when the symmetric matrix is positive definite (Sylvester)."""
+    two, three = ca.det(matrix[:2, :2]), ca.det(matrix)
+    return ca.fmin(matrix[0, 0], ca.fmin(two, three))
+
+
+class Satellite(Mechanism):
+    """Rigid body in free fall whose attitude is moved by three wheels, along its axes x, y, z, that an operator turns.
+
+    With the angular velocity ω in the body frame, the attitude R (body to inertial frame) and the wheel angles φ::
+
+        T = ½ ω·Jω + J_w ω·φ' + ½ J_w φ'²
+        H = R (J ω + J_w φ') is constant: in the inertial frame, to rounding
+        J ω' + J_w φ'' = (J ω + J_w φ') × ω,      λ_k = J_w (φ_k'' + ω_k')               M eq. 27
+        from rest, H = 0, one wheel after the other or all in proportion: a turn by -J⁻¹ J_w Δφ, for any φ(t)
+
+    J [kg.m2] inertia about the centre of mass with the wheels locked, J_w [kg.m2] inertia of each wheel about its axis;
+    H [kg.m2/s], ω [rad/s], λ [N.m] torques of the motors.  Turns about different axes do not commute: wheels that end
+    where they began leave the satellite turned.
+
+    Source: M 8.3, with 8.2.
+    """
+
+    J_xx = Parameter(10.0, "kg.m2", "moment of inertia about x, wheels locked", above=0)
+    J_yy = Parameter(12.0, "kg.m2", "moment of inertia about y, wheels locked", above=0)
+    J_zz = Parameter(8.0, "kg.m2", "moment of inertia about z, wheels locked", above=0)
+    J_xy = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
+    J_xz = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
+    J_yz = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
+    J_wheel = Parameter(0.1, "kg.m2", "moment of inertia of each wheel about its axis", above=0)
+    attitude = Orientation("attitude of the satellite")
+    wheel_1 = ActiveCoordinate("rad", "angle of the wheel along x")
+    wheel_2 = ActiveCoordinate("rad", "angle of the wheel along y")
+    wheel_3 = ActiveCoordinate("rad", "angle of the wheel along z")
+    experiment = Experiment(stop_time=60.0, step_size=0.05)
+
+    @property
+    def _inertia(self) -> ca.SX:
+        rows = (
+            (self.J_xx, self.J_xy, self.J_xz),
+            (self.J_xy, self.J_yy, self.J_yz),
+            (self.J_xz, self.J_yz, self.J_zz),
+        )
+        return ca.vertcat(*(ca.horzcat(*row) for row in rows))
+
+    def kinetic_energy(self) -> ca.SX:
+        omega = self.attitude.rate
+        wheels = self.dot(ca.vertcat(self.wheel_1, self.wheel_2, self.wheel_3))
+        turn = ca.dot(omega, self._inertia @ omega) / 2
+        return turn + self.J_wheel * (ca.dot(omega, wheels) + ca.sumsqr(wheels) / 2)
+
+    @condition("J must be positive definite")
+    def inertia_is_positive(self) -> ca.SX:
+        return _least_minor(self._inertia)
+
+    @condition("J must be positive definite without the wheels: J - J_wheel")
+    def body_is_positive(self) -> ca.SX:
+        return _least_minor(self._inertia - self.J_wheel * ca.SX.eye(3))
+
+    @condition("each principal moment of J must be less than the sum of the other two (triangle inequality)")
+    def inertia_is_of_masses(self) -> ca.SX:
+        return _least_minor(ca.trace(self._inertia) / 2 * ca.SX.eye(3) - self._inertia)
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        omega_x_0: float = 0.0,
+        omega_y_0: float = 0.0,
+        omega_z_0: float = 0.0,
+        q_w_0: float = 1.0,
+        q_x_0: float = 0.0,
+        q_y_0: float = 0.0,
+        q_z_0: float = 0.0,
+        **inertia: float,
+    ) -> dict[str, NDArray]:
+        """Motion with the wheels locked: Euler's top by elliptic functions, attitude included.
+
+        :param t: times since the start [s], any shape.
+        :param inertia: ``J_xx``, ... that differ from their defaults.
+        :returns: ``omega_x``, ... [rad/s] and ``q_w``, ..., the quaternion, continuous in t.
+        :raises ValidityError: for an inertia that is not positive definite, or a start on the separatrix.
+        """
+        start = _rotations.unit([q_w_0, q_x_0, q_y_0, q_z_0])
+        omega_0 = np.array([omega_x_0, omega_y_0, omega_z_0])
+        omega, q = euler_top(np.asarray(t, dtype=float), _tensor("Satellite.exact", inertia), omega_0, start)
+        names = (*Orientation.rates, *Orientation.quaternion)
+        return dict(zip(names, (*omega, *q), strict=True))
+
+    @staticmethod
+    def slew(
+        turn_1: ArrayLike = 0.0,
+        turn_2: ArrayLike = 0.0,
+        turn_3: ArrayLike = 0.0,
+        *,
+        start: ArrayLike = (1.0, 0.0, 0.0, 0.0),
+        J_wheel: float = 0.1,
+        **inertia: float,
+    ) -> dict[str, NDArray]:
+        """Attitude from rest after the wheels have turned in proportion: a rotation by -J⁻¹ J_wheel Δφ.
+
+        :param turn_1: and ``turn_2``, ``turn_3``: how far each wheel has turned [rad], any shape; Δφ(t) in a fixed
+            direction, at any pace.
+        :param start: quaternion before, shape (4,).  Its end is the start of the next slew of a sequence.
+        :param inertia: ``J_xx``, ... that differ from their defaults.
+        :returns: ``q_w``, ..., the quaternion.
+        :raises ValidityError: for an inertia that is not positive definite.
+        """
+        require_positive("Satellite.slew", J_wheel=J_wheel)
+        turns = np.stack(np.broadcast_arrays(*(np.asarray(turn, dtype=float) for turn in (turn_1, turn_2, turn_3))))
+        vector = -J_wheel * np.tensordot(np.linalg.inv(_tensor("Satellite.slew", inertia)), turns, 1)
+        before = _rotations.unit(start)[(...,) + (None,) * (turns.ndim - 1)]
+        q = _rotations.product(before, _rotations.exponential(vector))
+        return dict(zip(Orientation.quaternion, q, strict=True))
+
+
+def _tensor(where: str, inertia: dict[str, float]) -> NDArray:
+    elements = [["J_xx", "J_xy", "J_xz"], ["J_xy", "J_yy", "J_yz"], ["J_xz", "J_yz", "J_zz"]]
+    known = {p.name: p.start for p in Satellite.parameters if p.name != "J_wheel"}
+    unknown = inertia.keys() - known.keys()
+    require(not unknown, f"{where}: no parameter {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    tensor = np.array([[(known | inertia)[name] for name in row] for row in elements])
+    require(bool(np.all(np.linalg.eigvalsh(tensor) > 0)), f"{where}: J = {tensor.tolist()} must be positive definite")
+    return tensor

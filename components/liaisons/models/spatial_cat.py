@@ -1,0 +1,117 @@
+"""The falling cat in space: two equal halves that bend and twist against each other."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Orientation, Parameter
+from liaisons.models import _rotations
+from liaisons.models._validity import require_positive
+
+_A = ca.SX([0, 0, 1])  # axis of half A in its own frame
+
+
+class SpatialCat(Mechanism):
+    """Falling cat of two equal bodies of revolution with a joint between them, whose three angles are the operator's.
+
+    Half A has its axis a along its own z; half B relative to it is turned by Rz(χ) Rx(κ) Rz(-χ + τ), which gives its
+    axis b: bent by κ about a direction at the azimuth χ.  In the frame of A, with ω_B = ω + χ' a + κ' n + (τ' - χ') b,
+    n = (cos χ, sin χ, 0), and the distance d (a + b) between the centres of mass::
+
+        T = m |v_G|² + ¼ m |d b' + ω × d (a + b)|²
+            + ½ I (|ω|² + |ω_B|²) + ½ (J - I) ((ω·a)² + (ω_B·b)²),    V = 2 m g z_G       M eq. 58
+        H, the angular momentum about the centre of mass, is constant in the inertial frame
+
+    At H = 0 and without twist (τ constant) the bisector e ~ a + b keeps its direction, so that the joint's place does
+    not enter, and the plane of the bend turns about it::
+
+        ψ' = J c χ' / (I s² + J c²),    c = cos κ/2,  s = sin κ/2
+
+    Going round at constant bend (χ by 2π) the cat has its shape again and is turned by Φ = 2π J c/(I s² + J c²).
+
+    m [kg] each half; I, J [kg.m2] about a transverse axis and about its own; d [m]; κ, χ, τ [rad].
+
+    Source: M 8.2, eq. 57-60; the twist-free motion after Rademaker and ter Braak, Kane and Scher.
+    """
+
+    mass = Parameter(2.0, "kg", "mass of each half", above=0)
+    inertia_transverse = Parameter(0.10, "kg.m2", "of each half, about a transverse axis through its centre", above=0)
+    inertia_axial = Parameter(0.02, "kg.m2", "moment of inertia of each half about its own axis", above=0)
+    joint_distance = Parameter(
+        0.2, "m", "distance from the centre of each half to the joint, along its axis", minimum=0
+    )
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    com_x = Coordinate("m", "position of the centre of mass")
+    com_y = Coordinate("m", "position of the centre of mass")
+    com_z = Coordinate("m", "height of the centre of mass")
+    attitude = Orientation("attitude of half A", start="momentum")
+    bend = ActiveCoordinate("rad", "angle between the axes of the two halves")
+    azimuth = ActiveCoordinate("rad", "direction about which half B is bent, from the x axis of half A")
+    twist = ActiveCoordinate("rad", "turn of half B about its own axis")
+    experiment = Experiment(stop_time=2.0, step_size=0.01)
+
+    def _half_B(self) -> tuple[ca.SX, ca.SX]:  # noqa: N802
+        """Axis b and angular velocity relative to half A, in the frame of A."""
+        sine, cosine = ca.sin(self.azimuth), ca.cos(self.azimuth)
+        hinge = ca.vertcat(cosine, sine, 0)
+        axis = ca.vertcat(sine * ca.sin(self.bend), -cosine * ca.sin(self.bend), ca.cos(self.bend))
+        azimuth_rate = self.dot(self.azimuth)
+        spin = azimuth_rate * _A + self.dot(self.bend) * hinge + (self.dot(self.twist) - azimuth_rate) * axis
+        return axis, spin
+
+    def kinetic_energy(self) -> ca.SX:
+        omega = self.attitude.rate
+        axis, spin = self._half_B()
+        fall = self.mass * self.speed_squared({"x": self.com_x, "y": self.com_y, "z": self.com_z})
+        apart = self.joint_distance * (_A + axis)
+        orbit = self.mass / 4 * ca.sumsqr(self.dot(apart) + ca.cross(omega, apart))
+        return fall + orbit + self._turning(omega, _A) + self._turning(omega + spin, axis)
+
+    def _turning(self, omega: ca.SX, axis: ca.SX) -> ca.SX:
+        along = ca.dot(omega, axis) ** 2
+        return (self.inertia_transverse * (ca.sumsqr(omega) - along) + self.inertia_axial * along) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return 2 * self.mass * self.gravity * self.com_z
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        azimuth: ArrayLike,
+        bend: float,
+        azimuth_0: float = 0.0,
+        inertia_transverse: float = 0.10,
+        inertia_axial: float = 0.02,
+        com_z_0: float = 0.0,
+        com_z_dot_0: float = 0.0,
+        gravity: float = 9.81,
+    ) -> dict[str, NDArray]:
+        """Motion without angular momentum and twist at constant bend: free fall, and a turn that χ alone determines.
+
+        :param t: times since the start [s], any shape.
+        :param azimuth: χ at these times [rad]; ``azimuth_0`` at the start, where half A has the attitude (1, 0, 0, 0).
+        :returns: ``com_z`` [m], ``com_z_dot`` [m/s], and ``q_w``, ..., the attitude of half A.
+        :raises ValidityError: for moments of inertia that are not positive.
+        """
+        t, chi = np.asarray(t, dtype=float), np.asarray(azimuth, dtype=float)
+        per_turn = SpatialCat.turn(bend, inertia_transverse=inertia_transverse, inertia_axial=inertia_axial)
+        psi = per_turn * (chi - azimuth_0) / (2 * np.pi)
+        start = _rotations.product(_rotations.about(2, azimuth_0), _rotations.about(0, bend / 2))
+        back = _rotations.product(_rotations.about(0, -bend / 2)[:, None], _rotations.about(2, -chi.ravel()))
+        q = _rotations.product(start[:, None], _rotations.about(2, psi.ravel()), back)
+        fall = {"com_z": com_z_0 + com_z_dot_0 * t - gravity * t**2 / 2, "com_z_dot": com_z_dot_0 - gravity * t}
+        return fall | {name: row.reshape(chi.shape) for name, row in zip(Orientation.quaternion, q, strict=True)}
+
+    @staticmethod
+    def turn(bend: float, *, inertia_transverse: float = 0.10, inertia_axial: float = 0.02) -> float:
+        """Angle Φ by which the cat has turned about a + b when χ has gone round once at constant bend [rad].
+
+        :raises ValidityError: for moments of inertia that are not positive.
+        """
+        moments = {"inertia_transverse": inertia_transverse, "inertia_axial": inertia_axial}
+        require_positive("SpatialCat.turn", **moments)
+        c, s = np.cos(bend / 2), np.sin(bend / 2)
+        return float(2 * np.pi * inertia_axial * c / (inertia_transverse * s**2 + inertia_axial * c**2))

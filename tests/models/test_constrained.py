@@ -1,0 +1,266 @@
+"""CartesianPendulum: constraints and multipliers against Newton's law, against the angle, and against the two texts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from liaisons.check import max_error, slope
+from liaisons.cosim import Result, simulate
+from liaisons.errors import SimulationError, ValidityError
+from liaisons.mechanics import derive, gauss
+from liaisons.models.cartesian_pendulum import CartesianPendulum
+from liaisons.models.pendulum import Pendulum
+
+State = dict[str, float]
+EQUATIONS = derive(CartesianPendulum)
+INTERPOLATE = 2  # input_reconstruction
+
+
+def algebra(value: ArrayLike) -> object:
+    """Equal up to the rounding of a linear system of two equations, numbers of order 100."""
+    return pytest.approx(value, rel=1e-11, abs=1e-11)
+
+
+def place(angle: float, rod: float, height: float) -> tuple[float, float]:
+    return rod * np.sin(angle), height - rod * np.cos(angle)
+
+
+def consistent(seed: int, *, moving: bool) -> State:
+    """A random state on the constraints, loads and drives included; the rod moves or does not."""
+    rng = np.random.default_rng(seed)
+    n = {name: float(rng.normal()) for name in EQUATIONS.symbols}
+    n |= {"mass": 1.7, "gravity": 9.1, "height": 0.4, "rod": float(rng.uniform(0.5, 2)), "y": 0.0, "y_dot": 0.0}
+    if not moving:
+        n |= dict.fromkeys(("rod_dot", "rod_ddot"), 0.0)
+    angle, rate = rng.uniform(-3, 3), rng.normal()
+    n["x"], n["z"] = place(angle, n["rod"], n["height"])
+    along, across = np.array([np.sin(angle), -np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
+    n["x_dot"], n["z_dot"] = n["rod_dot"] * along + n["rod"] * rate * across
+    return n
+
+
+# ---- Newton's law and the formulas of the text -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_bob_moves_by_newtons_law_on_a_rod_that_moves(seed: int) -> None:
+    """Along and across the rod, m (l'' - l θ'²) and m (l θ'' + 2 l' θ'): the other way to describe it."""
+    n = consistent(seed, moving=True)
+    d = np.array([n["x"], n["z"] - n["height"]])
+    along = d / n["rod"]
+    across = np.array([-along[1], along[0]])
+    v = np.array([n["x_dot"], n["z_dot"]])
+    turn = v @ across / n["rod"]
+    force = np.array([n[f"{q}_force"] - n[f"{q}_load"] for q in "xyz"]) - [0, 0, n["mass"] * n["gravity"]]
+    in_plane = force[[0, 2]]
+    rod_force = n["mass"] * (n["rod_ddot"] - n["rod"] * turn**2) - in_plane @ along
+    a = (in_plane + rod_force * along) / n["mass"]
+    assert EQUATIONS.evaluate("accelerations", **n) == algebra([a[0], 0, a[1]])
+    assert EQUATIONS.evaluate("operator_forces", **n) == algebra([rod_force])
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_multipliers_are_those_of_example_1_and_gausss_those_of_example_9(seed: int, number) -> None:
+    """λ_1 = -m (g (l - z) + v²)/2l², λ_2 = 0, with the rod as long as the pivot is high."""
+    still = {f"{q}_{end}": 0.0 for q in "xyz" for end in ("force", "load")}
+    n = consistent(seed, moving=False) | still
+    n["z"] += n["rod"] - n["height"]
+    n["height"] = n["rod"]
+    m = EQUATIONS.mechanism
+    bracket = n["mass"] * (n["gravity"] * (n["rod"] - n["z"]) + n["x_dot"] ** 2 + n["z_dot"] ** 2) / n["rod"] ** 2
+    assert number(EQUATIONS, m.lambda_1, n) == algebra(-bracket / 2)
+    assert number(EQUATIONS, m.lambda_2, n) == algebra(0)
+    accelerations, mu = gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
+    # Kneller's g_1 is |d| times the second derivative of |d|: its multiplier is that of the rod over l.
+    assert number(EQUATIONS, mu[1], n) / n["rod"] == algebra(bracket)
+    explicit = [-n["x"] * bracket, 0, -n["mass"] * n["gravity"] + (n["rod"] - n["z"]) * bracket]
+    assert number(EQUATIONS, accelerations, n) == algebra(np.array(explicit) / n["mass"])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_ka6_the_printed_mu_1_is_half_of_what_its_own_constraint_asks_for(seed: int) -> None:
+    """K Ex. 9 with g_1 = x x'' + y y'' + (z - l) z'' + v²: the printed μ_1 leaves g_1 ≠ 0."""
+    n = consistent(seed, moving=False)
+    l, m, g = n["rod"], n["mass"], n["gravity"]  # noqa: E741
+    d, v = np.array([n["x"], 0, n["z"] - n["height"]]), np.array([n["x_dot"], 0, n["z_dot"]])
+    bracket = m * (-g * d[2] + v @ v) / l**2
+
+    def g_1(mu_1: float) -> float:
+        return float(d @ (np.array([0, 0, -g]) - mu_1 / m * d) + v @ v)
+
+    assert g_1(bracket) == algebra(0)
+    assert abs(g_1(bracket / 2)) > 0.1  # as printed
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_kc2_equation_9_as_printed_would_not_follow_a_rod_that_moves(seed: int) -> None:
+    """K eq. 9 lacks 2 Σ r'·∂_t∂_r σ + ∂_t² σ: with σ = |d|² - l² it says d·r'' + r'² = 0 instead of l l'' + l'²."""
+    n = consistent(seed, moving=True)
+    d, v = np.array([n["x"], 0, n["z"] - n["height"]]), np.array([n["x_dot"], 0, n["z_dot"]])
+    half_second_derivative = d @ EQUATIONS.evaluate("accelerations", **n) + v @ v
+    needed = n["rod"] * n["rod_ddot"] + n["rod_dot"] ** 2
+    assert half_second_derivative == algebra(needed)
+    assert abs(needed) > 1e-3  # what is printed as 0
+
+
+def without_regulation(squared_length: Any) -> Any:
+    """The explicit motion of K Ex. 1 with |d|² or l² in the denominator; l = m = 1, g = 9.81, (x, z, x', z')."""
+
+    def rates(_: float, y: NDArray) -> NDArray:
+        d, v = np.array([y[0], y[1] - 1]), y[2:]
+        lambda_1 = -(-9.81 * d[1] + v @ v) / (2 * squared_length(d))
+        return np.array([*v, *(2 * lambda_1 * d + [0, -9.81])])
+
+    return rates
+
+
+def sigma_1(y: NDArray) -> NDArray:
+    return y[0] ** 2 + (y[1] - 1) ** 2 - 1
+
+
+DISTURBED = np.array([*place(0.5, 1.0, 1.0), 1e-6, 0.0])  # off by σ_1' = 2e-6 sin 0.5
+
+
+def test_kc1_multipliers_keep_what_they_find_the_residual_grows_linearly() -> None:
+    """No function of regulation, as the text says: σ_1'' = 0 with the multipliers that eq. 9 gives."""
+    times = np.linspace(0, 10, 11)
+    y = solve_ivp(without_regulation(lambda d: d @ d), (0, 10), DISTURBED, "DOP853", times, rtol=1e-12, atol=1e-14).y
+    np.testing.assert_allclose(sigma_1(y), 2e-6 * np.sin(0.5) * times, rtol=0, atol=1e-9)  # 100 solver tolerances
+
+
+def test_kc1_as_printed_with_l_squared_the_residual_oscillates() -> None:
+    """The printed motion has σ_1'' = (4 λ_1/m) σ_1: bounded where the rod pulls; exactly, at any state."""
+    rates = without_regulation(lambda _: 1.0)
+    for seed in range(5):
+        y = np.random.default_rng(seed).normal(size=4)
+        d, v = np.array([y[0], y[1] - 1]), y[2:]
+        second = 2 * (d @ rates(0.0, y)[2:] + v @ v)
+        lambda_1 = -(9.81 * (1 - y[1]) + v @ v) / 2
+        assert second == algebra(4 * lambda_1 * sigma_1(y))
+    times = np.linspace(0, 10, 201)
+    y = solve_ivp(rates, (0, 10), DISTURBED, "DOP853", times, rtol=1e-12, atol=1e-14).y
+    drift = 2e-6 * np.sin(0.5)
+    assert np.abs(sigma_1(y)).max() < drift  # about drift/√(2 g/l) where the other grows to 10 times the drift
+    assert np.any(sigma_1(y)[100:] < -drift / 20)  # it does oscillate
+
+
+# ---- FMUs: two descriptions, one motion --------------------------------------------------------------------------
+
+
+def run(file: Any, **arguments: Any) -> Result:
+    given: dict[str, Any] = {"stop_time": 20.0, "step_size": 0.05, "tolerance": 1e-12}
+    return simulate(file, **(given | arguments))
+
+
+def cartesian_start(theta: float, theta_dot: float) -> State:
+    x, z = place(theta, 1.0, 1.0)
+    return {"x_0": x, "z_0": z, "x_dot_0": np.cos(theta) * theta_dot, "z_dot_0": np.sin(theta) * theta_dot}
+
+
+def assert_same_motion(cartesian: Result, angle: Result) -> None:
+    pairs = {"x": "bob_x", "z": "bob_z", "x_dot": "bob_x_dot", "z_dot": "bob_z_dot"}
+    # Asked for: 1e-9.  Solver tolerance 1e-12, κ = 100 over 20 s.
+    for name, other in pairs.items():
+        assert max_error(cartesian[name], angle[other]) <= 1e-9, name
+    for name in ("kinetic_energy", "potential_energy", "work"):
+        assert max_error(cartesian[name], angle[name]) <= 1e-8, name  # times m v, m g
+    assert max_error(cartesian["rod_force"], angle["length_force"]) <= 1e-8  # times 2m/l·|ω|
+    assert max_error(cartesian["energy_balance"], 0.0) <= 1e-9
+
+
+STARTS = {"libration": (2.5, 0.0), "rotation": (0.0, 7.5)}
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS.keys())
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_cartesian_and_angle_pendulum_agree(fmu, start: tuple[float, float], backend: str) -> None:
+    cartesian = run(fmu(CartesianPendulum, backend), **cartesian_start(*start))
+    angle = run(fmu(Pendulum), theta_0=start[0], theta_dot_0=start[1], pivot_z=1.0)
+    assert_same_motion(cartesian, angle)
+    exact = CartesianPendulum.exact(cartesian.time, theta_0=start[0], theta_dot_0=start[1])
+    for name, values in exact.items():
+        assert max_error(cartesian[name], values) <= 1e-9, name  # as above
+    assert max_error(cartesian["lambda_2"], 0.0) == 0.0
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_they_agree_while_an_operator_moves_the_rod(fmu, backend: str) -> None:
+    def sigma(t: float) -> tuple[float, float, float]:
+        return 1 + 0.2 * np.sin(3 * t) ** 2, 0.6 * np.sin(6 * t), 3.6 * np.cos(6 * t)
+
+    moving: Any = {"input_reconstruction": INTERPOLATE, "step_size": 0.02}
+    cartesian = run(fmu(CartesianPendulum, backend), **cartesian_start(1.0, 0.0), inputs={"rod": sigma}, **moving)
+    angle = run(fmu(Pendulum), theta_0=1.0, pivot_z=1.0, inputs={"length": sigma}, **moving)
+    assert_same_motion(cartesian, angle)
+    assert max_error(cartesian["rod_residual"], 0.0) <= 1e-15  # a rounding: projected
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_a_jump_of_the_rods_rate_is_an_impulse_along_it(fmu, backend: str) -> None:
+    """What p_θ does by itself in the angle has to come from the projection here: the rod's rate jumps, θ' does not."""
+
+    def sigma(t: float) -> tuple[float, float, float]:
+        pulled = -0.4 if 1.0 <= t < 1.5 else 0.0
+        return 1 - 0.4 * min(max(t - 1.0, 0.0), 0.5), pulled, 0.0
+
+    times: Any = {"times": np.arange(0, 10.25, 0.25), "stop_time": None, "step_size": None}
+    cartesian = run(fmu(CartesianPendulum, backend), **cartesian_start(1.0, 0.0), inputs={"rod": sigma}, **times)
+    angle = run(fmu(Pendulum), theta_0=1.0, pivot_z=1.0, inputs={"length": sigma}, **times)
+    # At a jump the outputs show the state before the impulse, which only the next step books here.
+    smooth = np.flatnonzero(~np.isin(cartesian.time, (1.0, 1.5)))
+    for name, other in {"x": "bob_x", "z": "bob_z", "x_dot": "bob_x_dot", "z_dot": "bob_z_dot"}.items():
+        assert max_error(cartesian[name][smooth], angle[other][smooth]) <= 1e-9, name
+    assert max_error(cartesian["work"][smooth], angle["work"][smooth]) <= 1e-8
+    assert np.ptp(angle["energy"]) > 0.1  # the pull did something
+
+
+def test_error_falls_with_the_tolerance(fmu) -> None:
+    tolerances, found = [1e-6, 1e-8, 1e-10, 1e-12], []
+    for tolerance in tolerances:
+        result = run(fmu(CartesianPendulum), **cartesian_start(2.5, 0.0), tolerance=tolerance, step_size=1.0)
+        exact = CartesianPendulum.exact(result.time, theta_0=2.5)
+        found.append(max(max_error(result[name], exact[name]) for name in ("x", "z")))
+    assert np.all(np.array(found) <= 100 * np.array(tolerances))  # κ = 100 over 20 s
+    assert (
+        0.6 <= slope(tolerances, found) <= 1.2
+    )  # nearly in proportion: the solver keeps to what it was asked, or better
+
+
+def test_constraints_are_kept_for_1e5_seconds(fmu) -> None:
+    """Large swings.  The energy drifts with the solver's tolerance; the constraints do not."""
+    result = run(fmu(CartesianPendulum), **cartesian_start(1.5, 0.0), stop_time=1e5, step_size=10.0, tolerance=1e-8)
+    for name in ("rod_residual", "plane_residual"):
+        assert max_error(result[name], 0.0) <= 1e-15, name  # asked for: 1e-10
+    speed = result["x"] * result["x_dot"] + (result["z"] - 1) * result["z_dot"]
+    assert max_error(speed, 0.0) <= 1e-14  # the derivative of the constraint: roundings of speeds of order 5
+
+
+# ---- bad input ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ({"rod": 0.0}, "rod = 0 at t = 0: it must be > 0"),
+        ({"mass": -1.0}, "mass = -1 at t = 0: it must be > 0"),
+        ({"rod": 1.5}, r"rod \(distance from the pivot to the bob\) must be kept to 1e-06 m; .* \(-0\.5\)"),
+        ({"y_0": 0.1}, r"plane \(distance from the plane of the motion\) must be kept to 1e-06 m; .* \(-0\.1\)"),
+        ({"y_dot_0": 0.2}, r"the rate of plane .* must be kept to 1e-06 m/s; .* \(-0\.2\)"),
+        ({"x_dot_0": 1.0}, r"the rate of rod .* must be kept to 1e-06 m/s; .* \(-0\.0998\)"),
+        ({"rod_dot": 0.3}, r"the rate of rod .* must be kept to 1e-06 m/s; .* \(-0\.3\)"),
+    ],
+)
+def test_inconsistent_start_is_named_with_its_residual(fmu, start: Any, words: str, backend: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        simulate(fmu(CartesianPendulum, backend), stop_time=1.0, step_size=0.1, **start)
+
+
+def test_closed_form_names_what_it_does_not_cover() -> None:
+    with pytest.raises(ValidityError, match=r"length = 0\.0 must be > 0"):
+        CartesianPendulum.exact(1.0, rod=0.0)
