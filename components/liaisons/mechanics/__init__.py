@@ -1,5 +1,6 @@
 """What a mechanism is, and how its equations of motion follow from its energies."""
 
+from liaisons.mechanics import analysis
 from liaisons.mechanics.component import Component
 from liaisons.mechanics.constraints import gauss
 from liaisons.mechanics.declarations import (
@@ -40,6 +41,7 @@ __all__ = [
     "PortMember",
     "State",
     "Variable",
+    "analysis",
     "calculated",
     "condition",
     "constraint",
