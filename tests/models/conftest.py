@@ -41,10 +41,12 @@ def random_states() -> Callable[..., list[State]]:
         bounded = (q for q in m.coordinates if q.minimum is not None)
         domains = {item.name: item for item in (*m.parameters, *m.actives, *bounded)}
 
+        parameters = {item.name for item in m.parameters}
+
         def value(name: str) -> float:
             if name in domains and (domains[name].minimum is not None or domains[name].start):
                 return (domains[name].start or 0.3) * random.uniform(0.7, 1.3)  # positive where it has to be
-            return random.normal()
+            return random.normal(scale=0.05 if name in parameters else 1.0)  # coefficients of a series are small
 
         return [{name: value(name) for name in equations.symbols} | fixed for _ in range(count)]
 

@@ -8,13 +8,15 @@ import pytest
 from liaisons.cosim import System
 from liaisons.errors import ValidityError
 from liaisons.mechanics import Operator
-from liaisons.models import CATALOGUE, Constant, Ramp, Sinusoid, SmoothStep
+from liaisons.models import CATALOGUE, Constant, FourierSeries, Ramp, Sinusoid, SmoothStep
 
 OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
 VALUES: dict[type[Operator], dict[str, float]] = {
     Constant: {"value": 2.5},
     Ramp: {"offset": 1.0, "rate": -0.3, "start_time": 0.75},
     Sinusoid: {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 2.0, "phase": 0.3},
+    FourierSeries: {"offset": 1.0, "angular_frequency": 0.7}
+    | {f"{wave}_{k}": 0.3 / k for wave in ("cos", "sin") for k in range(1, 5)},
     SmoothStep: {"start_value": 1.0, "end_value": 3.0, "start_time": 0.5, "duration": 1.5},
 }
 TIMES = np.linspace(-1, 4, 41)  # 0.125 apart: the instants of all jumps are among them

@@ -5,15 +5,20 @@ from liaisons.models.cartesian_pendulum import CartesianPendulum
 from liaisons.models.charged_particle import ChargedParticle
 from liaisons.models.circular_hoop import CircularHoop
 from liaisons.models.double_pendulum import DoublePendulum
+from liaisons.models.elliptic_hoop import EllipticHoop
 from liaisons.models.flywheel import Flywheel
+from liaisons.models.fourier_hoop import FourierHoop
+from liaisons.models.fourier_series import FourierSeries
 from liaisons.models.free_particle import FreeParticle
 from liaisons.models.isokinetic_oscillator import IsokineticOscillator
 from liaisons.models.kepler_orbit import KeplerOrbit
 from liaisons.models.linear_molecule import LinearMolecule
+from liaisons.models.marle_swing import marle_swing
 from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
 from liaisons.models.operators import Constant, Ramp, Sinusoid, SmoothStep
 from liaisons.models.oscillator import Oscillator
 from liaisons.models.pendulum import Pendulum
+from liaisons.models.planar_cat import PlanarCat
 from liaisons.models.planar_oscillator import PlanarOscillator
 from liaisons.models.polar_oscillator import PolarOscillator
 from liaisons.models.satellite import Satellite
@@ -36,13 +41,17 @@ CATALOGUE: tuple[type[Component], ...] = (
     ChargedParticle,
     KeplerOrbit,
     Swing,
+    PlanarCat,
     SpatialCat,
     Satellite,
     CircularHoop,
+    EllipticHoop,
+    FourierHoop,
     Constant,
     Ramp,
     Sinusoid,
     SmoothStep,
+    FourierSeries,
     SwingPump,
 )
 
@@ -53,7 +62,10 @@ __all__ = [
     "CircularHoop",
     "Constant",
     "DoublePendulum",
+    "EllipticHoop",
     "Flywheel",
+    "FourierHoop",
+    "FourierSeries",
     "FreeParticle",
     "IsokineticOscillator",
     "KeplerOrbit",
@@ -61,6 +73,7 @@ __all__ = [
     "NoseHooverOscillator",
     "Oscillator",
     "Pendulum",
+    "PlanarCat",
     "PlanarOscillator",
     "PolarOscillator",
     "Ramp",
@@ -70,4 +83,5 @@ __all__ = [
     "SpatialCat",
     "Swing",
     "SwingPump",
+    "marle_swing",
 ]

@@ -1,0 +1,146 @@
+"""The bead on an elliptic hoop that turns about any point inside it."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.special import ellipeinc
+
+from liaisons.mechanics import Coordinate, Parameter, calculated, condition, output
+from liaisons.models import _elliptic
+from liaisons.models._validity import require, require_positive
+from liaisons.models.hoop import ParametrisedHoop
+
+# Landen steps: errors of 1e-14 for ratios of the axes up to a million.
+_STEPS = 7
+
+
+class EllipticHoop(ParametrisedHoop):
+    """Bead on an elliptic hoop that an operator turns, in a horizontal plane, about a point O inside it.
+
+    In the frame of the hoop, with O at the origin and OA as first axis, the eccentric anomaly u gives the point::
+
+        OP = (c_x + a cos u, c_y + b sin u),    dξ/du = √(a² sin² u + b² cos² u)
+
+    ξ [m] is the arc length from A, an elliptic integral of the second kind.  With r = |OP|, θ = (OA, OP), the
+    tangential part α = r²θ' and γ = r²r'² = r² - α² (' = d/dξ), the motion is that of M eq. 64::
+
+        ξ_dot = p_ξ/m - α β_dot,    p_ξ_dot = α' p_ξ β_dot + ½ m γ' β_dot²
+        constant β_dot:    ½ ξ_dot² - ½ β_dot² r² is constant (Jacobi)
+        a slow full turn that starts and stops smoothly:    ξ falls behind by 4π area/length (Hannay, Berry)
+
+    β [rad] angle of OA, m [kg] bead, a, b [m] semi-axes, (c_x, c_y) [m] centre.
+
+    Source: M 8.4, eq. 61-67.
+    """
+
+    semi_axis_a = Parameter(2.0, "m", "semi-axis along OA", above=0)
+    semi_axis_b = Parameter(1.0, "m", "semi-axis across OA", above=0)
+    centre_x = Parameter(0.0, "m", "position of the centre along OA")
+    centre_y = Parameter(0.0, "m", "position of the centre to the left of OA")
+    u = Coordinate("rad", "eccentric anomaly of the bead, counter-clockwise from the direction of OA")
+
+    @condition("O must lie inside the hoop: (centre_x/semi_axis_a)² + (centre_y/semi_axis_b)² < 1")
+    def star_shaped(self) -> ca.SX:
+        """An ellipse is convex, so that it is star-shaped about every point inside."""
+        return 1 - (self.centre_x / self.semi_axis_a) ** 2 - (self.centre_y / self.semi_axis_b) ** 2
+
+    def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return self.centre_x + self.semi_axis_a * ca.cos(u), self.centre_y + self.semi_axis_b * ca.sin(u)
+
+    @property
+    def _u_at_A(self) -> ca.SX:  # noqa: N802
+        return -ca.asin(self.centre_y / self.semi_axis_b)
+
+    def _arc_length(self, u: ca.SX) -> ca.SX:
+        """The incomplete elliptic integral of the second kind, by Landen's transformation.
+
+        Each step takes the semi-axes to their means and about doubles the angle, until the ellipse is a circle.  In
+        this form it holds for either order of the axes and any number of turns.
+        """
+        p, q = self.semi_axis_b, self.semi_axis_a
+        square, angle, periodic = (p**2 + q**2) / 2, u, ca.SX(0)
+        for step in range(_STEPS):
+            sine, cosine = ca.sin(angle), ca.cos(angle)
+            angle = 2 * angle - ca.atan2((p - q) * sine * cosine, p * cosine**2 + q * sine**2)
+            p, q, c = (p + q) / 2, ca.sqrt(p * q), (p - q) / 2
+            square -= 2**step * c**2
+            periodic += c * ca.sin(angle)
+        return square * angle / (2**_STEPS * p) + periodic
+
+    @calculated("m", "length of the hoop")
+    def hoop_length(self) -> ca.SX:
+        return self._arc_length(ca.SX(2 * np.pi))
+
+    @calculated("m2", "area inside the hoop")
+    def hoop_area(self) -> ca.SX:
+        return np.pi * self.semi_axis_a * self.semi_axis_b
+
+    @output("rad", "polar angle of the bead as seen from O, relative to OA, not wrapped")
+    def theta(self) -> ca.SX:
+        (x, y), cosine, sine = self.curve(self.u), ca.cos(self.u), ca.sin(self.u)
+        # As long as O lies inside, OP never is opposite to the direction u.
+        return self.u + ca.atan2(y * cosine - x * sine, x * cosine + y * sine)
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        beta_dot: float = 0.0,
+        u_0: float = 0.0,
+        u_dot_0: float = 0.0,
+        mass: float = 1.0,
+        semi_axis_a: float = 2.0,
+        semi_axis_b: float = 1.0,
+    ) -> dict[str, NDArray]:
+        """Motion while the hoop turns about its centre at constant rate, or stands still.
+
+        In a time τ with dt = (dξ/du) dτ Jacobi's integral is that of a pendulum of the angle 2u and the frequency
+        |β_dot| √|a² - b²|, so u(τ) is a Jacobi elliptic function; t(τ) is one quadrature more.
+
+        :param t: times since the start [s], any shape, >= 0.
+        :returns: ``u`` [rad], ``u_dot`` [rad/s], ``xi`` [m], ``xi_dot`` [m/s], ``beta_force`` [N.m],
+            ``beta_power`` [W].
+        :raises ValidityError: for a parameter outside its domain, or a negative time.
+        """
+        require_positive("EllipticHoop.exact", mass=mass, semi_axis_a=semi_axis_a, semi_axis_b=semi_axis_b)
+        times, order = np.unique(np.asarray(t, dtype=float), return_inverse=True)
+        require(not np.any(times < 0), f"EllipticHoop.exact: t = {np.min(times)} must be >= 0")
+        a, b = semi_axis_a, semi_axis_b
+        frequency = abs(beta_dot) * np.sqrt(abs(a**2 - b**2))
+        lowest = 0.0 if a > b else np.pi / 2  # the bead swings about the far ends of the longer axis
+
+        def speed(u: NDArray) -> NDArray:
+            return np.hypot(a * np.sin(u), b * np.cos(u))
+
+        v_0 = float(speed(np.asarray(u_0))) * u_dot_0  # du/dτ = ξ_dot
+
+        def motion(tau: NDArray) -> tuple[NDArray, NDArray]:
+            if frequency == 0:
+                return u_0 + v_0 * tau, np.full_like(tau, v_0)
+            twice, rate = _elliptic.pendulum(tau, 2 * (u_0 - lowest), 2 * v_0, frequency)
+            return twice / 2 + lowest, rate / 2
+
+        def rate_of_tau(_: float, tau: NDArray) -> NDArray:
+            return 1 / speed(motion(tau)[0])
+
+        tau = np.zeros_like(times)
+        if times[-1] > 0:
+            span = (0.0, times[-1])
+            tau = solve_ivp(rate_of_tau, span, [0.0], "DOP853", times, rtol=1e-13, atol=1e-14).y[0]
+        u, xi_dot = (column[order].reshape(np.shape(t)) for column in motion(tau))
+        # The torque is the rate of p_β = m (α ξ_dot + r² β_dot) + I β_dot; α = ab/(dξ/du), ξ_ddot = ½ β_dot² (r²)'.
+        s, slope = speed(u), (a**2 - b**2) * np.sin(2 * u)
+        alpha_dash, r_squared_dash = -a * b * slope / (2 * s**4), -slope / s
+        along = xi_dot + a * b * beta_dot / (2 * s)
+        torque = mass * (alpha_dash * xi_dot**2 + r_squared_dash * beta_dot * along)
+        return {
+            "u": u,
+            "u_dot": xi_dot / s,
+            "xi": b * ellipeinc(u, 1 - (a / b) ** 2),
+            "xi_dot": xi_dot,
+            "beta_force": torque,
+            "beta_power": torque * beta_dot,
+        }

@@ -1,0 +1,156 @@
+"""The bead on a star-shaped hoop of any shape, given by the Fourier series of its radius."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import quad, solve_ivp
+
+from liaisons.mechanics import Coordinate, Parameter, calculated, condition
+from liaisons.models._validity import require, require_positive
+from liaisons.models.hoop import SAMPLES, ParametrisedHoop
+
+
+class FourierHoop(ParametrisedHoop):
+    """Bead on a hoop r(θ) that an operator turns, in a horizontal plane, about a point O inside it.
+
+    In the frame of the hoop, with O at the origin and OA as the axis θ = 0::
+
+        r(θ) = radius (1 + Σ cos_k cos kθ + sin_k sin kθ),  k = 1..4,    dξ/dθ = √(r² + (dr/dθ)²)
+
+    ξ [m] is the arc length from A.  With the tangential part a = r²θ' and b = r²r'² = r² - a² (' = d/dξ)::
+
+        ξ_dot = p_ξ/m - a β_dot,    p_ξ_dot = a' p_ξ β_dot + ½ m b' β_dot²             M eq. 64
+        D_0 = p_ξ/m ∂_ξ                                                                M eq. 65
+        H(Y) = Y (∂_β - a ∂_ξ + a' p_ξ ∂_p)                                            M eq. 66
+        -X_K = ½ m b' Y² ∂_p                                                           M eq. 67
+
+    β [rad] angle of OA, Y = β_dot, m [kg] bead.  The quadrature of ξ is exact to 1e-12 of the length as long as the
+    hoop is not pinched; of each harmonic alone up to 0.8, 0.5, 0.3 and 0.2 will do.
+
+    Source: M 8.4, eq. 61-67.
+    """
+
+    radius = Parameter(1.0, "m", "mean of r over θ", above=0)
+    cos_1 = Parameter(0.0, "1", "coefficient of cos θ in r/radius")
+    cos_2 = Parameter(0.0, "1", "coefficient of cos 2θ in r/radius")
+    cos_3 = Parameter(0.0, "1", "coefficient of cos 3θ in r/radius")
+    cos_4 = Parameter(0.0, "1", "coefficient of cos 4θ in r/radius")
+    sin_1 = Parameter(0.0, "1", "coefficient of sin θ in r/radius")
+    sin_2 = Parameter(0.0, "1", "coefficient of sin 2θ in r/radius")
+    sin_3 = Parameter(0.0, "1", "coefficient of sin 3θ in r/radius")
+    sin_4 = Parameter(0.0, "1", "coefficient of sin 4θ in r/radius")
+    theta = Coordinate("rad", "polar angle of the bead as seen from O, relative to OA")
+
+    @property
+    def _coefficients(self) -> tuple[tuple[int, ca.SX, ca.SX], ...]:
+        cosines = self.cos_1, self.cos_2, self.cos_3, self.cos_4
+        sines = self.sin_1, self.sin_2, self.sin_3, self.sin_4
+        return tuple(zip(range(1, 5), cosines, sines, strict=True))
+
+    @condition("r must be > 0 all around: reduce cos_k, sin_k until O lies well inside the hoop")
+    def star_shaped(self) -> ca.SX:
+        """Lower bound of r/radius: between two samples r falls by at most h²/8 max |d²r/dθ²| below the lesser one."""
+        least = ca.mmin(ca.vertcat(*(self._radius(ca.SX(theta))[0] for theta in SAMPLES))) / self.radius
+        bend = sum((k**2 * ca.sqrt(a**2 + b**2) for k, a, b in self._coefficients), ca.SX(0))
+        return least - (SAMPLES[1] - SAMPLES[0]) ** 2 / 8 * bend
+
+    def _radius(self, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """r and dr/dθ."""
+        waves = [(k, a, b, ca.cos(k * theta), ca.sin(k * theta)) for k, a, b in self._coefficients]
+        r = 1 + sum(a * c + b * s for _, a, b, c, s in waves)
+        slope = sum(k * (b * c - a * s) for k, a, b, c, s in waves)
+        return self.radius * r, self.radius * slope
+
+    def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        r, _ = self._radius(u)
+        return r * ca.cos(u), r * ca.sin(u)
+
+    def _speed(self, u: ca.SX) -> ca.SX:
+        r, slope = self._radius(u)
+        return ca.sqrt(r**2 + slope**2)
+
+    def _moment(self, u: ca.SX) -> ca.SX:
+        return self._r_squared(u)
+
+    def _r_squared(self, u: ca.SX) -> ca.SX:
+        return self._radius(u)[0] ** 2
+
+    def _speeds(self, centre: ca.SX, offset: ca.SX) -> ca.SX:
+        """As in the base class, at half the cost: the waves about the centre are even or odd in the offset."""
+        cosine, sine = ca.cos(offset), ca.sin(offset)
+        c, s = ca.SX(1), ca.SX(0)
+        even, odd, even_slope, odd_slope = ca.SX(1), ca.SX(0), ca.SX(0), ca.SX(0)
+        for k, a, b in self._coefficients:
+            c, s = c * cosine - s * sine, s * cosine + c * sine  # cos and sin of k · offset
+            about = a * ca.cos(k * centre) + b * ca.sin(k * centre)
+            across = b * ca.cos(k * centre) - a * ca.sin(k * centre)
+            even, odd = even + about * c, odd + across * s
+            even_slope, odd_slope = even_slope + k * across * c, odd_slope - k * about * s
+        after = ca.sqrt((even + odd) ** 2 + (even_slope + odd_slope) ** 2)
+        before = ca.sqrt((even - odd) ** 2 + (even_slope - odd_slope) ** 2)
+        return self.radius * (after + before)
+
+    @calculated("m2", "area inside the hoop")
+    def hoop_area(self) -> ca.SX:
+        return np.pi * self.radius**2 * (1 + sum(a**2 + b**2 for _, a, b in self._coefficients) / 2)
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        beta_dot: float = 0.0,
+        theta_0: float = 0.0,
+        theta_dot_0: float = 0.0,
+        radius: float = 1.0,
+        cos_1: float = 0.0,
+        cos_2: float = 0.0,
+        cos_3: float = 0.0,
+        cos_4: float = 0.0,
+        sin_1: float = 0.0,
+        sin_2: float = 0.0,
+        sin_3: float = 0.0,
+        sin_4: float = 0.0,
+    ) -> dict[str, NDArray]:
+        """Motion of a bead that goes round while the hoop turns at constant rate, or stands still.
+
+        Jacobi's integral, ξ_dot² = C + β_dot² r², leaves one quadrature, t = ∫ dξ/ξ_dot.
+
+        :param t: times since the start [s], any shape, >= 0.
+        :returns: ``theta`` [rad], ``theta_dot`` [rad/s], ``xi`` [m], ``xi_dot`` [m/s].
+        :raises ValidityError: for a negative time, a hoop that does not go round O, or a bead that turns back.
+        """
+        require_positive("FourierHoop.exact", radius=radius)
+        times, order = np.unique(np.asarray(t, dtype=float), return_inverse=True)
+        require(not np.any(times < 0), f"FourierHoop.exact: t = {times[0]} must be >= 0")
+        k = np.arange(1, 5)
+        z = np.array([cos_1 - 1j * sin_1, cos_2 - 1j * sin_2, cos_3 - 1j * sin_3, cos_4 - 1j * sin_4])
+
+        def radius_and_speed(theta: ArrayLike) -> tuple[NDArray, NDArray]:
+            waves = z * np.exp(1j * np.multiply.outer(theta, k))
+            r, slope = radius * (1 + np.real(waves).sum(-1)), radius * np.real(1j * k * waves).sum(-1)
+            return r, np.hypot(r, slope)
+
+        r, _ = radius_and_speed(np.linspace(0, 2 * np.pi, 1000))
+        require(bool(np.all(r > 0)), f"FourierHoop.exact: the least r = {np.min(r)} must be > 0")
+        r_0, speed_0 = radius_and_speed(theta_0)
+        v_0 = speed_0 * theta_dot_0
+        least = v_0**2 + beta_dot**2 * (np.min(r) ** 2 - r_0**2)
+        require(
+            bool(beta_dot == 0 or least > 0),
+            f"FourierHoop.exact: the bead turns back; theta_dot_0 = {theta_dot_0} must be larger for it to go round",
+        )
+
+        def rates(_: float, y: NDArray) -> NDArray:
+            r, speed = radius_and_speed(y[0])
+            xi_dot = np.sign(v_0) * np.sqrt(v_0**2 + beta_dot**2 * (r**2 - r_0**2))
+            return np.array([xi_dot / speed, xi_dot])
+
+        xi_0, _ = quad(lambda theta: radius_and_speed(theta)[1], 0, theta_0, epsabs=1e-13, epsrel=1e-13, limit=200)
+        y = np.repeat([[theta_0], [xi_0]], times.size, axis=1)
+        if times[-1] > 0:
+            y = solve_ivp(rates, (0.0, times[-1]), y[:, 0], "DOP853", times, rtol=1e-13, atol=1e-14).y
+        y = y[:, order].reshape(2, *np.shape(t))
+        rate = rates(0.0, y)
+        return {"theta": y[0], "theta_dot": rate[0], "xi": y[1], "xi_dot": rate[1]}

@@ -1,0 +1,56 @@
+"""The operator that repeats any smooth motion: a Fourier series of four harmonics."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import Operator, Parameter
+from liaisons.units import ANY
+
+
+class FourierSeries(Operator):
+    """Periodic signal: y = offset + Σ cos_k cos(k · angular_frequency · t) + sin_k sin(k · angular_frequency · t)."""
+
+    offset = Parameter(0.0, ANY, "mean value")
+    angular_frequency = Parameter(1.0, "rad/s", "angular frequency of the first harmonic")
+    cos_1 = Parameter(0.0, ANY, "coefficient of the cosine of the first harmonic")
+    cos_2 = Parameter(0.0, ANY, "coefficient of the cosine of the second harmonic")
+    cos_3 = Parameter(0.0, ANY, "coefficient of the cosine of the third harmonic")
+    cos_4 = Parameter(0.0, ANY, "coefficient of the cosine of the fourth harmonic")
+    sin_1 = Parameter(0.0, ANY, "coefficient of the sine of the first harmonic")
+    sin_2 = Parameter(0.0, ANY, "coefficient of the sine of the second harmonic")
+    sin_3 = Parameter(0.0, ANY, "coefficient of the sine of the third harmonic")
+    sin_4 = Parameter(0.0, ANY, "coefficient of the sine of the fourth harmonic")
+
+    def signal(self, t: ca.SX) -> ca.SX:
+        cosines = self.cos_1, self.cos_2, self.cos_3, self.cos_4
+        sines = self.sin_1, self.sin_2, self.sin_3, self.sin_4
+        y = self.offset
+        for k, (a, b) in enumerate(zip(cosines, sines, strict=True), 1):
+            phase = k * self.angular_frequency * t
+            y += a * ca.cos(phase) + b * ca.sin(phase)
+        return y
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        offset: float = 0.0,
+        angular_frequency: float = 1.0,
+        cos_1: float = 0.0,
+        cos_2: float = 0.0,
+        cos_3: float = 0.0,
+        cos_4: float = 0.0,
+        sin_1: float = 0.0,
+        sin_2: float = 0.0,
+        sin_3: float = 0.0,
+        sin_4: float = 0.0,
+    ) -> dict[str, NDArray]:
+        """``y`` and its derivatives at times ``t`` [s], any shape: phasors that each derivative turns and stretches."""
+        turn = 1j * angular_frequency * np.arange(1, 5)
+        amplitudes = np.array([cos_1 - 1j * sin_1, cos_2 - 1j * sin_2, cos_3 - 1j * sin_3, cos_4 - 1j * sin_4])
+        phasors = amplitudes * np.exp(np.multiply.outer(np.asarray(t, dtype=float), turn))
+        y, y_dot, y_ddot = (np.real(turn**n * phasors).sum(-1) for n in range(3))
+        return {"y": offset + y, "y_dot": y_dot, "y_ddot": y_ddot}

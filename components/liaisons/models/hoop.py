@@ -1,0 +1,164 @@
+"""What all hoops have in common: a bead on a closed plane curve that an operator turns about a point O inside it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import casadi as ca
+import numpy as np
+
+from liaisons.mechanics import (
+    ActiveCoordinate,
+    Experiment,
+    Mechanism,
+    Parameter,
+    calculated,
+    condition,
+    output,
+    point,
+)
+
+# Quadrature of the arc length: Gauss and Legendre's over half a turn at most, the midpoint rule over a period.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
+_MIDPOINTS = 128
+SAMPLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+
+
+class Hoop(Mechanism, abstract=True):
+    """Bead on a hoop that an operator turns, in a horizontal plane, about a point O inside it; abstract.
+
+    A subclass declares one coordinate, u, and gives the :meth:`curve` on which u places the bead.  With ξ the arc
+    length, r = |OP|, θ = (OA, OP), the tangential part a = r²θ' and the rest b = r²r'² = r² - a² (' = d/dξ)::
+
+        L = ½ m (r'² ξ_dot² + r² (θ' ξ_dot + β_dot)²) + ½ I β_dot²            M eq. 61, dots restored
+          = ½ m (ξ_dot² + 2 a ξ_dot β_dot + r² β_dot²) + ½ I β_dot²
+        ξ_dot = p_ξ/m - a β_dot,    p_ξ_dot = a' p_ξ β_dot + ½ m b' β_dot²    M eq. 64
+        K_Y = ½ (I + m b) Y²                                                  M eq. 63
+
+    β [rad] angle of OA, m [kg] bead, I [kg.m2] hoop about O.  I enters the operator's torque alone.
+
+    Source: M 8.4, eq. 61-67.
+    """
+
+    mass = Parameter(1.0, "kg", "mass of the bead", above=0)
+    hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0)
+    beta = ActiveCoordinate("rad", "angle of the axis OA in the fixed frame")
+    experiment = Experiment(stop_time=10.0, step_size=0.01)
+
+    @abstractmethod
+    def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Components of OP along the axis OA and to its left [m]; u grows counter-clockwise."""
+
+    def _rates(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Components of dOP/du."""
+        v = ca.SX.sym("v")
+        rates = ca.vertcat(*(ca.jacobian(component, v) for component in self.curve(v)))
+        along, left = ca.vertsplit(ca.substitute(rates, v, u))
+        return along, left
+
+    def _speed(self, u: ca.SX) -> ca.SX:
+        """|dOP/du| = dξ/du."""
+        x, y = self._rates(u)
+        return ca.sqrt(x**2 + y**2)
+
+    def _moment(self, u: ca.SX) -> ca.SX:
+        """OP × dOP/du = r² dθ/du: positive where OP turns counter-clockwise."""
+        (x, y), (x_rate, y_rate) = self.curve(u), self._rates(u)
+        return x * y_rate - y * x_rate
+
+    def _r_squared(self, u: ca.SX) -> ca.SX:
+        x, y = self.curve(u)
+        return x**2 + y**2
+
+    @property
+    def _a(self) -> ca.SX:
+        """r²θ' at the bead."""
+        return self._moment(self.free.q) / self._speed(self.free.q)
+
+    @property
+    def _r_r_dash(self) -> ca.SX:
+        """rr' at the bead."""
+        u = self.free.q
+        return ca.jacobian(self._r_squared(u), u) / (2 * self._speed(u))
+
+    @property
+    def _xi_dot(self) -> ca.SX:
+        return self._speed(self.free.q) * self.free.q_dot
+
+    @point("m", "the bead, in the fixed frame")
+    def bead(self) -> dict[str, ca.SX]:
+        (x, y), cosine, sine = self.curve(self.free.q), ca.cos(self.beta), ca.sin(self.beta)
+        return {"x": x * cosine - y * sine, "y": x * sine + y * cosine}
+
+    def kinetic_energy(self) -> ca.SX:
+        u, u_dot, beta_dot = self.free.q, self.free.q_dot, self.dot(self.beta)
+        bead = self._xi_dot**2 + 2 * self._moment(u) * u_dot * beta_dot + self._r_squared(u) * beta_dot**2
+        return self.mass / 2 * bead + self.hoop_inertia / 2 * beta_dot**2
+
+    @output("J", "K_Y of M eq. 63 with Y = beta_dot: kinetic energy of the hoop and of the bead's normal velocity")
+    def K_Y(self) -> ca.SX:  # noqa: N802
+        return (self.hoop_inertia + self.mass * self._r_r_dash**2) / 2 * self.dot(self.beta) ** 2
+
+    @output("N", "force on the bead along the left normal: the hoop's, and a load's if there is one")
+    def normal_force(self) -> ca.SX:
+        """Mass times relative, Coriolis, centripetal and Euler's acceleration across the hoop."""
+        u, rate, beta_dot = self.free.q, self._xi_dot, self.dot(self.beta)
+        x, y = self._rates(u)
+        curvature = (x * ca.jacobian(y, u) - y * ca.jacobian(x, u)) / self._speed(u) ** 3
+        relative = curvature * rate**2 + 2 * rate * beta_dot
+        return self.mass * (relative + self._a * beta_dot**2 + self._r_r_dash * self.dot(beta_dot))
+
+
+class ParametrisedHoop(Hoop, abstract=True):
+    """Hoop with a bead whose coordinate u is not the arc length; abstract.
+
+    The :meth:`curve` has the period 2π and passes A at u = 0; where it does not, :attr:`_u_at_A` says where.  Length,
+    area and arc length come by quadrature unless the subclass knows better.
+    """
+
+    @condition("the hoop must be star-shaped about O, which lies inside it")
+    def star_shaped(self) -> ca.SX:
+        """Least moment of the samples."""
+        return ca.mmin(ca.vertcat(*(self._moment(ca.SX(u)) for u in SAMPLES)))
+
+    @property
+    def _u_at_A(self) -> ca.SX:  # noqa: N802
+        """u at the point A, where the axis OA meets the hoop."""
+        return ca.SX(0)
+
+    def _speeds(self, centre: ca.SX, offset: ca.SX) -> ca.SX:
+        """Sum of the speeds |dOP/du| at centre ± offset."""
+        return self._speed(centre + offset) + self._speed(centre - offset)
+
+    def _arc(self, u: ca.SX) -> ca.SX:
+        """Arc length from 0 to u by quadrature, for |u| <= π."""
+        rule = zip(_NODES, _WEIGHTS, strict=True)
+        return u / 2 * sum(weight * self._speeds(u / 2, u / 2 * node) for node, weight in rule if node > 0)
+
+    def _arc_length(self, u: ca.SX) -> ca.SX:
+        """Arc length from 0 to u, over any number of turns."""
+        turns = ca.floor(u / (2 * np.pi) + 0.5)
+        return turns * self.hoop_length + self._arc(u - 2 * np.pi * turns)
+
+    @output("m", "arc length of the bead from A, counter-clockwise, not wrapped")
+    def xi(self) -> ca.SX:
+        return self._arc_length(self.free.q) - self._arc_length(self._u_at_A)
+
+    @output("m/s", "rate of xi")
+    def xi_dot(self) -> ca.SX:
+        return self._xi_dot
+
+    @output("kg.m/s", "momentum conjugate to xi: mass times absolute tangential velocity of the bead")
+    def p_xi(self) -> ca.SX:
+        return self.mass * (self._xi_dot + self._a * self.dot(self.beta))
+
+    @calculated("m", "length of the hoop")
+    def hoop_length(self) -> ca.SX:
+        step = 2 * np.pi / _MIDPOINTS
+        offsets = (ca.SX((i + 0.5) * step) for i in range(_MIDPOINTS // 2))
+        return step * sum((self._speeds(ca.SX(0), offset) for offset in offsets), ca.SX(0))
+
+    @calculated("m2", "area inside the hoop")
+    def hoop_area(self) -> ca.SX:
+        """Trapezoidal rule: exact for a curve of trigonometric polynomials."""
+        return np.pi * sum((self._moment(ca.SX(u)) for u in SAMPLES), ca.SX(0)) / len(SAMPLES)

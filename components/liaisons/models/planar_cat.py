@@ -1,0 +1,184 @@
+"""The falling cat in the plane: a body with two limbs, which turns itself round without angular momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, output
+from liaisons.models._validity import require
+
+
+@dataclass(frozen=True)
+class _Body:
+    """One of the three rigid bodies; vectors have the axes of the trunk, so that φ appears in none of them."""
+
+    mass: ca.SX
+    inertia: ca.SX
+    position: tuple[ca.SX, ca.SX]  # relative to the common centre of mass
+    velocity: tuple[ca.SX, ca.SX]  # relative to its velocity
+    spin: ca.SX
+
+
+def _cross(a: tuple[ca.SX, ca.SX], b: tuple[ca.SX, ca.SX]) -> ca.SX:
+    return a[0] * b[1] - a[1] * b[0]
+
+
+class PlanarCat(Mechanism):
+    """Falling cat of three rigid bodies in the plane: a trunk and two limbs, whose hinge angles are the operator's.
+
+    With e(α) = (cos α, sin α), the limbs' centres of mass lie at h e(φ) + c_1 e(φ + ψ_1) and -h e(φ) - c_2 e(φ + ψ_2)
+    from the trunk's.  In reduced masses μ_i = m_i (M - m_i)/M, μ = m_1 m_2/M, with M the total mass and
+    A = h c_1 (μ_1 + μ), B = h c_2 (μ_2 + μ), C = c_1 c_2 μ::
+
+        L = ½ M |v_G|² - M g z_G + ½ I φ'² + Σ J_α φ' ψ_α' + ½ Σ g_αβ ψ_α' ψ_β'        M eq. 58
+        M x_G'' = 0,  M z_G'' = -M g                                                  M eq. 59
+        I = I_0 + I_1 + I_2 + h² (μ_1 + μ_2 + 2 μ) + c_1² μ_1 + c_2² μ_2 + 2 (A cos ψ_1 + B cos ψ_2 + C cos(ψ_1 - ψ_2))
+        J_1 = I_1 + c_1² μ_1 + A cos ψ_1 + C cos(ψ_1 - ψ_2),   J_2 alike
+        p_φ = I φ' + J_1 ψ_1' + J_2 ψ_2', the angular momentum, is constant
+
+    At p_φ = 0 the trunk turns by Δφ = -∮ (J_1 dψ_1 + J_2 dψ_2)/I in a closed loop of shapes, however fast the loop is
+    run through: the holonomy of the kinetic connection.
+
+    x_G, z_G [m] centre of mass; φ [rad] direction of the trunk from the x axis towards z; ψ_α [rad]; m_i [kg];
+    I_i [kg.m2] about each body's own centre of mass; h, c_α [m].
+
+    Source: M 8.2, eq. 57-60.
+    """
+
+    mass_0 = Parameter(2.0, "kg", "mass of the trunk", above=0)
+    mass_1 = Parameter(1.0, "kg", "mass of limb 1", above=0)
+    mass_2 = Parameter(1.0, "kg", "mass of limb 2", above=0)
+    inertia_0 = Parameter(0.05, "kg.m2", "moment of inertia of the trunk about its centre of mass", above=0)
+    inertia_1 = Parameter(0.02, "kg.m2", "moment of inertia of limb 1 about its centre of mass", above=0)
+    inertia_2 = Parameter(0.02, "kg.m2", "moment of inertia of limb 2 about its centre of mass", above=0)
+    hinge = Parameter(0.2, "m", "distance from the trunk's centre of mass to either hinge", minimum=0)
+    arm_1 = Parameter(0.15, "m", "distance from hinge 1 to the centre of mass of limb 1", minimum=0)
+    arm_2 = Parameter(0.15, "m", "distance from hinge 2 to the centre of mass of limb 2", minimum=0)
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    com_x = Coordinate("m", "position of the centre of mass along the horizontal")
+    com_z = Coordinate("m", "height of the centre of mass")
+    phi = Coordinate("rad", "direction of the trunk, from the x axis towards z")
+    psi_1 = ActiveCoordinate("rad", "angle of limb 1 from the trunk's forward direction")
+    psi_2 = ActiveCoordinate("rad", "angle of limb 2 from the trunk's backward direction")
+    experiment = Experiment(stop_time=2.0, step_size=0.01)
+
+    @property
+    def _total_mass(self) -> ca.SX:
+        return self.mass_0 + self.mass_1 + self.mass_2
+
+    @property
+    def _bodies(self) -> list[_Body]:
+        masses = self.mass_0, self.mass_1, self.mass_2
+        inertias = self.inertia_0, self.inertia_1, self.inertia_2
+        hinge = ca.vertcat(self.hinge, 0)
+        limb_1, limb_2 = (ca.vertcat(ca.cos(psi), ca.sin(psi)) for psi in (self.psi_1, self.psi_2))
+        places = ca.SX.zeros(2), hinge + self.arm_1 * limb_1, -hinge - self.arm_2 * limb_2
+        centre = sum(mass * place for mass, place in zip(masses, places, strict=True)) / self._total_mass
+        turn = self.dot(self.phi)
+        spins = turn, turn + self.dot(self.psi_1), turn + self.dot(self.psi_2)
+        bodies = []
+        for mass, inertia, place, spin in zip(masses, inertias, places, spins, strict=True):
+            x, z = ca.vertsplit(place - centre)
+            bodies.append(_Body(mass, inertia, (x, z), (self.dot(x) - turn * z, self.dot(z) + turn * x), spin))
+        return bodies
+
+    def kinetic_energy(self) -> ca.SX:
+        fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)
+        turn = sum(b.mass * (b.velocity[0] ** 2 + b.velocity[1] ** 2) + b.inertia * b.spin**2 for b in self._bodies)
+        return (fall + turn) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return self._total_mass * self.gravity * self.com_z
+
+    @output("kg.m2/s", "angular momentum about the centre of mass, summed over the bodies")
+    def angular_momentum(self) -> ca.SX:
+        return sum((b.mass * _cross(b.position, b.velocity) + b.inertia * b.spin for b in self._bodies), ca.SX(0))
+
+    @staticmethod
+    def exact(
+        t: ArrayLike,
+        *,
+        com_x_0: float = 0.0,
+        com_x_dot_0: float = 0.0,
+        com_z_0: float = 0.0,
+        com_z_dot_0: float = 0.0,
+        phi_0: float = 0.0,
+        phi_dot_0: float = 0.0,
+        gravity: float = 9.81,
+    ) -> dict[str, NDArray]:
+        """Motion with the limbs held still: a parabola and a uniform turn.  The parabola holds for moving limbs, too.
+
+        :param t: times since the start [s], any shape.
+        :returns: ``com_x``, ``com_z`` [m], ``phi`` [rad] and their rates.
+        """
+        t = np.asarray(t, dtype=float)
+        return {
+            "com_x": com_x_0 + com_x_dot_0 * t,
+            "com_x_dot": np.full_like(t, com_x_dot_0),
+            "com_z": com_z_0 + com_z_dot_0 * t - gravity * t**2 / 2,
+            "com_z_dot": com_z_dot_0 - gravity * t,
+            "phi": phi_0 + phi_dot_0 * t,
+            "phi_dot": np.full_like(t, phi_dot_0),
+        }
+
+    @staticmethod
+    def connection(psi_1: ArrayLike, psi_2: ArrayLike, **parameters: float) -> NDArray:
+        """Kinetic connection A_α = J_α/I (M 7): without angular momentum φ' = -A_1 ψ_1' - A_2 ψ_2'.
+
+        :param psi_1: and ``psi_2`` shapes [rad], arrays of any shape.
+        :param parameters: those of the cat that differ from their defaults.
+        :returns: A_1, A_2, shape (2, ...).
+        :raises ValidityError: for an unknown parameter, or one outside its domain.
+        """
+        metric = _metric(np.asarray(psi_1, dtype=float), np.asarray(psi_2, dtype=float), parameters)
+        return metric.J / metric.I
+
+    @staticmethod
+    def curvature(psi_1: ArrayLike, psi_2: ArrayLike, **parameters: float) -> NDArray:
+        """Curvature ∂A_2/∂ψ_1 - ∂A_1/∂ψ_2 of the connection: minus the turn by a small loop, per area.
+
+        :returns: shape of the arguments, which are those of :meth:`connection`.
+        :raises ValidityError: as :meth:`connection`.
+        """
+        metric = _metric(np.asarray(psi_1, dtype=float), np.asarray(psi_2, dtype=float), parameters)
+        (J_1, J_2), (dI_1, dI_2) = metric.J, metric.dI
+        return metric.curl_J / metric.I - (J_2 * dI_1 - J_1 * dI_2) / metric.I**2
+
+
+@dataclass(frozen=True)
+class _Metric:
+    """I and J_α of the class's page in numbers, with the derivatives ∂I/∂ψ_α and ∂J_2/∂ψ_1 - ∂J_1/∂ψ_2."""
+
+    I: NDArray  # noqa: E741 - the symbol of the page
+    J: NDArray
+    dI: NDArray  # noqa: N815
+    curl_J: NDArray  # noqa: N815
+
+
+def _metric(psi_1: NDArray, psi_2: NDArray, parameters: Mapping[str, float]) -> _Metric:
+    k = {p.name: p.start for p in PlanarCat.parameters}
+    unknown = parameters.keys() - k.keys()
+    require(not unknown, f"PlanarCat has no parameter {', '.join(sorted(unknown))}; it has {', '.join(k)}")
+    k |= parameters
+    for parameter in PlanarCat.parameters:
+        variable, value = parameter.variable("parameter", "fixed"), k[parameter.name]
+        require(variable.allows(value), f"PlanarCat: {variable.name} = {value} must be {variable.domain()}")
+    total = k["mass_0"] + k["mass_1"] + k["mass_2"]
+    mu = k["mass_1"] * k["mass_2"] / total
+    mu_1, mu_2 = (m * (1 - m / total) for m in (k["mass_1"], k["mass_2"]))
+    h, c_1, c_2 = k["hinge"], k["arm_1"], k["arm_2"]
+    A, B, C = h * c_1 * (mu_1 + mu), h * c_2 * (mu_2 + mu), c_1 * c_2 * mu
+    own_1, own_2 = k["inertia_1"] + c_1**2 * mu_1, k["inertia_2"] + c_2**2 * mu_2
+    a, b, c = A * np.cos(psi_1), B * np.cos(psi_2), C * np.cos(psi_1 - psi_2)
+    twist = C * np.sin(psi_1 - psi_2)
+    return _Metric(
+        I=k["inertia_0"] + own_1 + own_2 + h**2 * (mu_1 + mu_2 + 2 * mu) + 2 * (a + b + c),
+        J=np.array([own_1 + a + c, own_2 + b + c]),
+        dI=-2 * np.array([A * np.sin(psi_1) + twist, B * np.sin(psi_2) - twist]),
+        curl_J=-2 * twist,
+    )

@@ -1,0 +1,267 @@
+"""The general swing of M 8.1 from its four functions: it is Swing and Pendulum, and refuses what is no swing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons.check import max_error
+from liaisons.cosim import simulate
+from liaisons.errors import ComponentError, SimulationError, ValidityError
+from liaisons.mechanics import ActiveCoordinate, derive
+from liaisons.models import Pendulum, Swing
+from liaisons.models.marle_swing import GeneralSwing, marle_swing
+
+GRAVITY, SEAT, TORSO, B = 9.81, 20.0, 15.0, 0.5
+SHAPE = {
+    "rope": ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0),
+    "lean": ActiveCoordinate("rad", "angle of the torso", start=1.5),
+}
+MASSES = {"mass_seat": SEAT, "mass_torso": TORSO, "torso_length": B, "gravity": GRAVITY}
+
+
+# ---- the child on the swing, in the frame of its centre of mass (erratum MC1) ------------------------------------
+
+
+def moment(rope: Any, lean: Any) -> tuple[Any, Any]:
+    """Mass times centre of mass, along the rope and across it."""
+    return (SEAT + TORSO) * rope + TORSO * B * ca.cos(lean), TORSO * B * ca.sin(lean)
+
+
+def delta(rope: Any, lean: Any) -> Any:
+    """Angle from the rope to the centre of mass."""
+    along, across = moment(rope, lean)
+    return ca.atan2(across, along)
+
+
+def delta_rates(rope: Any, lean: Any) -> tuple[Any, Any]:
+    """∂δ/∂rope, ∂δ/∂lean, by hand."""
+    along, across = moment(rope, lean)
+    square = along**2 + across**2
+    return -across * (SEAT + TORSO) / square, (along * TORSO * B * ca.cos(lean) + across**2) / square
+
+
+def inertia(rope: Any, lean: Any) -> Any:
+    return SEAT * rope**2 + TORSO * (rope**2 + B**2 + 2 * rope * B * ca.cos(lean))
+
+
+def couplings_of_the_rope(rope: Any, lean: Any) -> tuple[Any, Any]:
+    return -TORSO * B * ca.sin(lean), TORSO * (B**2 + rope * B * ca.cos(lean))
+
+
+def metric_of_the_rope(rope: Any, lean: Any) -> list[list[Any]]:  # noqa: ARG001
+    return [[SEAT + TORSO, -TORSO * B * ca.sin(lean)], [-TORSO * B * ca.sin(lean), TORSO * B**2]]
+
+
+def couplings(rope: Any, lean: Any) -> list[Any]:
+    """J_α - I ∂_α δ."""
+    I, J, d = inertia(rope, lean), couplings_of_the_rope(rope, lean), delta_rates(rope, lean)  # noqa: E741
+    return [J[i] - I * d[i] for i in range(2)]
+
+
+def metric(rope: Any, lean: Any) -> list[list[Any]]:
+    """g_αβ - J_α ∂_β δ - J_β ∂_α δ + I ∂_α δ ∂_β δ."""
+    I, J, d = inertia(rope, lean), couplings_of_the_rope(rope, lean), delta_rates(rope, lean)  # noqa: E741
+    g = metric_of_the_rope(rope, lean)
+    return [[g[i][j] - J[i] * d[j] - J[j] * d[i] + I * d[i] * d[j] for j in range(2)] for i in range(2)]
+
+
+def weight(rope: Any, lean: Any) -> Any:
+    along, across = moment(rope, lean)
+    return GRAVITY * ca.sqrt(along**2 + across**2)
+
+
+Child = marle_swing(inertia, couplings, metric, weight, shape=SHAPE, name="Child")
+
+
+def rates_of_theta_com(n: dict[str, float]) -> tuple[float, float, np.ndarray]:
+    """δ, δ' and ∂δ/∂s in numbers."""
+    s = ca.SX.sym("s", 2)
+    angle = delta(s[0], s[1])
+    function = ca.Function("delta", [s], [angle, ca.jacobian(angle, s)])
+    value, gradient = function([n["rope"], n["lean"]])
+    gradient = np.asarray(gradient).ravel()
+    return float(value), float(gradient @ [n["rope_dot"], n["lean_dot"]]), gradient
+
+
+def in_both(component: type[GeneralSwing], n: dict[str, float]) -> dict[str, float]:
+    """A state of Swing, without what it has beyond a general swing, in the angle of the centre of mass."""
+    shift, rate, _ = rates_of_theta_com(n)
+    names = component().symbols.keys() | {"theta_force", "theta_load"}
+    return {name: n[name] for name in names} | {"theta": n["theta"] + shift, "theta_dot": n["theta_dot"] + rate}
+
+
+@pytest.fixture
+def swing_states(random_states) -> Callable[..., list[dict[str, float]]]:
+    """Random states of Swing without loads on its points."""
+    equations = derive(Swing)
+    loads = {name: 0.0 for name in equations.symbols if name.startswith(("seat_", "torso_")) and "load" in name}
+    return lambda count=20, **fixed: random_states(equations, count, **(MASSES | loads | fixed))
+
+
+def test_four_functions_reproduce_the_swing(swing_states) -> None:
+    swing, child = derive(Swing), derive(Child)
+    for n in swing_states():
+        same = in_both(Child, n)
+        for quantity in ("momenta", "momentum_rates", "mass_matrix", "energy"):
+            expected = swing.evaluate(quantity, **n)
+            # Two coordinate systems: sums of ten terms of a few hundred, some roundings each.
+            np.testing.assert_allclose(child.evaluate(quantity, **same), expected, rtol=1e-11, atol=1e-10)
+        # A couple on θ works on the shape, too, where θ is that of the rope: its power is couple · (θ_com' - δ').
+        couple = (n["theta_force"] - n["theta_load"]) * rates_of_theta_com(n)[2]
+        expected = swing.evaluate("operator_forces", **n) - couple
+        np.testing.assert_allclose(
+            child.evaluate("operator_forces", **same), expected, rtol=1e-11, atol=1e-9
+        )  # as above
+        # Θ is g - J Jᵀ/I in either frame.
+        np.testing.assert_allclose(
+            child.evaluate("effective_mass", **same), swing.evaluate("effective_mass", **n), rtol=1e-11, atol=1e-10
+        )
+
+
+def rope_couplings(rope: Any, lean: Any) -> list[Any]:
+    return list(couplings_of_the_rope(rope, lean))
+
+
+def test_mc1_in_the_frame_of_the_rope_equation_54_does_not_hold(swing_states) -> None:
+    """P = -D cos θ with θ the angle of the rope: the weight pulls wrongly unless the torso lies on the rope."""
+    wrong = derive(marle_swing(inertia, rope_couplings, metric_of_the_rope, weight, shape=SHAPE))
+    swing = derive(Swing)
+    names = wrong.symbols.keys()
+    for n in swing_states(5):
+        same = {name: n[name] for name in names}
+        assert wrong.evaluate("momenta", **same) == pytest.approx(swing.evaluate("momenta", **n), rel=1e-12)  # algebra
+        error = wrong.evaluate("momentum_rates", **same)[0] - swing.evaluate("momentum_rates", **n)[0]
+        assert abs(error) > 0.1  # N.m, of some hundred
+    for n in swing_states(5, lean=0.0):
+        expected = swing.evaluate("momentum_rates", **n)
+        assert wrong.evaluate("momentum_rates", **{name: n[name] for name in names}) == pytest.approx(expected, 1e-12)
+
+
+def printed_weight(rope: Any, lean: Any) -> Any:
+    return weight(rope, lean) / (SEAT + TORSO)
+
+
+def test_ma2_without_the_total_mass_the_weight_is_too_small(swing_states) -> None:
+    """M prints D as gravity times distance: then p_θ' is short of the moment of the weight by the total mass."""
+    printed = marle_swing(inertia, couplings, metric, printed_weight, shape=SHAPE)
+    wrong, swing = derive(printed), derive(Swing)
+    for n in swing_states(5, theta_force=0.0, theta_load=0.0):
+        expected = swing.evaluate("momentum_rates", **n)[0]
+        found = wrong.evaluate("momentum_rates", **in_both(printed, n))[0]
+        assert found * (SEAT + TORSO) == pytest.approx(expected, rel=1e-11, abs=1e-10)  # algebra
+
+
+def test_swing_and_its_four_functions_move_alike(fmu) -> None:
+    """Pumping with rope and torso; what connects the two angles is δ of the shape."""
+    inputs = {
+        "rope": lambda t: (2 + 0.1 * np.sin(4 * t), 0.4 * np.cos(4 * t), -1.6 * np.sin(4 * t)),
+        "lean": lambda t: (1.5 + 0.4 * np.cos(4 * t), -1.6 * np.sin(4 * t), -6.4 * np.cos(4 * t)),
+    }
+    start = {"rope": 2.0, "lean": 1.9, "rope_dot": 0.4, "lean_dot": 0.0}
+    shift, rate, _ = rates_of_theta_com(start)
+    run: dict[str, Any] = {"stop_time": 10.0, "step_size": 0.02, "tolerance": 1e-10, "inputs": inputs}
+    run |= {"input_reconstruction": 2}
+    masses: dict[str, Any] = dict(MASSES)
+    swing = simulate(fmu(Swing), theta_0=0.5, theta_dot_0=0.2, **run, **masses)
+    child = simulate(fmu(Child), theta_0=0.5 + shift, theta_dot_0=0.2 + rate, **run)
+    assert max_error(child["theta"], swing["theta_com"]) <= 1e-8  # κ of ten over two swings, ten tolerances
+    for name in ("p_theta", "inertia", "D", "energy", "work"):
+        assert max_error(child[name], swing[name]) <= 1e-8 * np.max(np.abs(swing[name])), name
+    for name in ("rope_force", "lean_force"):
+        assert max_error(child[name], swing[name]) <= 1e-7 * np.max(np.abs(swing[name])), name  # stiffer: 2 m ω
+
+
+# ---- one shape coordinate, without declarations ------------------------------------------------------------------
+
+Crouching = marle_swing(
+    I=lambda length=1.3: 60 * length**2,
+    J=lambda length: 0,  # noqa: ARG005
+    g=lambda length: 60,  # noqa: ARG005
+    D=lambda length: 60 * GRAVITY * length,
+)
+
+
+def test_point_mass_is_the_pendulum(random_states) -> None:
+    pendulum, crouching = derive(Pendulum), derive(Crouching)
+    fixed = {"mass": 60.0, "gravity": GRAVITY, "friction": 0.0}
+    fixed |= {f"pivot_{axis}{order}": 0.0 for axis in "xz" for order in ("", "_dot", "_ddot")}
+    for n in random_states(pendulum, **fixed, bob_x_load=0.0, bob_z_load=0.0):
+        same = {name: n[name] for name in n if name in crouching.symbols}
+        for quantity in ("momenta", "accelerations"):
+            expected = pendulum.evaluate(quantity, **n)
+            assert crouching.evaluate(quantity, **same) == pytest.approx(expected, rel=1e-12)  # algebra
+        rod = pendulum.evaluate("operator_forces", **n)[0]
+        assert crouching.evaluate("operator_forces", **same)[0] == pytest.approx(rod, rel=1e-11)  # algebra
+
+
+def test_shape_coordinates_are_the_arguments_of_the_moment_of_inertia() -> None:
+    assert [(s.name, s.start, s.unit) for s in Crouching.actives] == [("length", 1.3, "1")]
+    assert Crouching.__name__ == "MarleSwing"
+    assert Crouching.__module__ == __name__  # so that a user's file that makes one defines it
+
+
+def test_posture_that_is_kept_swings_like_the_compound_pendulum(fmu) -> None:
+    start: dict[str, Any] = {"theta_0": 1.2, "theta_dot_0": 0.5}
+    shapes: list[tuple[type[GeneralSwing], dict[str, Any]]] = [
+        (Child, {"rope": 1.8, "lean": 2.0}),
+        (Crouching, {"length": 1.7}),
+    ]
+    for component, shape in shapes:
+        result = simulate(fmu(component), stop_time=50.0, step_size=0.5, tolerance=1e-10, **start, **shape)
+        exact = component.exact(result.time, **start, **shape)
+        for name, values in exact.items():
+            assert max_error(result[name], values) <= 1e-7, name  # κ of a hundred over 50 s
+
+
+# ---- bad input ---------------------------------------------------------------------------------------------------
+
+
+Functions = dict[str, Callable[..., Any]]
+
+
+@pytest.mark.parametrize(
+    ("functions", "words"),
+    [
+        ({"I": lambda s: s}, "singular at the start"),
+        ({"I": lambda: 1}, "I takes no argument"),
+        ({"I": lambda theta=1: theta}, "cannot be called 'theta'"),
+        ({"I": lambda D=1: D}, "cannot be called 'D'"),
+        ({"J": lambda s: [0, s]}, r"J returns shape \(2, 1\).* s it must be \(1, 1\)"),
+        ({"g": lambda s: [[1, s], [s, 1]]}, r"g returns shape \(2, 2\)"),
+        ({"D": lambda: 1}, "D must take the shape coordinates s"),
+        ({"J": lambda s, psi: s * psi}, "J must take the shape coordinates s"),
+    ],
+)
+def test_functions_that_make_no_swing_are_named(functions: Functions, words: str) -> None:
+    good: Functions = {"I": lambda s=1: s, "J": lambda s: 0 * s, "g": lambda s: 1 + 0 * s, "D": lambda s: s}
+    made = good | functions
+    with pytest.raises(ComponentError, match=words):
+        marle_swing(made["I"], made["J"], made["g"], made["D"])
+
+
+def test_fmu_watches_the_weight_and_the_metric(fmu) -> None:
+    with pytest.raises(SimulationError, match="D > 0"):
+        simulate(fmu(Crouching), stop_time=0.1, length=0.0)
+    indefinite = marle_swing(
+        lambda s=0.5: 1 + s**2, lambda s: 2 * s, lambda s: 1 + 0 * s, lambda s: 1 + 0 * s, name="Indefinite"
+    )
+    simulate(fmu(indefinite), stop_time=0.1, s=0.5)
+    with pytest.raises(SimulationError, match="positive definite"):
+        simulate(fmu(indefinite), stop_time=0.1, s=1.0)  # 2 · 1 - 2² < 0
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: Crouching.exact(1.0, length=0.0), "I = 0.0 and D = 0.0 must be > 0"),
+        (lambda: Crouching.exact(1.0, lean=0.0), "unknown shape coordinate lean; it has length"),
+    ],
+)
+def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValidityError, match=words):
+        call()

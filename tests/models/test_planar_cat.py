@@ -1,0 +1,268 @@
+"""The falling cat: Newton's and Euler's laws by hand, free fall, conserved angular momentum, and its holonomy.
+
+A plane vector (x, z) is the complex number x + i z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import dblquad, quad
+
+from liaisons.check import max_error
+from liaisons.cosim import Result, System, simulate
+from liaisons.errors import SimulationError, ValidityError
+from liaisons.mechanics import derive
+from liaisons.models.fourier_series import FourierSeries
+from liaisons.models.planar_cat import PlanarCat
+
+State = dict[str, float]
+Values = dict[str, Any]
+
+# ---- Newton and Euler by hand ------------------------------------------------------------------------------------
+
+
+def cross(a: NDArray, b: NDArray) -> NDArray:
+    """Moment a × b of each pair, from x towards z positive."""
+    return np.imag(np.conj(a) * b)
+
+
+class Bodies:
+    """The three bodies in a state: masses, inertias, and their motion about the common centre of mass."""
+
+    def __init__(self, n: State) -> None:
+        self.mass = np.array([n["mass_0"], n["mass_1"], n["mass_2"]])
+        self.inertia = np.array([n["inertia_0"], n["inertia_1"], n["inertia_2"]])
+        self.angle, self.spin, self.angular_acceleration = (
+            np.array([0.0, n[f"psi_1{order}"], n[f"psi_2{order}"]]) + n[f"phi{order}"]
+            for order in ("", "_dot", "_ddot")
+        )
+        h, c_1, c_2 = n["hinge"], n["arm_1"], n["arm_2"]
+        rods = np.array([[0, 0, 0], [h, c_1, 0], [-h, 0, -c_2]]) * np.exp(1j * self.angle)
+        self.arms = rods.diagonal()  # from each hinge to the limb's centre of mass
+        self.position = self.about_the_centre(rods.sum(1))
+        self.velocity = self.about_the_centre(rods @ (1j * self.spin))
+        self.acceleration = self.about_the_centre(rods @ (1j * self.angular_acceleration - self.spin**2))
+
+    def about_the_centre(self, vectors: NDArray) -> NDArray:
+        return vectors - self.mass @ vectors / self.mass.sum()
+
+    def angular_momentum(self) -> float:
+        return float(self.mass @ cross(self.position, self.velocity) + self.inertia @ self.spin)
+
+    def moment(self) -> float:
+        """Rate of the angular momentum."""
+        return float(self.mass @ cross(self.position, self.acceleration) + self.inertia @ self.angular_acceleration)
+
+    def hinge_torques(self) -> NDArray:
+        """Balance of each limb about its hinge; weight and drives of the centre of mass pull on all parts alike."""
+        return (self.inertia * self.angular_acceleration + self.mass * cross(self.arms, self.acceleration))[1:]
+
+
+def test_motion_and_hinge_torques_are_those_of_newton_and_euler(random_states, number) -> None:
+    equations = derive(PlanarCat)
+    for n in random_states(equations):
+        total = n["mass_0"] + n["mass_1"] + n["mass_2"]
+        forces = {q: n[f"{q}_force"] - n[f"{q}_load"] for q in ("com_x", "com_z", "phi")}
+        without, one_more = (Bodies(n | {"phi_ddot": phi_ddot}).moment() for phi_ddot in (0.0, 1.0))
+        phi_ddot = (forces["phi"] - without) / (one_more - without)
+        cat = Bodies(n | {"phi_ddot": phi_ddot})
+        by_hand = {
+            "accelerations": [forces["com_x"] / total, forces["com_z"] / total - n["gravity"], phi_ddot],
+            "momenta": [total * n["com_x_dot"], total * n["com_z_dot"], cat.angular_momentum()],
+            "operator_forces": cat.hinge_torques(),
+        }
+        for quantity, expected in by_hand.items():
+            # Two orders of evaluation of sums of ten terms; random states make the terms ten times the result.
+            assert equations.evaluate(quantity, **n) == pytest.approx(expected, rel=1e-12, abs=1e-11), quantity
+        energy = (cat.mass @ np.abs(cat.velocity) ** 2 + cat.inertia @ cat.spin**2) / 2
+        energy += total * (n["com_x_dot"] ** 2 + n["com_z_dot"] ** 2) / 2 + total * n["gravity"] * n["com_z"]
+        assert equations.evaluate("energy", **n) == pytest.approx(energy, rel=1e-12)  # as above
+        angular_momentum = number(equations, equations.mechanism.angular_momentum, n)
+        assert angular_momentum == pytest.approx(cat.angular_momentum(), rel=1e-12, abs=1e-12)  # as above
+
+
+def test_phi_is_cyclic_and_x_k_vanishes() -> None:
+    """φ appears nowhere: p_φ is constant (K 2.4), Θ and with it K_Y depend on the shape alone (M 8.4, first lines)."""
+    equations = derive(PlanarCat)
+    for expression in (equations.lagrangian, equations.effective_mass, equations.momentum_rates):
+        assert not ca.depends_on(expression, equations.mechanism.phi)
+    forces = ca.vertcat(equations.drives, equations.loads)
+    free = ca.substitute(equations.momentum_rates, forces, ca.SX.zeros(forces.shape))
+    assert free[0].is_zero()
+    assert free[2].is_zero()
+
+
+# ---- connection and curvature ------------------------------------------------------------------------------------
+
+CAT: Values = {"mass_1": 0.8, "arm_2": 0.25, "inertia_2": 0.04, "hinge": 0.3}  # no symmetry
+CENTRE, SIZE = (0.9, -0.5), (0.8, 0.6)  # a loop of shapes: an ellipse
+
+
+def connection_by_hand(psi: ArrayLike, parameters: Values) -> NDArray:
+    """J_α/I: the angular momenta that a unit rate of each angle makes."""
+    still = {f"{q}{order}": 0.0 for q in ("phi", "psi_1", "psi_2") for order in ("", "_dot", "_ddot")}
+    shape = {p.name: p.start for p in PlanarCat.parameters} | parameters | still
+    shape |= dict(zip(("psi_1", "psi_2"), np.asarray(psi), strict=True))
+    rates = ("phi_dot", "psi_1_dot", "psi_2_dot")
+    I, *J = (Bodies(shape | {rate: 1.0}).angular_momentum() for rate in rates)  # noqa: E741
+    return np.array(J) / I
+
+
+def line_integral(centre=CENTRE, size=SIZE, parameters: Values = CAT) -> float:
+    """Turn of the trunk in one counter-clockwise round of the ellipse: -∮ A_1 dψ_1 + A_2 dψ_2."""
+
+    def integrand(s: float) -> float:
+        psi = np.array(centre) + np.array(size) * [np.cos(s), np.sin(s)]
+        return float(-connection_by_hand(psi, parameters) @ (np.array(size) * [-np.sin(s), np.cos(s)]))
+
+    return quad(integrand, 0, 2 * np.pi, epsabs=1e-12)[0]
+
+
+@pytest.mark.parametrize("parameters", [{}, CAT])
+def test_connection_is_the_one_by_hand_and_curvature_its_curl(parameters: Values) -> None:
+    random = np.random.default_rng(3)
+    h = 1e-3
+    for psi in random.uniform(-3, 3, (20, 2)):
+        expected = connection_by_hand(psi, parameters)
+        assert PlanarCat.connection(*psi, **parameters) == pytest.approx(expected, rel=1e-13, abs=1e-14)  # roundings
+        shifts = np.array([[h, 0], [0, h]])
+        (along_1, along_2) = (
+            (8 * (plus - minus) - (far_plus - far_minus)) / (12 * h)
+            for plus, minus, far_plus, far_minus in (
+                [connection_by_hand(psi + factor * shift, parameters) for factor in (1, -1, 2, -2)] for shift in shifts
+            )
+        )
+        curl = along_1[1] - along_2[0]
+        # Fourth order, h⁴ A⁽⁵⁾/30, and roundings of A/h.
+        assert PlanarCat.curvature(*psi, **parameters) == pytest.approx(curl, abs=1e-10)
+
+
+def test_line_integral_of_the_connection_is_the_area_integral_of_its_curvature() -> None:
+    (x, y), (a, b) = CENTRE, SIZE
+
+    def ring(radius: float, s: float) -> float:
+        shape = x + a * radius * np.cos(s), y + b * radius * np.sin(s)
+        return float(-PlanarCat.curvature(*shape, **CAT)) * a * b * radius
+
+    area = dblquad(ring, 0, 2 * np.pi, 0, 1, epsabs=1e-10)[0]
+    assert line_integral() == pytest.approx(area, abs=1e-9)  # ten times the quadrature's
+    assert abs(area) > 0.01  # and it is a turn worth falling for
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: PlanarCat.connection(0.0, 0.0, mass_3=1.0), "no parameter mass_3"),
+        (lambda: PlanarCat.curvature(0.0, 0.0, mass_1=0.0), "mass_1 = 0.0 must be > 0"),
+        (lambda: PlanarCat.connection(0.0, 0.0, arm_2=-1.0), "arm_2 = -1.0 must be >= 0"),
+    ],
+)
+def test_connection_names_what_it_does_not_know(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValidityError, match=words):
+        call()
+
+
+# ---- the FMU -----------------------------------------------------------------------------------------------------
+
+
+def falling(
+    fmu, *, frequency: float, stop_time: float, centre=CENTRE, size=SIZE, phases=(0.0, 1.0), spin=0.0, parameters=CAT
+) -> Result:
+    """A cat whose limbs go round the ellipse, started without angular momentum (and ``spin`` more of φ').
+
+    :param phases: coefficients (of the cosine, of the sine) of ψ_2; ψ_1 follows the cosine.
+    """
+    rates = np.array([0.0, size[1] * phases[1] * frequency])
+    shape = centre[0] + size[0], centre[1] + size[1] * phases[0]
+    phi_dot_0 = spin - float(connection_by_hand(shape, parameters) @ rates)
+    system = System("falling cat")
+    cat = system.add(
+        "cat",
+        fmu(PlanarCat),
+        phi_dot_0=phi_dot_0,
+        com_x_dot_0=0.7,
+        com_z_dot_0=2.0,
+        input_reconstruction=2,
+        **parameters,
+    )
+    loops = ({"offset": centre[0], "cos_1": size[0]}, {"offset": centre[1]})
+    loops[1].update(cos_1=size[1] * phases[0], sin_1=size[1] * phases[1])
+    for i, loop in enumerate(loops, 1):
+        operator = system.add(f"operator_{i}", fmu(FourierSeries), angular_frequency=frequency, **loop)
+        system.connect(operator["y"], cat[f"psi_{i}"])
+    return system.simulate(stop_time=stop_time, step_size=2 * np.pi / abs(frequency) / 100, tolerance=1e-10)
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0, 8.0, -2.0])
+def test_turn_in_a_loop_of_shapes_is_the_holonomy_however_fast(fmu, seconds: float) -> None:
+    """Three rounds; a negative time runs them backwards."""
+    rounds = 3
+    result = falling(fmu, frequency=2 * np.pi / seconds, stop_time=rounds * abs(seconds))
+    turn = result["cat.phi"][-1] - result["cat.phi"][0]
+    # σ by Hermite's quintic: (ωH)⁶/46080 = 1e-12; the solver adds its 1e-10 a step, κ = 1, no more than 300 steps.
+    assert turn == pytest.approx(rounds * np.sign(seconds) * line_integral(), abs=1e-8)
+
+
+def test_loop_that_is_retraced_turns_nothing(fmu) -> None:
+    result = falling(fmu, frequency=3.0, stop_time=2 * np.pi / 3, phases=(1.0, 0.0))
+    assert np.ptp(result["cat.phi"]) > 0.1  # it turned, and turned back
+    assert result["cat.phi"][-1] == pytest.approx(result["cat.phi"][0], abs=1e-8)  # as above
+
+
+def test_loop_about_the_symmetric_shape_of_equal_limbs_turns_nothing(fmu) -> None:
+    result = falling(fmu, frequency=3.0, stop_time=2 * np.pi / 3, centre=(0.0, 0.0), size=(0.8, 0.8), parameters={})
+    assert result["cat.phi"][-1] == pytest.approx(0, abs=1e-8)  # as above
+    assert line_integral((0.0, 0.0), (0.8, 0.8), {}) == pytest.approx(0, abs=1e-12)  # of the quadrature
+
+
+def test_angular_momentum_adds_its_own_turn(fmu) -> None:
+    """φ' = p_φ/I - A ψ': with angular momentum the turn depends on the time, by p_φ ∫ dt/I."""
+    frequency, spin = 3.0, 0.4
+    result = falling(fmu, frequency=frequency, stop_time=2 * np.pi / frequency, spin=spin)
+    p_phi = result["cat.p_phi"][0]
+
+    def rate(t: float) -> float:
+        s = frequency * t
+        psi = np.array(CENTRE) + np.array(SIZE) * [np.cos(s), np.sin(s)]
+        zero = dict.fromkeys(("phi", "psi_1_dot", "psi_2_dot", "phi_ddot", "psi_1_ddot", "psi_2_ddot"), 0.0)
+        shape = {p.name: p.start for p in PlanarCat.parameters} | CAT | zero | {"psi_1": psi[0], "psi_2": psi[1]}
+        return p_phi / Bodies(shape | {"phi_dot": 1.0}).angular_momentum()
+
+    own, _ = quad(rate, 0, 2 * np.pi / frequency, epsabs=1e-12)
+    assert abs(own) > 0.1
+    assert result["cat.phi"][-1] == pytest.approx(line_integral() + own, abs=1e-8)  # as above
+
+
+def test_moving_limbs_leave_the_parabola_and_the_angular_momentum(fmu) -> None:
+    """M eq. 59, and p_φ = L from positions and velocities of the bodies."""
+    result = falling(fmu, frequency=7.0, stop_time=5.0, spin=0.3)
+    exact = PlanarCat.exact(result.time, com_x_dot_0=0.7, com_z_dot_0=2.0)
+    for name in ("com_x", "com_x_dot", "com_z", "com_z_dot"):
+        assert max_error(result[f"cat.{name}"], exact[name]) <= 1e-12 * 130, name  # roundings of 113 m
+    assert max_error(result["cat.angular_momentum"], result["cat.p_phi"][0]) <= 1e-14  # a few roundings of 0.06
+    scale = np.max(np.abs(result["cat.energy"])) + np.max(np.abs(result["cat.work"]))
+    assert max_error(result["cat.energy_balance"], 0.0) <= 10 * 1e-10 * scale * 5.0  # ten tolerances a second
+    assert np.max(np.abs(result["cat.work"])) > 0.1
+
+
+def test_cat_with_limbs_held_turns_uniformly(fmu) -> None:
+    start: Values = {"com_x_0": 1.0, "com_x_dot_0": -0.5, "com_z_0": 3.0, "phi_0": 0.2, "phi_dot_0": 1.5}
+    result = simulate(fmu(PlanarCat), stop_time=10.0, step_size=0.5, tolerance=1e-10, psi_1=0.7, psi_2=-0.4, **start)
+    for name, values in PlanarCat.exact(result.time, **start).items():
+        assert max_error(result[name], values) <= 1e-12 * 500, name  # polynomials: roundings of 490 m
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("mass_0", 0.0), ("mass_1", -1.0), ("mass_2", 0.0), ("inertia_0", 0.0), ("inertia_2", -0.1), ("arm_1", -0.1)],
+)
+def test_fmu_refuses_a_cat_that_is_none(fmu, name: str, value: float) -> None:
+    start: Values = {name: value}
+    with pytest.raises(SimulationError, match=f"{name}.*must be"):
+        simulate(fmu(PlanarCat), stop_time=0.1, **start)
