@@ -1,6 +1,7 @@
 """What a mechanism is, and how its equations of motion follow from its energies."""
 
 from liaisons.mechanics import analysis
+from liaisons.mechanics.chains import Chain
 from liaisons.mechanics.component import Component
 from liaisons.mechanics.constraints import gauss
 from liaisons.mechanics.declarations import (
@@ -8,8 +9,10 @@ from liaisons.mechanics.declarations import (
     Coordinate,
     Input,
     InternalState,
+    Joint,
     Orientation,
     Parameter,
+    Size,
     calculated,
     condition,
     constraint,
@@ -26,12 +29,14 @@ from liaisons.mechanics.operator import Operator
 __all__ = [
     "ActiveCoordinate",
     "ActiveInput",
+    "Chain",
     "Component",
     "Coordinate",
     "Equations",
     "Experiment",
     "Input",
     "InternalState",
+    "Joint",
     "Mechanism",
     "Model",
     "Operator",
@@ -39,6 +44,7 @@ __all__ = [
     "Parameter",
     "Port",
     "PortMember",
+    "Size",
     "State",
     "Variable",
     "analysis",

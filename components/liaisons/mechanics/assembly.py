@@ -10,8 +10,10 @@ import casadi as ca
 
 from liaisons.mechanics import variables
 from liaisons.mechanics.algebra import stack
+from liaisons.mechanics.bookkeeping import MEMORY, Vectors, function, functions
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import ActiveInput, Model
+from liaisons.mechanics.printing import closed_form, of_mechanism
 
 if TYPE_CHECKING:
     from liaisons.mechanics.mechanism import Mechanism
@@ -33,18 +35,12 @@ def assemble(component: type[Mechanism]) -> Model:
     symbols = {variable.name: ca.SX.sym(variable.name) for variable in parameters} | equations.symbols
 
     # The vectors of Model.
-    work, dissipated = ca.SX.sym("work"), ca.SX.sym("dissipated")
-    energy_start, energy_booked = ca.SX.sym("energy_start"), ca.SX.sym("energy_booked")
-    t = ca.SX.sym("t")
+    t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
     motion = ca.vertcat(m.free.q, m.free.p)
     y = ca.vertcat(motion, m.internal, work, dissipated)
     u = stack(symbols[variable.name] for variable in inputs)
     k = stack(symbols[variable.name] for variable in parameters)
-    memory = ca.vertcat(energy_start, energy_booked)
 
-    initial = ca.vertcat(*_initial(component, equations, symbols), 0, 0)
-
-    # Motion, with the two integrals that close the energy balance.
     rates = ca.vertcat(
         m.free.kinematics @ m.free.q_dot,
         equations.momentum_rates,
@@ -52,27 +48,12 @@ def assemble(component: type[Mechanism]) -> Model:
         equations.power,
         equations.dissipation,
     )
-
-    # When an operator makes σ̇ jump, p stays and the energy jumps with it: that much work came in as an impulse.
-    energy = equations.in_phase_space(equations.energy)
-    energy_at_start = ca.substitute(energy, y, initial)
-    impulse = energy - energy_booked
-    landed, landing = y, impulse
-    if equations.projection is not None:  # a jump of σ̇ through a submersion does change p
-        landed = ca.vertcat(equations.projection, m.internal, work, dissipated)
-        landing = ca.substitute(energy, motion, equations.projection) - energy_booked
-    integrals = {
-        "work": work + impulse,
-        "dissipated": dissipated,
-        "energy_balance": energy - energy_start - (work + impulse) + dissipated,
-    }
-    z = [integrals.get(variable.name, expression) for variable, expression in outputs]
+    # A jump of σ̇ through a submersion changes the state.
+    projection = equations.projection
+    landed = None if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(component, equations), _start_conditions(component, equations)
     conditions = lasting | at_start
-
-    def function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
-        in_state = [ca.densify(equations.in_phase_space(result)) for result in results]
-        return ca.Function(name, arguments, ca.cse(in_state))
+    in_state = equations.in_phase_space
 
     return Model(
         name=component.__name__,
@@ -82,22 +63,25 @@ def assemble(component: type[Mechanism]) -> Model:
         inputs=inputs,
         outputs=tuple(variable for variable, _ in outputs),
         states=variables.states(component),
-        memory=("energy_start", "energy_booked"),
-        start=function("start", [t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start)),
-        derivatives=function("derivatives", [t, y, u, k], rates),
-        outputs_function=function("outputs", [t, y, u, k, memory], ca.vertcat(*z)),
-        jump=function("jump", [t, y, u, k, memory], ca.vertcat(landed[:-2], work + landing, dissipated)),
-        remember=function("remember", [t, y, u, k, memory], ca.vertcat(energy_start, energy)),
-        project=None if equations.projection is None else function("project", [t, y, u, k], landed),
-        nominals=function("nominals", [t, y, u, k], _nominals(component, equations)),
-        conditions=function("conditions", [t, y, u, k], stack(conditions.values())),
+        memory=MEMORY,
+        **functions(
+            Vectors(t, y, u, k),
+            initial=in_state(ca.vertcat(*_initial(component, equations, symbols), 0, 0)),
+            rates=in_state(rates),
+            energy=in_state(equations.energy),
+            outputs=[(variable, in_state(expression)) for variable, expression in outputs],
+            nominals=in_state(_nominals(component, equations)),
+            landed=None if landed is None else in_state(landed),
+        ),
+        conditions=function("conditions", [t, y, u, k], in_state(stack(conditions.values()))),
         condition_texts=tuple(conditions),
         start_only=len(at_start),
         events=ca.Function("events", [k], [ca.SX(0, 1)]),
         active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in component.actives),
         ports=variables.ports(component, equations),
         experiment=component.experiment,
-        equations=_printed(equations),
+        equations=of_mechanism(equations),
+        closed_form=closed_form(component),
     )
 
 
@@ -157,13 +141,3 @@ def _start_conditions(component: type[Mechanism], equations: Equations) -> dict[
         text = f"{', '.join(turn.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"
         found[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(equations.mechanism, turn.name).quaternion) - 1)
     return found
-
-
-def _printed(equations: Equations) -> dict[str, str]:
-    """The equations in CasADi's notation, for the documentation inside the FMU."""
-    m = equations.mechanism
-    printed = {"L": str(ca.cse(equations.lagrangian))}
-    for i, q in enumerate(m.coordinates):
-        printed[f"p_{q.name}"] = str(equations.momenta[i])
-        printed[f"p_{q.name}_dot"] = str(equations.momentum_rates[i])
-    return printed

@@ -169,5 +169,6 @@ def _reserved(cls: type[Component]) -> set[str]:
     names: set[str] = set()
     for base in cls.__mro__:
         if base.__module__.startswith("liaisons.mechanics"):
-            names.update(vars(base), vars(base).get("__annotations__", ()))
+            names.update(name for name, value in vars(base).items() if not isinstance(value, Declaration))
+            names.update(vars(base).get("__annotations__", ()))
     return names

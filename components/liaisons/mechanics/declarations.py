@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, Self, TypeVar, overload
 
 import casadi as ca
+import numpy as np
 
 from liaisons import units
 from liaisons.errors import ComponentError
@@ -22,8 +23,10 @@ __all__ = [
     "Coordinate",
     "Input",
     "InternalState",
+    "Joint",
     "Orientation",
     "Parameter",
+    "Size",
     "calculated",
     "condition",
     "constraint",
@@ -140,7 +143,8 @@ class Coordinate(_Symbol):
 
     :param unit: SI unit of q, ``"m"`` or ``"rad"`` as a rule.
     :param description: what it is, zero and sense included.
-    :param start: initial value; ``start_rate`` the initial rate.
+    :param start: initial value; ``start_rate`` the initial rate.  For the links of a chain also a tuple: the first
+        links start with these, the others with 0.
     :param above: the motion must stay above this value (a singularity lies there).
     :param nominal: a typical size, which scales the absolute tolerance.
     :raises ComponentError: for a unit that is not understood.
@@ -151,13 +155,15 @@ class Coordinate(_Symbol):
         unit: str,
         description: str,
         *,
-        start: float = 0.0,
+        start: float | tuple[float, ...] = 0.0,
         start_rate: float = 0.0,
         above: float | None = None,
         below: float | None = None,
         nominal: float = 1.0,
     ) -> None:
-        super().__init__(unit, description, start=start, above=above, minimum=None, below=below, maximum=None)
+        self.leading = tuple(_number(value, description) for value in start) if isinstance(start, tuple) else ()
+        rest = 0.0 if isinstance(start, tuple) else start
+        super().__init__(unit, description, start=rest, above=above, minimum=None, below=below, maximum=None)
         self.start_rate = _number(start_rate, description)
         self.nominal = _number(nominal, description)
         if self.nominal <= 0:
@@ -210,6 +216,57 @@ class InternalState(_Symbol):
 
     def __init__(self, unit: str, description: str, *, start: float = 0.0) -> None:
         super().__init__(unit, description, start=start, above=None, minimum=None, below=None, maximum=None)
+
+
+class Size(Declaration):
+    """A structural size: how many links a chain has; fixed when the FMU is built.
+
+    :param default: the size where none is asked for.
+    :param description: of what it is the number.
+    :param minimum: the smallest that makes sense.
+    """
+
+    def __init__(self, default: int, description: str, *, minimum: int = 2) -> None:
+        super().__init__("1", description)
+        self.minimum = minimum
+        self.default = self.checked("Size", default)
+
+    def checked(self, owner: str, value: Any) -> int:
+        """The value as a size.
+
+        :raises ComponentError: unless it is a whole number and not too small.
+        """
+        whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+        if not whole or int(value) < self.minimum:
+            name = f"{owner}: {self.name} = {value!r} ({self.description})"
+            raise ComponentError(f"{name}: it must be a whole number >= {self.minimum}")
+        return int(value)
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> int: ...
+    def __get__(self, instance: Any, owner: type) -> Self | int:
+        return self if instance is None else instance.sizes[self.name]
+
+
+class Joint(Declaration):
+    """Where a link of a chain meets the one before; ``self.joint`` maps its axes to symbols.
+
+    :param unit: unit of all axes, ``"m"`` as a rule.
+    :param axes: their names, ``"x", "z"``.
+    """
+
+    def __init__(self, unit: str, *axes: str) -> None:
+        super().__init__(unit, "where a link meets the one before")
+        self.axes = axes
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> dict[str, ca.SX]: ...
+    def __get__(self, instance: Any, owner: type) -> Self | dict[str, ca.SX]:
+        return self if instance is None else {axis: instance.symbols[f"{self.name}_{axis}"] for axis in self.axes}
 
 
 @dataclass(frozen=True, eq=False)

@@ -222,6 +222,11 @@ class Mechanism(Component, abstract=True):
     def _check(cls) -> None:
         if not cls.coordinates and not cls.orientations:
             raise ComponentError(f"{cls.__name__}: declare at least one Coordinate that moves freely")
+        for item in cls.coordinates:
+            if item.leading:
+                raise ComponentError(
+                    f"{cls.__name__}.{item.name}: start = {item.leading}: only a Chain starts by links"
+                )
         picture = cls()
         parameters = _named(picture, picture.parameter_column)
         internal = _named(picture, picture.internal)

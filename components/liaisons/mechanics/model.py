@@ -15,8 +15,8 @@ vectors, always in this order, all dense columns of doubles:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import casadi as ca
@@ -27,20 +27,57 @@ Variability = Literal["fixed", "tunable", "continuous"]
 
 
 @dataclass(frozen=True, slots=True)
+class Dimension:
+    """A structural size, fixed when the FMU is built: the length of arrays."""
+
+    name: str
+    count: int
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
 class Variable:
-    """One scalar variable of the model description."""
+    """One variable of the model description: a number, or a column of numbers under one name."""
 
     name: str
     unit: str
     description: str
     causality: Causality
     variability: Variability
-    start: float | None = None  # parameters and inputs only
+    start: float | tuple[float, ...] | None = None  # parameters and inputs only; (1.0, 2.0): the rest are 0
     minimum: float | None = None
     maximum: float | None = None
     strict: bool = False  # True: the bounds themselves are forbidden too
     nominal: float | None = None
     derivative_of: str | None = None  # name of the variable whose time derivative this is
+    dimension: Dimension | None = None  # None: a scalar
+
+    @property
+    def count(self) -> int:
+        """How many numbers it holds."""
+        return 1 if self.dimension is None else self.dimension.count
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Start values of all its numbers; 0 where there is none."""
+        if isinstance(self.start, tuple):
+            return self.start + (0.0,) * (self.count - len(self.start))
+        return (self.start or 0.0,) * self.count
+
+    def elements(self) -> tuple[Variable, ...]:
+        """Its scalars, ``theta[1]``, ``theta[2]``, ...; itself if it is one."""
+        if self.dimension is None:
+            return (self,)
+        return tuple(
+            replace(
+                self,
+                name=_element(self.name, i),
+                start=None if self.start is None else start,
+                derivative_of=None if self.derivative_of is None else _element(self.derivative_of, i),
+                dimension=None,
+            )
+            for i, start in enumerate(self.starts, start=1)
+        )
 
     def domain(self) -> str:
         """The allowed values in words: ``"> 0"``, ``"in [0, 1]"``; empty when all are allowed."""
@@ -61,7 +98,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One continuous state: the output that shows it and the variable that is its derivative."""
+    """Continuous states: the output that shows them and the variable that is their derivative; a number or an array."""
 
     name: str
     derivative: str
@@ -100,6 +137,15 @@ class Experiment:
     stop_time: float = 10.0
     step_size: float = 0.01
     tolerance: float = 1e-8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Equation:
+    """One equation for the documentation: a name, and the expression that it equals, in symbols of known names."""
+
+    section: str  # which law it belongs to: "lagrangian", "momenta", "motion", ...
+    left: str
+    right: ca.SX
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +187,45 @@ class Model:
     active: tuple[ActiveInput, ...] = ()
     ports: tuple[Port, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)
-    equations: Mapping[str, str] = field(default_factory=dict)  # title -> printed equation, for the documentation
+    equations: tuple[Equation, ...] = ()  # for the documentation
+    closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
+    dimensions: tuple[Dimension, ...] = ()
 
     @property
     def variables(self) -> tuple[Variable, ...]:
         """All real variables; the place in this tuple is the value reference: parameters, inputs, outputs."""
         return self.parameters + self.inputs + self.outputs
+
+    def flat(self) -> Model:
+        """The same model with the elements of its arrays as variables, which is how FMI 2.0 shows them."""
+        if not self.dimensions:
+            return self
+        counts = {variable.name: variable.count for variable in self.variables}
+
+        def names(of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+            """Names that belong together, element by element; those of scalars as they are."""
+            count = counts[of[0]]
+            return (tuple(_element(n, i) if counts[n] > 1 else n for n in of) for i in range(1, count + 1))
+
+        def port(p: Port) -> Iterator[Port]:
+            members = names(tuple(member.variable for member in p.members))
+            for i, variables in enumerate(members, start=1):
+                name = p.name if counts[p.name] == 1 else _element(p.name, i)
+                roles = (member.role for member in p.members)
+                yield Port(name, p.kind, tuple(map(PortMember, roles, variables)))
+
+        return replace(
+            self,
+            parameters=tuple(element for v in self.parameters for element in v.elements()),
+            inputs=tuple(element for v in self.inputs for element in v.elements()),
+            outputs=tuple(element for v in self.outputs for element in v.elements()),
+            states=tuple(State(*pair) for s in self.states for pair in names((s.name, s.derivative))),
+            active=tuple(
+                ActiveInput(*triple) for a in self.active for triple in names((a.value, a.rate, a.acceleration))
+            ),
+            ports=tuple(element for p in self.ports for element in port(p)),
+        )
+
+
+def _element(name: str, index: int) -> str:
+    return f"{name}[{index}]"

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import casadi as ca
 
 from liaisons import units
-from liaisons.mechanics.model import Port, PortKind, PortMember, State, Variable
+from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate
+from liaisons.mechanics.model import Dimension, Port, PortKind, PortMember, State, Variable
 
 if TYPE_CHECKING:
+    from liaisons.mechanics.component import Component
     from liaisons.mechanics.equations import Equations
     from liaisons.mechanics.mechanism import Mechanism
 
@@ -18,16 +21,16 @@ if TYPE_CHECKING:
 _TRANSLATION = ("s", "v", "a", "f")
 _ROTATION = ("phi", "w", "a", "tau")
 
-Row = tuple[Variable, ca.SX]
+Expression: TypeAlias = Any  # SX of a mechanism, MX of a chain
+Row = tuple[Variable, Expression]
 """A variable that can be read, and the expression for it."""
 
 
 def parameters(component: type[Mechanism]) -> tuple[Variable, ...]:
     """Declared parameters, then the start values of coordinates, orientations and internal states."""
-    declared = [p.variable("parameter", "tunable" if p.tunable else "fixed") for p in component.parameters]
+    declared = declared_parameters(component)
     for q in component.coordinates:
-        declared.append(q.variable("parameter", "fixed", f"{q.name}_0"))
-        declared.append(_start(f"{q.name}_dot", units.rate(q.unit), q.start_rate))
+        declared += start_of(q)
     for turn in component.orientations:
         unit = "rad/s" if turn.start == "rate" else "kg.m2/s"
         declared += [_start(name, "1", float(name == turn.quaternion[0])) for name in turn.quaternion]
@@ -38,21 +41,11 @@ def parameters(component: type[Mechanism]) -> tuple[Variable, ...]:
 
 def inputs(component: type[Mechanism], equations: Equations) -> tuple[Variable, ...]:
     """σ, σ̇, σ̈ of the active coordinates; drives and loads of the free ones; loads at the named points."""
-    found: list[Variable] = []
-    for s in component.actives:
-        speed = units.rate(s.unit)
-        found.append(s.variable("input", "continuous"))
-        found.append(_zero(f"{s.name}_dot", speed, f"rate of {s.name}"))
-        found.append(_zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}"))
-    for q in component.coordinates:
-        unit = units.force(q.unit)
-        found.append(_zero(f"{q.name}_force", unit, f"generalised force on this mechanism along +{q.name} (K eq. 14)"))
-        text = f"generalised force that this mechanism exerts along +{q.name} on what is attached to it"
-        found.append(_zero(f"{q.name}_load", unit, text))
-    for name, unit in _point_units(component, equations):
-        text = f"force that this mechanism exerts along +{name} on what is attached there"
-        found.append(_zero(f"{name}_load", units.force(unit), text))
-    return tuple(found)
+    return (
+        *(variable for s in component.actives for variable in triple(s)),
+        *(variable for q in component.coordinates for variable in forces_on(q)),
+        *(load_at(name, unit) for name, unit in _point_units(component, equations)),
+    )
 
 
 def outputs(component: type[Mechanism], equations: Equations) -> list[Row]:
@@ -64,7 +57,7 @@ def outputs(component: type[Mechanism], equations: Equations) -> list[Row]:
         *_of_constraints(component, equations),
         *_of_actives(component, equations),
         *_of_points(component, equations),
-        *_of_energies(equations),
+        *of_energies(equations.kinetic_energy, equations.potential_energy, equations.power, equations.dissipation),
         *_declared(component, equations),
     ]
 
@@ -76,22 +69,134 @@ def states(component: type[Mechanism]) -> tuple[State, ...]:
     for turn in component.orientations:
         positions, momenta = [*positions, *turn.quaternion], [*momenta, *turn.momenta]
     internal = [state.name for state in component.internal_states]
-    moving = [State(name, f"{name}_dot") for name in (*positions, *momenta, *internal)]
-    return (*moving, State("work", "power"), State("dissipated", "dissipation"))
+    return moving(*positions, *momenta, *internal)
 
 
 def ports(component: type[Mechanism], equations: Equations) -> tuple[Port, ...]:
     """Each coordinate, and each component of a named point, as a connector."""
+    return (
+        *(port(q.name, q.unit, "free") for q in component.coordinates),
+        *(port(s.name, s.unit, "active") for s in component.actives),
+        *(port(name, unit, "point") for name, unit in _point_units(component, equations)),
+    )
 
-    def port(name: str, unit: str, kind: PortKind, force: str) -> Port:
-        variables = (name, f"{name}_dot", f"{name}_ddot", f"{name}_{force}")
-        roles = _ROTATION if unit == "rad" else _TRANSLATION
-        return Port(name, kind, tuple(PortMember(role, name) for role, name in zip(roles, variables, strict=True)))
 
-    free = [port(q.name, q.unit, "free", "load") for q in component.coordinates]
-    active = [port(s.name, s.unit, "active", "force") for s in component.actives]
-    points = [port(name, unit, "point", "load") for name, unit in _point_units(component, equations)]
-    return (*free, *active, *points)
+# ---- what belongs to one declaration; of arrays with a dimension --------------------------------------------------
+
+
+def declared_parameters(component: type[Component]) -> list[Variable]:
+    """The declared parameters."""
+    return [p.variable("parameter", "tunable" if p.tunable else "fixed") for p in component.parameters]
+
+
+def start_of(q: Coordinate, dimension: Dimension | None = None) -> list[Variable]:
+    """Initial value and rate of a coordinate."""
+    position = q.variable("parameter", "fixed", f"{q.name}_0")
+    if q.leading:
+        position = replace(position, start=q.leading)
+    rate = _start(f"{q.name}_dot", units.rate(q.unit), q.start_rate)
+    return [_sized(variable, dimension) for variable in (position, rate)]
+
+
+def triple(s: ActiveCoordinate) -> list[Variable]:
+    """σ, σ̇ and σ̈ of an active coordinate."""
+    speed = units.rate(s.unit)
+    return [
+        s.variable("input", "continuous"),
+        _zero(f"{s.name}_dot", speed, f"rate of {s.name}"),
+        _zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}"),
+    ]
+
+
+def forces_on(q: Coordinate, dimension: Dimension | None = None) -> list[Variable]:
+    """Drive and load of a free coordinate."""
+    unit = units.force(q.unit)
+    drive = f"generalised force on this mechanism along +{q.name} (K eq. 14)"
+    load = f"generalised force that this mechanism exerts along +{q.name} on what is attached to it"
+    both = (_zero(f"{q.name}_force", unit, drive), _zero(f"{q.name}_load", unit, load))
+    return [_sized(variable, dimension) for variable in both]
+
+
+def load_at(name: str, unit: str, dimension: Dimension | None = None) -> Variable:
+    """Load at a component of a named point."""
+    text = f"force that this mechanism exerts along +{name} on what is attached there"
+    return _sized(_zero(f"{name}_load", units.force(unit), text), dimension)
+
+
+def of_coordinate(q: Coordinate, *values: Expression, dimension: Dimension | None = None) -> Iterator[Row]:
+    """The motion along a coordinate: q, q̇, q̈, p, ṗ."""
+    speed = units.rate(q.unit)
+    rows = (
+        _output(q.name, q.unit, q.description, values[0]),
+        _derivative(f"{q.name}_dot", speed, f"rate of {q.name}", values[1], q.name, local=False),
+        _output(f"{q.name}_ddot", units.rate(speed), f"acceleration of {q.name}", values[2]),
+        _output(f"p_{q.name}", units.momentum(q.unit), f"momentum conjugate to {q.name}", values[3]),
+        _derivative(
+            f"p_{q.name}_dot",
+            units.force(q.unit),
+            f"rate of p_{q.name}: all generalised forces along {q.name}",
+            values[4],
+            f"p_{q.name}",
+        ),
+    )
+    for variable, expression in rows:
+        yield _sized(variable, dimension), expression
+
+
+def of_active(s: ActiveCoordinate, force: Expression, rate: Expression) -> Iterator[Row]:
+    """Force and power of the operator."""
+    text = f"generalised force of the operator on this mechanism along +{s.name} (M eq. 27)"
+    yield _output(f"{s.name}_force", units.force(s.unit), text, force)
+    yield _output(f"{s.name}_power", "W", f"power of the operator through {s.name} (M eq. 28)", force * rate)
+
+
+def of_point(name: str, unit: str, *values: Expression, dimension: Dimension | None = None) -> Iterator[Row]:
+    """Position, rate and acceleration of a component of a named point."""
+    speed = units.rate(unit)
+    texts = (f"component of a point: {name}", f"rate of {name}", f"acceleration of {name}")
+    kinds = (("", unit), ("_dot", speed), ("_ddot", units.rate(speed)))
+    for (end, unit_of), text, value in zip(kinds, texts, values, strict=True):
+        variable, expression = _output(f"{name}{end}", unit_of, text, value)
+        yield _sized(variable, dimension), expression
+
+
+def of_energies(kinetic: Expression, potential: Expression, power: Expression, dissipation: Expression) -> list[Row]:
+    """Energies and powers; ``work``, ``dissipated``, ``energy_balance`` are filled in by the assembly."""
+    filled_in = ca.DM(0)
+    loss = "power lost by friction, twice the friction coefficient times T (K eq. 67)"
+    return [
+        _output("kinetic_energy", "J", "kinetic energy T (K eq. 12)", kinetic),
+        _output("potential_energy", "J", "potential energy V", potential),
+        _output("energy", "J", "energy T + V (K eq. 61)", kinetic + potential),
+        _output("work", "J", "work done on this mechanism through all its ports since the start", filled_in),
+        _output("dissipated", "J", "energy lost by friction since the start", filled_in),
+        _output(
+            "energy_balance",
+            "J",
+            "energy - energy at start - work + dissipated: 0 up to the integration error",
+            filled_in,
+        ),
+        _derivative("power", "W", "power through all ports", power, "work"),
+        _derivative("dissipation", "W", loss, dissipation, "dissipated"),
+    ]
+
+
+def of_calculated(item: Calculated, value: Expression) -> Row:
+    """A calculated parameter."""
+    return Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed"), value
+
+
+def moving(*names: str) -> tuple[State, ...]:
+    """States with their derivatives, and the two integrals that close the energy balance."""
+    motion = [State(name, f"{name}_dot") for name in names]
+    return (*motion, State("work", "power"), State("dissipated", "dissipation"))
+
+
+def port(name: str, unit: str, kind: PortKind) -> Port:
+    """A connector: position, rate, acceleration, and force or load."""
+    variables = (name, f"{name}_dot", f"{name}_ddot", f"{name}_{'force' if kind == 'active' else 'load'}")
+    roles = _ROTATION if unit == "rad" else _TRANSLATION
+    return Port(name, kind, tuple(PortMember(role, name) for role, name in zip(roles, variables, strict=True)))
 
 
 # ---- one kind of variable after the other -------------------------------------------------------------------------
@@ -99,15 +204,9 @@ def ports(component: type[Mechanism], equations: Equations) -> tuple[Port, ...]:
 
 def _of_coordinates(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
     free = equations.mechanism.free
+    columns = (free.q, free.q_dot, free.q_ddot, free.p, equations.momentum_rates)
     for i, q in enumerate(component.coordinates):
-        speed = units.rate(q.unit)
-        yield _output(q.name, q.unit, q.description, free.q[i])
-        yield _derivative(f"{q.name}_dot", speed, f"rate of {q.name}", free.q_dot[i], q.name, local=False)
-        yield _output(f"{q.name}_ddot", units.rate(speed), f"acceleration of {q.name}", free.q_ddot[i])
-        yield _output(f"p_{q.name}", units.momentum(q.unit), f"momentum conjugate to {q.name}", free.p[i])
-        text = f"rate of p_{q.name}: all generalised forces along {q.name}"
-        rate = equations.momentum_rates[i]
-        yield _derivative(f"p_{q.name}_dot", units.force(q.unit), text, rate, f"p_{q.name}")
+        yield from of_coordinate(q, *(column[i] for column in columns))
 
 
 def _of_orientations(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
@@ -146,33 +245,13 @@ def _of_constraints(component: type[Mechanism], equations: Equations) -> Iterato
 def _of_actives(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
     rates = equations.mechanism.active.s_dot
     for i, s in enumerate(component.actives):
-        text = f"generalised force of the operator on this mechanism along +{s.name} (M eq. 27)"
-        yield _output(f"{s.name}_force", units.force(s.unit), text, equations.operator_forces[i])
-        text = f"power of the operator through {s.name} (M eq. 28)"
-        yield _output(f"{s.name}_power", "W", text, equations.operator_forces[i] * rates[i])
+        yield from of_active(s, equations.operator_forces[i], rates[i])
 
 
 def _of_points(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
     dot = equations.mechanism.dot
     for (name, unit), position in zip(_point_units(component, equations), equations.points.values(), strict=True):
-        speed, velocity = units.rate(unit), dot(position)
-        yield _output(name, unit, f"component of a point: {name}", position)
-        yield _output(f"{name}_dot", speed, f"rate of {name}", velocity)
-        yield _output(f"{name}_ddot", units.rate(speed), f"acceleration of {name}", dot(velocity))
-
-
-def _of_energies(equations: Equations) -> Iterator[Row]:
-    filled_in = ca.SX(0)
-    yield _output("kinetic_energy", "J", "kinetic energy T (K eq. 12)", equations.kinetic_energy)
-    yield _output("potential_energy", "J", "potential energy V", equations.potential_energy)
-    yield _output("energy", "J", "energy T + V (K eq. 61)", equations.energy)
-    yield _output("work", "J", "work done on this mechanism through all its ports since the start", filled_in)
-    yield _output("dissipated", "J", "energy lost by friction since the start", filled_in)
-    text = "energy - energy at start - work + dissipated: 0 up to the integration error"
-    yield _output("energy_balance", "J", text, filled_in)
-    yield _derivative("power", "W", "power through all ports", equations.power, "work")
-    text = "power lost by friction, twice the friction coefficient times T (K eq. 67)"
-    yield _derivative("dissipation", "W", text, equations.dissipation, "dissipated")
+        yield from of_point(name, unit, position, velocity := dot(position), dot(velocity))
 
 
 def _declared(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
@@ -180,17 +259,16 @@ def _declared(component: type[Mechanism], equations: Equations) -> Iterator[Row]
     for item in component.outputs:
         yield _output(item.name, item.unit, item.description, getattr(m, item.name))
     for item in component.calculated_parameters:
-        variable = Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
-        yield variable, ca.SX(getattr(m, item.name))
+        yield of_calculated(item, getattr(m, item.name))
 
 
-def _output(name: str, unit: str, text: str, expression: ca.SX) -> Row:
-    return Variable(name, unit, text, "output", "continuous"), ca.SX(expression)
+def _output(name: str, unit: str, text: str, expression: Expression) -> Row:
+    return Variable(name, unit, text, "output", "continuous"), expression
 
 
-def _derivative(name: str, unit: str, text: str, expression: ca.SX, of: str, *, local: bool = True) -> Row:
+def _derivative(name: str, unit: str, text: str, expression: Expression, of: str, *, local: bool = True) -> Row:
     causality = "local" if local else "output"
-    return Variable(name, unit, text, causality, "continuous", derivative_of=of), ca.SX(expression)
+    return Variable(name, unit, text, causality, "continuous", derivative_of=of), expression
 
 
 def _start(name: str, unit: str, value: float) -> Variable:
@@ -199,6 +277,10 @@ def _start(name: str, unit: str, value: float) -> Variable:
 
 def _zero(name: str, unit: str, text: str) -> Variable:
     return Variable(name, unit, text, "input", "continuous", start=0.0)
+
+
+def _sized(variable: Variable, dimension: Dimension | None) -> Variable:
+    return variable if dimension is None else replace(variable, dimension=dimension)
 
 
 def _point_units(component: type[Mechanism], equations: Equations) -> list[tuple[str, str]]:

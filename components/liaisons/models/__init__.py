@@ -5,6 +5,7 @@ from liaisons.models.cartesian_pendulum import CartesianPendulum
 from liaisons.models.charged_particle import ChargedParticle
 from liaisons.models.circular_hoop import CircularHoop
 from liaisons.models.double_pendulum import DoublePendulum
+from liaisons.models.driven_chain import DrivenChain
 from liaisons.models.elliptic_hoop import EllipticHoop
 from liaisons.models.flywheel import Flywheel
 from liaisons.models.fourier_hoop import FourierHoop
@@ -17,7 +18,9 @@ from liaisons.models.marle_swing import marle_swing
 from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
 from liaisons.models.operators import Constant, Ramp, Sinusoid, SmoothStep
 from liaisons.models.oscillator import Oscillator
+from liaisons.models.oscillator_chain import OscillatorChain
 from liaisons.models.pendulum import Pendulum
+from liaisons.models.pendulum_chain import PendulumChain
 from liaisons.models.planar_cat import PlanarCat
 from liaisons.models.planar_oscillator import PlanarOscillator
 from liaisons.models.polar_oscillator import PolarOscillator
@@ -62,6 +65,7 @@ __all__ = [
     "CircularHoop",
     "Constant",
     "DoublePendulum",
+    "DrivenChain",
     "EllipticHoop",
     "Flywheel",
     "FourierHoop",
@@ -72,7 +76,9 @@ __all__ = [
     "LinearMolecule",
     "NoseHooverOscillator",
     "Oscillator",
+    "OscillatorChain",
     "Pendulum",
+    "PendulumChain",
     "PlanarCat",
     "PlanarOscillator",
     "PolarOscillator",

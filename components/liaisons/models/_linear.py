@@ -50,6 +50,37 @@ def oscillation(
     return x.real, v.real
 
 
+def superposition(
+    t: ArrayLike,
+    frequencies: NDArray,
+    modes: NDArray,
+    position: ArrayLike,
+    rate: ArrayLike,
+    *,
+    push: ArrayLike = 0.0,
+    forces: Sequence[tuple[complex, float]] = (),
+) -> tuple[NDArray, NDArray]:
+    """Positions and rates of n undamped degrees of freedom from their normal modes.
+
+    :param t: times since the start [s], any shape, >= 0.
+    :param frequencies: Ω_k [rad/s], (n,).
+    :param modes: columns φ_k, (n, n).
+    :param position: x(0), (n,); ``rate`` is x'(0); scalars stand for all.
+    :param push: accelerations, (n,), in the direction of which the ``forces`` act; see :func:`oscillation`.
+    :returns: x and x', (..., n).
+    """
+    columns = [np.broadcast_to(np.asarray(part, dtype=float), frequencies.shape) for part in (position, rate, push)]
+    starts = np.linalg.solve(modes, np.stack(columns, axis=1))
+    moving = [
+        oscillation(
+            t, a, b, omega_squared=w**2, gamma=0.0, forces=[(f * amplitude, omega) for amplitude, omega in forces]
+        )
+        for w, (a, b, f) in zip(frequencies, starts, strict=True)
+    ]
+    x, v = (np.stack(part, axis=-1) @ modes.T for part in zip(*moving, strict=True))
+    return x, v
+
+
 def _roots(omega_squared: float, gamma: float) -> tuple[complex, complex]:
     """λ_1, λ_2 of K eq. 126, the slower decaying one first and without cancellation (their product is ω_0²)."""
     fast = -gamma / 2 - np.emath.sqrt(gamma**2 / 4 - omega_squared)

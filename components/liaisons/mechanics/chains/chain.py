@@ -1,0 +1,221 @@
+"""A chain: many equal links, each hung on the one before; described by one link, solved for all at linear cost."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import casadi as ca
+
+from liaisons.errors import ComponentError
+from liaisons.mechanics.algebra import stack
+from liaisons.mechanics.component import Component, call, declared, scalar
+from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate, Joint, Point, Size
+from liaisons.mechanics.model import Model
+
+
+class Chain(Component, abstract=True):
+    """Mechanical chain of n equal links with active constraints at its base; abstract.
+
+    A subclass describes one link.  Its coordinates are those of a link (in the FMU arrays of length n), ``self.joint``
+    is the place where the link before ends, and the methods give the energies of one link.  The coordinates of the
+    base, if it has one, are active.
+
+    :raises ComponentError: when the subclass is defined, if a symbol is unknown, a name is given twice, or a free end
+        is asked for where the kinetic energy needs a base.
+    """
+
+    n = Size(10, "number of links")
+    joint = Joint("m", "x")
+
+    coordinates: ClassVar[tuple[Coordinate, ...]] = ()
+    actives: ClassVar[tuple[ActiveCoordinate, ...]] = ()
+    points: ClassVar[tuple[Point, ...]] = ()
+    calculated_parameters: ClassVar[tuple[Calculated, ...]] = ()
+
+    def __init__(self, n: object = None) -> None:
+        super().__init__()
+        size = type(self).n
+        self.sizes = {"n": size.checked(type(self).__name__, size.default if n is None else n)}
+        names = [c.name for c in self.coordinates]
+        self.q, self.q_dot, self.q_ddot = (self._symbols(f"{q}{end}" for q in names) for end in ("", "_dot", "_ddot"))
+        names = [f"joint_{axis}" for axis in type(self).joint.axes]
+        self.w, self.w_dot, self.w_ddot = (self._symbols(f"{w}{end}" for w in names) for end in ("", "_dot", "_ddot"))
+        names = [c.name for c in self.actives]
+        self.s, self.s_dot, self.s_ddot = (self._symbols(f"{s}{end}" for s in names) for end in ("", "_dot", "_ddot"))
+
+    # ---- what a component defines -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def tip(self) -> Mapping[str, ca.SX]:
+        """Where the next link begins, by axis of the joint: an expression of coordinates and joint."""
+
+    @abstractmethod
+    def kinetic_energy(self) -> ca.SX:
+        """T of one link, quadratic in the rates of its coordinates and of its joint."""
+
+    def base(self) -> Mapping[str, ca.SX] | None:
+        """Joint of the first link as expressions of active coordinates; None: the first link is a free end."""
+        return None
+
+    def potential_energy(self) -> ca.SX:
+        """V of one link for itself; zero unless the component says otherwise."""
+        return ca.SX(0)
+
+    def bond_energy(self) -> ca.SX:
+        """V of what joins a link to the one before or to the base; the first link of a free end has none."""
+        return ca.SX(0)
+
+    def friction_coefficient(self) -> ca.SX:
+        """η of K eq. 64, Q = −η ∂T/∂q̇; zero unless the component says otherwise."""
+        return ca.SX(0)
+
+    # ---- what it may use --------------------------------------------------------------------------------------
+
+    def dot(self, expression: ca.SX) -> ca.SX:
+        """Total time derivative of an expression of coordinates, joint and their rates."""
+        where = ca.vertcat(self.q, self.w, self.s, self.q_dot, self.w_dot, self.s_dot)
+        rates = ca.vertcat(self.q_dot, self.w_dot, self.s_dot, self.q_ddot, self.w_ddot, self.s_ddot)
+        return ca.jtimes(ca.SX(expression), where, rates)
+
+    def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
+        """|ṙ|² of a point of the link given by its Cartesian components."""
+        return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
+
+    # ---- what the package makes of it -------------------------------------------------------------------------
+
+    @cached_property
+    def point_components(self) -> dict[str, ca.SX]:
+        """Components of all named points of a link, ``"bob_x"`` and so on."""
+        return {
+            f"{point.name}_{axis}": ca.SX(component)
+            for point in self.points
+            for axis, component in call(self, point.name).items()
+        }
+
+    @classmethod
+    def model(cls, n: object = None) -> Model:
+        """The chain of n links, ready for an FMU back end; n as declared where none is given.
+
+        :raises ComponentError: if n is no whole number or too small.
+        """
+        from liaisons.mechanics.chains.assembly import assemble
+
+        return assemble(cls, cls(n).sizes["n"])
+
+    @classmethod
+    def variable_names(cls) -> list[str]:
+        names = [p.name for p in (*cls.parameters, *cls.calculated_parameters)]
+        for name in cls().point_components:
+            names += [name, f"{name}_dot", f"{name}_ddot", f"{name}_load"]
+        for q in (c.name for c in cls.coordinates):
+            names += [f"{q}_0", f"{q}_dot_0", q, f"{q}_dot", f"{q}_ddot", f"p_{q}", f"p_{q}_dot"]
+            names += [f"{q}_force", f"{q}_load"]
+        for s in (c.name for c in cls.actives):
+            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power"]
+        names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
+        return [*names, "power", "dissipation", "n"]
+
+    @classmethod
+    def _collect(cls) -> None:
+        super()._collect()
+        cls.coordinates = declared(cls, Coordinate)
+        cls.actives = declared(cls, ActiveCoordinate)
+        cls.points = declared(cls, Point)
+        cls.calculated_parameters = declared(cls, Calculated)
+
+    @classmethod
+    def _check(cls) -> None:
+        if not cls.coordinates:
+            raise ComponentError(f"{cls.__name__}: declare at least one Coordinate of a link")
+        picture = cls()
+        parameters = {p.name: picture.symbols[p.name] for p in cls.parameters}
+        link = parameters | _named(picture.q, picture.w)
+        motion = link | _named(picture.q_dot, picture.w_dot)
+        known = {"kinetic_energy": motion, "potential_energy": link, "bond_energy": link}
+        known |= {"friction_coefficient": parameters} | {item.name: parameters for item in cls.calculated_parameters}
+        for name, symbols in known.items():
+            scalar(cls, name, call(picture, name), symbols)
+        for name, component in picture.point_components.items():
+            scalar(cls, name, component, link)
+        for axis, component in _by_axis(picture, "tip").items():
+            scalar(cls, f"tip[{axis!r}]", component, link)
+        if call(picture, "base") is not None:
+            for axis, component in _by_axis(picture, "base").items():
+                scalar(cls, f"base[{axis!r}]", component, parameters | _named(picture.s))
+        _check_inertia(picture)
+
+
+def _check_inertia(m: Chain) -> None:
+    name, kinetic, tip = type(m).__name__, ca.SX(m.kinetic_energy()), column(m.tip())
+    rates = ca.vertcat(m.q_dot, m.w_dot)
+    if ca.depends_on(ca.hessian(kinetic, rates)[0], rates):
+        raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates")
+    if m.base() is None and ca.depends_on(ca.vertcat(kinetic, tip), ca.vertcat(m.w, m.w_dot)):
+        raise ComponentError(f"{name}: tip and kinetic_energy need the joint, which a free end lacks; define base()")
+    for item, q, q_dot in zip(m.coordinates, ca.vertsplit(m.q), ca.vertsplit(m.q_dot), strict=True):
+        if not (ca.depends_on(kinetic, q_dot) or ca.depends_on(tip, q)):
+            raise ComponentError(f"{name}: {item.name} moves no mass; let kinetic_energy depend on its rate")
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """The terms of one link: f coordinates, d axes of the joint, m point components; CasADi SX."""
+
+    q: ca.SX  # coordinates (f,)
+    v: ca.SX  # their rates
+    p: ca.SX  # and momenta
+    w: ca.SX  # joint (d,)
+    w_dot: ca.SX
+    drive: ca.SX  # q_force − q_load (f,)
+    loads: ca.SX  # at the points (m,)
+    bonded: ca.SX  # 0 for the first link of a free end, else 1
+    tip: ca.SX  # F(q, w), the joint of the next link (d,)
+    points: ca.SX  # (m,)
+    kinetic: ca.SX  # T
+    potential: ca.SX  # V
+    eta: ca.SX  # η
+
+    def rate(self, expression: ca.SX) -> ca.SX:
+        """d/dt of a column of functions of the motion, less what accelerations bring."""
+        return ca.jtimes(expression, ca.vertcat(self.q, self.w), ca.vertcat(self.v, self.w_dot))
+
+
+def link_of(m: Chain) -> Link:
+    """The terms of one link, as the methods of the component give them."""
+    bonded, points = ca.SX.sym("bonded"), stack(m.point_components.values())
+    return Link(
+        q=m.q,
+        v=m.q_dot,
+        p=ca.SX.sym("p", m.q.shape[0]),
+        w=m.w,
+        w_dot=m.w_dot,
+        drive=ca.SX.sym("drive", m.q.shape[0]),
+        loads=ca.SX.sym("loads", points.shape[0]),
+        bonded=bonded,
+        tip=column(m.tip()),
+        points=points,
+        kinetic=ca.SX(m.kinetic_energy()),
+        potential=ca.SX(m.potential_energy()) + bonded * ca.SX(m.bond_energy()),
+        eta=ca.SX(m.friction_coefficient()),
+    )
+
+
+def column(components: Mapping[str, ca.SX]) -> ca.SX:
+    """Named components as a column, (d, 1)."""
+    return ca.vertcat(*(ca.SX(component) for component in components.values()))
+
+
+def _by_axis(picture: Chain, method: str) -> Mapping[str, ca.SX]:
+    axes, given = type(picture).joint.axes, call(picture, method)
+    if not isinstance(given, Mapping) or tuple(given) != axes:
+        received = list(given) if isinstance(given, Mapping) else given
+        raise ComponentError(f"{type(picture).__name__}.{method} returns {received}; it must have the axes {axes}")
+    return given
+
+
+def _named(*columns: ca.SX) -> dict[str, ca.SX]:
+    return {str(symbol): symbol for column in columns for symbol in ca.vertsplit(column)}

@@ -1,0 +1,228 @@
+"""Chains: the sweeps along the links against the dense derivation of the same chain, and what is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons.errors import ComponentError
+from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Joint, Model, Parameter, Size, point
+from liaisons.mechanics.chains.unrolled import unrolled
+from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
+
+ROUNDING = 1e-12
+"""Of sums of some hundred terms of order 1 to 10, solved with matrices of condition < 1e2."""
+
+
+class Telescope(Chain):
+    """Links that turn against each other and slide along themselves; friction; everything that a chain can have."""
+
+    mass = Parameter(1.3, "kg", "mass of each body", above=0)
+    inertia = Parameter(0.4, "kg.m2", "its moment of inertia", above=0)
+    stiffness = Parameter(2.0, "N/m", "of the telescope's spring", above=0)
+    friction = Parameter(0.3, "1/s", "coefficient of friction", minimum=0)
+    angle = Coordinate("rad", "angle against the link before", start=(0.3, -0.2), start_rate=0.1)
+    reach = Coordinate("m", "length of the link", start=1.0, nominal=2.0)
+    lever = ActiveCoordinate("rad", "angle of the base", start=0.4)
+    lift = ActiveCoordinate("m", "height of the base")
+    joint = Joint("1", "x", "z", "phi")
+
+    def turned(self) -> Any:
+        return self.joint["phi"] + self.angle
+
+    @point("m", "the far end of each link")
+    def end(self) -> dict[str, ca.SX]:
+        phi = self.turned()
+        return {"x": self.joint["x"] + self.reach * ca.sin(phi), "z": self.joint["z"] - self.reach * ca.cos(phi)}
+
+    def base(self) -> dict[str, ca.SX]:
+        return {"x": ca.cos(self.lever), "z": self.lift + ca.sin(self.lever), "phi": self.lever * 2}
+
+    def tip(self) -> dict[str, ca.SX]:
+        return {**self.end, "phi": self.turned()}
+
+    def kinetic_energy(self) -> ca.SX:
+        middle = {axis: (self.end[axis] + self.joint[axis]) / 2 for axis in ("x", "z")}
+        return self.mass / 2 * self.speed_squared(middle) + self.inertia / 2 * self.dot(self.turned()) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return 9.81 * self.mass * self.end["z"]
+
+    def bond_energy(self) -> ca.SX:
+        return self.stiffness / 2 * (self.reach - 1) ** 2 + self.stiffness * ca.cos(self.angle)
+
+    def friction_coefficient(self) -> ca.SX:
+        return self.friction
+
+
+def unrolled_name(name: str, component: type[Chain]) -> str:
+    """``p_theta[2]`` of a chain is ``p_theta_2`` of its unrolled mechanism, ``bob_x_dot[2]`` is ``bob_2_x_dot``."""
+    found = re.fullmatch(r"(.*)\[(\d+)\]", name)
+    if not found:
+        return name
+    declared = "|".join(item.name for item in (*component.coordinates, *component.points))
+    return re.sub(rf"^(p_)?({declared})", rf"\1\2_{found[2]}", found[1])
+
+
+def random_vectors(model: Model, rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """Values near the starts for parameters and inputs, by name, and a state."""
+    return {
+        "k": {v.name: (v.starts[0] or 0.5) * rng.uniform(0.7, 1.3) for v in model.parameters},
+        "u": {v.name: v.starts[0] + rng.uniform(-1, 1) for v in model.inputs},
+        "y": {state.name: rng.uniform(-1.5, 1.5) for state in model.states},
+    }
+
+
+def evaluated(model: Model, values: Mapping[str, Mapping[str, float]], name_of: Any) -> dict[str, float]:
+    y = [values["y"][name_of(state.name)] for state in model.states]
+    u = [values["u"][name_of(v.name)] for v in model.inputs]
+    k = [values["k"][name_of(v.name)] for v in model.parameters]
+    z = model.outputs_function(0, y, u, k, [0.1, 0.2]).full().ravel()
+    found = {name_of(v.name): value for v, value in zip(model.outputs, z, strict=True)}
+    start, memory = model.start(0, u, k)
+    found |= {f"start of {name_of(s.name)}": value for s, value in zip(model.states, start.full().ravel(), strict=True)}
+    rates, sizes = model.derivatives(0, y, u, k), model.nominals(0, y, u, k)
+    found |= {f"rate of {name_of(s.name)}": value for s, value in zip(model.states, rates.full().ravel(), strict=True)}
+    found |= {f"size of {name_of(s.name)}": value for s, value in zip(model.states, sizes.full().ravel(), strict=True)}
+    return found | {"energy at start": float(memory[0])}
+
+
+CHAINS = [(PendulumChain, 2), (PendulumChain, 6), (OscillatorChain, 2), (OscillatorChain, 12), (DrivenChain, 7)]
+CHAINS += [(Telescope, 2), (Telescope, 3)]
+
+
+@pytest.mark.parametrize(("component", "n"), CHAINS)
+def test_sweeps_agree_with_the_dense_derivation(component: type[Chain], n: int) -> None:
+    """Two derivations, one by sweeps link by link, one by the mass matrix: motion, forces, energies, starts."""
+    dense, swept = unrolled(component, n).model(), component.model(n).flat()
+    rng = np.random.default_rng(n)
+    for _ in range(3):
+        values = random_vectors(dense, rng)
+        expected = evaluated(dense, values, str)
+        found = evaluated(swept, values, lambda name: unrolled_name(name, component))
+        assert set(expected) <= set(found)
+        for name, value in expected.items():
+            assert found[name] == pytest.approx(value, rel=ROUNDING, abs=ROUNDING * n), name
+
+
+@pytest.mark.parametrize("component", [PendulumChain, OscillatorChain, DrivenChain, Telescope])
+def test_power_is_the_rate_of_the_energy(component: type[Chain]) -> None:
+    """dE/dt = power - dissipation (K eq. 67, M eq. 28) at random states, by differentiation of the energy."""
+    model = component.model(5)
+    t, y, u, k, m = (ca.MX.sym(name, model.outputs_function.numel_in(i)) for i, name in enumerate("tyukm"))
+    z = model.outputs_function(t, y, u, k, m)
+    flat = model.flat()
+    place = {v.name: i for i, v in enumerate(flat.outputs)}
+    inputs = {v.name: i for i, v in enumerate(flat.inputs)}
+    input_rates = ca.MX(u.shape[0], 1)
+    for active in flat.active:
+        input_rates[inputs[active.value]] = u[inputs[active.rate]]
+        input_rates[inputs[active.rate]] = u[inputs[active.acceleration]]
+    energy_rate = ca.jtimes(
+        z[place["energy"]], ca.vertcat(y, u), ca.vertcat(model.derivatives(t, y, u, k), input_rates)
+    )
+    balance = ca.Function("balance", [t, y, u, k, m], [energy_rate, z[place["power"]] - z[place["dissipation"]]])
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        k_0 = [rng.uniform(0.5, 1.5) for _ in flat.parameters]
+        rate, power = balance(0, rng.normal(size=y.shape[0]), rng.normal(size=u.shape[0]), k_0, [0, 0])
+        assert float(rate) == pytest.approx(float(power), rel=ROUNDING * 10, abs=ROUNDING * 10)
+        assert abs(float(power)) > 1e-3  # there is something to compare
+
+
+@pytest.mark.parametrize("component", [OscillatorChain, PendulumChain])
+def test_code_does_not_grow_with_the_chain(component: type[Chain]) -> None:
+    """A hundred times the links: C code less than four times as long (it grows with the logarithm)."""
+
+    def length(n: int) -> int:
+        generator = ca.CodeGenerator("chain", {"with_header": False})
+        generator.add(component.model(n).derivatives)
+        return len(generator.dump())
+
+    assert length(10_000) < 4 * length(100)
+
+
+@pytest.mark.parametrize("n", [0, 1, -3, 2.5, 10.0, "10", True, float("nan")])
+def test_sizes_that_are_refused(n: object) -> None:
+    with pytest.raises(ComponentError, match=re.escape(f"PendulumChain: n = {n!r}") + ".*whole number >= 2"):
+        PendulumChain.model(n)
+
+
+def test_default_size_and_numpy_integers() -> None:
+    assert PendulumChain.model().dimensions[0].count == 10
+    assert PendulumChain.model(np.int64(3)).dimensions[0].count == 3
+
+
+def test_declared_size_is_the_default() -> None:
+    class Short(OscillatorChain):
+        """Three masses."""
+
+        n = Size(3, "number of masses")
+
+    assert [v.name for v in Short.model().flat().parameters][3:6] == ["u_0[1]", "u_0[2]", "u_0[3]"]
+    assert [v.start for v in Short.model().flat().parameters][3:6] == [1.0, 0.0, 0.0]
+
+
+def test_a_free_end_has_no_joint() -> None:
+    with pytest.raises(ComponentError, match=r"Loose: .*need the joint.*define base\(\)"):
+
+        class Loose(PendulumChain):
+            """Nothing to hang on."""
+
+            def base(self) -> None:  # type: ignore[override]
+                return None
+
+
+def test_a_coordinate_has_to_move_a_mass() -> None:
+    with pytest.raises(ComponentError, match="Massless: angle moves no mass"):
+
+        class Massless(OscillatorChain):
+            """A coordinate too many."""
+
+            angle = Coordinate("rad", "of nothing")
+
+
+def test_axes_of_base_and_tip_are_those_of_the_joint() -> None:
+    with pytest.raises(ComponentError, match=r"Bent\.base returns \['x', 'y'\]; it must have the axes \('x', 'z'\)"):
+
+        class Bent(PendulumChain):
+            """A wrong axis."""
+
+            def base(self) -> dict[str, ca.SX]:
+                return {"x": self.pivot_x, "y": self.pivot_z}
+
+
+def test_kinetic_energy_is_quadratic() -> None:
+    with pytest.raises(ComponentError, match=r"Quartic\.kinetic_energy must be quadratic"):
+
+        class Quartic(OscillatorChain):
+            """Not a kinetic energy."""
+
+            def kinetic_energy(self) -> ca.SX:
+                return self.dot(self.u) ** 4
+
+
+def test_unknown_symbols_are_named() -> None:
+    with pytest.raises(ComponentError, match=r"unknown symbol self\.massive.*mass"):
+
+        class Typo(OscillatorChain):
+            """A misspelt parameter."""
+
+            def kinetic_energy(self) -> ca.SX:
+                return self.massive * self.dot(self.u) ** 2
+
+
+def test_only_chains_start_link_by_link() -> None:
+    from liaisons.models import Pendulum
+
+    with pytest.raises(ComponentError, match="only a Chain starts by links"):
+
+        class Odd(Pendulum):
+            """A pendulum with several starts."""
+
+            theta = Coordinate("rad", "angle", start=(0.1, 0.2))
