@@ -11,7 +11,7 @@ from liaisons.project import ProjectError, fmus_directory, load_module
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from liaisons.mechanics import Component
+    from liaisons.mechanics import Component, Model
 
 Backend = Literal["auto", "native", "python"]
 
@@ -45,12 +45,30 @@ def components(target: str) -> list[type[Component]]:
     return [found[name]] if separator else list(found.values())
 
 
-def fmu_path(target: str, backend: Backend = "auto") -> Path:
+def model(component: type[Component], **sizes: object) -> Model:
+    """The model of a component, with other structural sizes than it declares where they are given.
+
+    :param sizes: by name, for example ``n=100`` for a chain.
+    :raises ProjectError: if the component has no size of that name.
+    :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
+    """
+    from liaisons.mechanics import Chain
+
+    if not sizes:
+        return component.model()
+    if not issubclass(component, Chain) or set(sizes) != {"n"}:
+        given = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
+        raise ProjectError(f"{component.__name__}: {given}: only chains have a size, and it is called n")
+    return component.model(sizes["n"])
+
+
+def fmu_path(target: str, backend: Backend = "auto", **sizes: object) -> Path:
     """The FMU of one component, built before the path is returned if it is missing or out of date.
 
     :param target: a name of the catalogue, or a file as in :func:`components` with one component in it.
     :param backend: ``"native"``, ``"python"``, or ``"auto"``: native where a C compiler is found.
-    :raises ProjectError: if the target names no component or several.
+    :param sizes: structural sizes, for example ``n=100``; such FMUs go to a folder of their own, ``fmus/n=100/``.
+    :raises ProjectError: if the target names no component or several, or the component has no such size.
     :raises BuildError: if the FMU cannot be built.
     """
     from liaisons.fmu import build
@@ -59,7 +77,8 @@ def fmu_path(target: str, backend: Backend = "auto") -> Path:
     if len(found) > 1:
         choices = ", ".join(f"{target}:{component.__name__}" for component in found)
         raise ProjectError(f"{target} defines several components; name one: {choices}")
-    return build(found[0].model(), fmus_directory(), backend=backend)
+    folder = "-".join(f"{name}={size}" for name, size in sizes.items())
+    return build(model(found[0], **sizes), fmus_directory() / folder, backend=backend)
 
 
 def fmu_file(target: str) -> Path:

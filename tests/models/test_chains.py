@@ -1,0 +1,299 @@
+"""The three chains: against closed forms, against Newton's law, and against the same physics described otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from scipy.special import jv
+
+from liaisons.check import max_error, slope
+from liaisons.cosim import System, simulate
+from liaisons.errors import ValidityError
+from liaisons.fmu import build
+from liaisons.mechanics import Chain
+from liaisons.models import DoublePendulum, DrivenChain, LinearMolecule, OscillatorChain, PendulumChain, Sinusoid
+
+TOLERANCE = 1e-10
+BACKENDS = ["native", "python"]
+
+
+@pytest.fixture(scope="session")
+def sized(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """The FMU of a chain of n links: ``sized(PendulumChain, 2)``."""
+
+    @cache
+    def built(component: type[Chain], n: int, backend: Literal["native", "python"] = "native") -> Path:
+        return build(component.model(n), tmp_path_factory.mktemp(f"{component.__name__}_{n}"), backend=backend)
+
+    return built
+
+
+# ---- closed forms against second ones ----------------------------------------------------------------------------
+
+
+def difference_matrix(n: int, *, held: bool) -> np.ndarray:
+    """-d²/dj² of a row with free ends, or with the left one held, written entry by entry."""
+    matrix = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    matrix[-1, -1] = 1
+    if not held:
+        matrix[0, 0] = 1
+    return matrix
+
+
+@pytest.mark.parametrize("n", [2, 5, 30])
+@pytest.mark.parametrize(("component", "held"), [(OscillatorChain, False), (DrivenChain, True)])
+def test_modes_of_the_linear_chains(component, held: bool, n: int) -> None:
+    frequencies, modes = component.normal_modes(n, mass=2.0, stiffness=8.0)
+    matrix = 8.0 / 2.0 * difference_matrix(n, held=held)
+    # Eigenvectors with entries of order 1, n roundings of terms of size 16.
+    np.testing.assert_allclose(matrix @ modes, modes * frequencies**2, atol=16 * n * 1e-15)
+    assert np.all(np.diff(frequencies) > 0)
+
+
+@pytest.mark.parametrize("n", [2, 3, 10, 40])
+def test_modes_of_the_hanging_chain(n: int) -> None:
+    """Mass matrix and stiffness of small angles: m l² (n + 1 - max(i, j)) and m g l (n + 1 - i)."""
+    length, gravity = 0.7, 9.81
+    frequencies, modes = PendulumChain.normal_modes(n, length=length, gravity=gravity)
+    i = np.arange(1, n + 1)
+    mass = length**2 * (n + 1 - np.maximum(i[:, None], i))
+    stiffness = gravity * length * np.diag(n + 1 - i)
+    left, right = stiffness @ modes, mass @ modes * frequencies**2
+    scale = np.abs(mass) @ np.abs(modes) * frequencies**2  # size of the terms that cancel
+    assert np.max(np.abs(left - right) / scale) <= 1e-12  # Laguerre's recurrence loses some digits of 16 for n = 40
+    assert np.all(np.diff(frequencies) > 0)
+
+
+def test_pulse_in_the_free_chain_is_a_sum_of_bessel_functions() -> None:
+    """u_j(t) = Σ J_2(j - l)(2 √(κ/m) t) over the mass that was displaced and its images in both ends."""
+    n, struck, omega = 12, 4, 1.5
+    t = np.linspace(0, 25, 101)
+    start = np.eye(n)[struck - 1]
+    images = [place + 2 * n * k for k in range(-5, 6) for place in (struck, 1 - struck)]
+    j = np.arange(1, n + 1)
+    bessel = sum(jv(2 * (j - place), 2 * omega * t[:, None]) for place in images)
+    found = OscillatorChain.exact(t, u_0=start, mass=2.0, stiffness=2.0 * omega**2)
+    # The nearest image left out has order 2 · 5 · 12 = 120, where J is below 1e-30 for arguments up to 75.
+    np.testing.assert_allclose(found["u"], bessel, atol=1e-12)
+
+
+@pytest.mark.parametrize("omega", [0.3, 1.0, 3.0])
+def test_driven_chain_satisfies_newtons_law(omega: float) -> None:
+    n, mass, stiffness, amplitude = 6, 1.3, 2.1, 0.2
+    settings: dict[str, Any] = {
+        "n": n,
+        "mass": mass,
+        "stiffness": stiffness,
+        "amplitude": amplitude,
+        "angular_frequency": omega,
+    }
+    t, h = np.linspace(0.5, 20, 40), 1e-3
+
+    def u(times: np.ndarray) -> np.ndarray:
+        return DrivenChain.exact(times, **settings)["u"]
+
+    # Fourth-order difference: error h⁴/90 · Ω⁶ u, rounding 1e-15/h².
+    acceleration = (-u(t + 2 * h) + 16 * u(t + h) - 30 * u(t) + 16 * u(t - h) - u(t - 2 * h)) / (12 * h**2)
+    grip = amplitude * np.sin(omega * t)
+    force = -stiffness * u(t) @ difference_matrix(n, held=True).T
+    force[:, 0] += stiffness * grip
+    np.testing.assert_allclose(mass * acceleration, force, atol=1e-8)
+    exact = DrivenChain.exact(t, **settings)
+    np.testing.assert_allclose(exact["drive_force"], stiffness * (grip - exact["u"][:, 0]), atol=1e-14)
+    assert max_error(DrivenChain.exact(0.0, **settings)["u"], 0.0) <= 1e-14
+
+
+# ---- accelerations and forces against a hand-derived form ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [2, 9])
+def test_pendulum_chain_obeys_newtons_law(n: int) -> None:
+    """Rods can only pull: m r_j'' = m g + S_j - S_(j+1) along the rods, with the pivot moving as it likes."""
+    model = PendulumChain.model(n).flat()
+    rng = np.random.default_rng(n)
+    for _ in range(5):
+        mass, length, gravity = rng.uniform(0.5, 2, 3)
+        u = {v.name: rng.normal() if v.name.startswith("pivot") else 0.0 for v in model.inputs}
+        k = [mass, length, gravity, *rng.normal(size=2 * n)]
+        y, _ = model.start(0, list(u.values()), k)
+        names = [v.name for v in model.outputs]
+        z = dict(zip(names, model.outputs_function(0, y, list(u.values()), k, [0, 0]).full().ravel(), strict=True))
+        theta, rate = np.array(k[3 : 3 + n]), np.array(k[3 + n :])
+        along = np.stack([-np.sin(theta), np.cos(theta)], axis=1)  # from bob j to the one above
+        across = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+        pivot = np.array([u["pivot_x_ddot"], u["pivot_z_ddot"]])
+        # Tensions from the condition that no rod changes its length: a tridiagonal system.
+        system, right = np.zeros((n, n)), np.zeros(n)
+        for j in range(n):
+            # along_j · (r_(j-1)'' - r_j'') = l θ_j'²
+            for i, sign in ((j - 1, 1.0), (j, -1.0)):
+                if i < 0:
+                    right[j] -= sign * along[j] @ pivot
+                    continue
+                system[j, i] += sign * along[j] @ along[i] / mass
+                if i + 1 < n:
+                    system[j, i + 1] -= sign * along[j] @ along[i + 1] / mass
+                right[j] -= sign * along[j] @ [0, -gravity]
+            right[j] -= length * rate[j] ** 2
+        tension = np.linalg.solve(system, right)
+        pulls = tension[:, None] * along
+        bobs = (pulls - np.vstack([pulls[1:], np.zeros((1, 2))])) / mass + [0, -gravity]
+        relative = np.diff(np.vstack([pivot, bobs]), axis=0)
+        expected = (relative * across).sum(axis=1) / length
+        found = np.array([z[f"theta_ddot[{j + 1}]"] for j in range(n)])
+        scale = np.abs(tension).max() + gravity
+        # Two linear systems of condition some 100 each.
+        np.testing.assert_allclose(found, expected, atol=1e-12 * scale / (mass * length))
+        np.testing.assert_allclose([z["pivot_x_force"], z["pivot_z_force"]], pulls[0], atol=1e-12 * scale)
+
+
+# ---- FMUs against closed forms -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_free_chain(sized, backend: str) -> None:
+    n, parameters = 8, {"mass": 2.0, "stiffness": 3.0}
+    rng = np.random.default_rng(8)
+    u_0, u_dot_0 = rng.normal(size=n), rng.normal(size=n)
+    path, tolerances, errors = sized(OscillatorChain, n, backend), [1e-6, 1e-8, TOLERANCE], []
+    for tolerance in tolerances:
+        result = simulate(
+            path, stop_time=20, step_size=2.0, tolerance=tolerance, u_0=u_0, u_dot_0=u_dot_0, **parameters
+        )
+        exact = OscillatorChain.exact(result.time, u_0=u_0, u_dot_0=u_dot_0, **parameters)
+        errors.append(max(max_error(result[name], exact[name]) for name in ("u", "u_dot")))
+    # κ: a phase error grows with Ω t <= 50; the size of u, which drifts, is up to 20.
+    assert errors[-1] <= 10 * 50 * 20 * TOLERANCE
+    assert slope(tolerances, errors) > 0.7
+    momentum = result["p_u"].sum(axis=1)
+    assert max_error(momentum, momentum[0]) <= 1e-12 * 100  # sums of a hundred roundings of terms of size 10
+    assert max_error(result["energy_balance"], 0.0) <= 1e-7
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("omega", [0.3, 1.7])
+def test_driven_chain(sized, fmu, backend: str, omega: float) -> None:
+    n, drive = 5, {"amplitude": 0.2, "angular_frequency": omega}
+    system = System("driven chain")
+    chain = system.add("chain", sized(DrivenChain, n, backend), stiffness=2.0)
+    operator = system.add("operator", fmu(Sinusoid), **drive)
+    system.connect(operator["y"], chain["drive"])
+    result = system.simulate(stop_time=20, step_size=0.1, tolerance=TOLERANCE)
+    exact = DrivenChain.exact(result.time, n=n, stiffness=2.0, **drive)
+    # Sixth order reconstruction of σ: H⁶ ω⁷ < 1e-5 · 1e-6; κ of some tens.
+    for name, values in exact.items():
+        assert max_error(result[f"chain.{name}"], values) <= 1e-8, name
+    power = exact["drive_force"] * 0.2 * omega * np.cos(omega * result.time)
+    assert max_error(result["chain.drive_power"], power) <= 1e-8
+    assert max_error(result["chain.energy_balance"], 0.0) <= 1e-8
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_small_motions_of_the_hanging_chain(sized, backend: str) -> None:
+    """The linear solution is missed by the cube of the amplitude: sin θ and the inertia have no even terms."""
+    path = sized(PendulumChain, 4, backend)
+    amplitudes, errors = [0.02, 0.04, 0.08], []
+    for amplitude in amplitudes:
+        theta_0 = amplitude * np.array([1.0, -0.5, 0.3, 0.8])
+        result = simulate(path, stop_time=3.0, step_size=0.1, tolerance=TOLERANCE, theta_0=theta_0)
+        linear = PendulumChain.small_angles(result.time, theta_0=theta_0)
+        errors.append(max_error(result["theta"], linear["theta"]))
+    assert 2.8 <= slope(amplitudes, errors) <= 3.2
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_large_motions_of_the_hanging_chain_keep_energy(sized, backend: str) -> None:
+    """Chaotic: the angles are not comparable, the energy is, through a pivot that moves."""
+    theta_0 = np.array([2.0, -1.0, 2.5, 0.5, 1.5])
+    move = {"pivot_x": lambda t: (0.2 * np.sin(3 * t), 0.6 * np.cos(3 * t), -1.8 * np.sin(3 * t))}
+    result = simulate(
+        sized(PendulumChain, 5, backend),
+        stop_time=5.0,
+        step_size=0.02,
+        tolerance=TOLERANCE,
+        theta_0=theta_0,
+        inputs=move,
+    )
+    # Energies of 150 J; errors of the solver's steps, each 1e-10 relative, add up along some thousand of them.
+    assert max_error(result["energy_balance"], 0.0) <= 150 * 1e3 * TOLERANCE
+    assert np.ptp(result["energy"]) > 1.0  # the pivot works
+
+
+# ---- the same physics, described otherwise -------------------------------------------------------------------------
+
+
+def test_two_links_are_the_double_pendulum(sized, fmu) -> None:
+    """Moving pivot, a force on one angle, a load on the lower bob; all common outputs, over two seconds: κ < 100."""
+    parameters = {"mass": 1.3, "length": 0.8}
+    double = {f"{name}_{i}": value for name, value in parameters.items() for i in (1, 2)}
+    move = {"pivot_x": lambda t: (0.1 * np.sin(3 * t), 0.3 * np.cos(3 * t), -0.9 * np.sin(3 * t))}
+    run: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.02, "tolerance": 1e-12}
+    chain = simulate(
+        sized(PendulumChain, 2),
+        **run,
+        **parameters,
+        theta_0=[1.0, -0.4],
+        theta_dot_0=[0.5, 0.2],
+        inputs=move | {"theta_force[1]": np.sin, "bob_x_load[2]": lambda t: 0.3 * t},
+    )
+    pair = simulate(
+        fmu(DoublePendulum),
+        **run,
+        **double,
+        theta_1_0=1.0,
+        theta_2_0=-0.4,
+        theta_1_dot_0=0.5,
+        theta_2_dot_0=0.2,
+        inputs=move | {"theta_1_force": np.sin, "bob_2_x_load": lambda t: 0.3 * t},
+    )
+    for i in (1, 2):
+        for name in ("theta", "theta_dot", "theta_ddot"):
+            assert max_error(chain[f"{name}[{i}]"], pair[name.replace("theta", f"theta_{i}")]) <= 1e-9, name
+        assert max_error(chain[f"p_theta[{i}]"], pair[f"p_theta_{i}"]) <= 1e-9
+        assert max_error(chain[f"bob_z[{i}]"], pair[f"bob_{i}_z"]) <= 1e-9
+    for name in ("pivot_x_force", "pivot_x_power", "pivot_z_force", "kinetic_energy", "potential_energy", "work"):
+        assert max_error(chain[name], pair[name]) <= 1e-9, name
+
+
+def test_three_masses_are_the_molecule_of_equal_atoms(sized, fmu) -> None:
+    start, spacing = np.array([0.05, -0.02, 0.01]), 0.116
+    rate = np.array([0.1, 0.0, -0.2])
+    run: dict[str, Any] = {"stop_time": 20.0, "step_size": 0.5, "tolerance": 1e-12, "stiffness": 2.0}
+    chain = simulate(sized(OscillatorChain, 3), **run, u_0=start, u_dot_0=rate, mass=1.5, spacing=spacing)
+    names = ("x_1", "x_2", "x_3")
+    places = spacing * np.arange(3)
+    molecule = simulate(
+        fmu(LinearMolecule),
+        **run,
+        mass_outer=1.5,
+        mass_inner=1.5,
+        spacing=spacing,
+        **{f"{name}_0": x for name, x in zip(names, start + places, strict=True)},
+        **{f"{name}_dot_0": v for name, v in zip(names, rate, strict=True)},
+    )
+    for i, name in enumerate(names):
+        assert max_error(chain[f"u[{i + 1}]"] + places[i], molecule[name]) <= 1e-9
+        assert max_error(chain[f"p_u[{i + 1}]"], molecule[f"p_{name}"]) <= 1e-9
+    assert max_error(chain["energy"], molecule["energy"]) <= 1e-9
+    frequencies, _ = OscillatorChain.normal_modes(3, mass=1.5, stiffness=2.0)
+    assert frequencies[1:] == pytest.approx([molecule["omega_2"][0], molecule["omega_3"][0]], rel=1e-14)
+
+
+# ---- what the closed forms refuse ----------------------------------------------------------------------------------
+
+
+def test_closed_forms_say_where_they_hold() -> None:
+    for bad in ({"u_0": [1.0]}, {"u_0": [1.0, 0.0], "mass": 0.0}, {"u_0": [1.0, 0.0], "stiffness": -1.0}):
+        with pytest.raises(ValidityError, match="OscillatorChain"):
+            OscillatorChain.exact(1.0, **bad)
+    with pytest.raises(ValidityError, match="DrivenChain: n = 1"):
+        DrivenChain.exact(1.0, n=1)
+    with pytest.raises(ValidityError, match="gravity = 0"):
+        PendulumChain.small_angles(1.0, theta_0=[0.1, 0.1], gravity=0.0)
+    with pytest.raises(ValidityError, match="t = -1"):
+        OscillatorChain.exact(-1.0, u_0=[1.0, 0.0])
