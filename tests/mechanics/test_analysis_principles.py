@@ -137,5 +137,7 @@ def test_bad_paths_are_refused() -> None:
         analysis.action(Oscillator, t, path | {"x": t[:4]})
     with pytest.raises(ComponentError, match="x must be finite at all instants"):
         analysis.action(Oscillator, t, path | {"x": t * np.nan})
-    with pytest.raises(ComponentError, match="Satellite: the action needs independent coordinates"):
+    with pytest.raises(
+        ComponentError, match="Satellite: the action needs coordinates; describe the mechanism by angles"
+    ):
         analysis.action(Satellite, t, {})

@@ -20,7 +20,7 @@ ROUNDING = 1e-12  # diagonalisation of matrices of order 3 and condition below 1
 def test_modes_of_the_molecule() -> None:
     """K Ex. 11: Ω² = 0, κ/m, κ (1/m + 2/M) are the eigenvalues, which the text calls frequencies (KA16)."""
     m, M, kappa = 16.0, 12.0, 3.0
-    found = analysis.normal_modes(LinearMolecule, mass_outer=m, mass_inner=M, stiffness=kappa)
+    found = analysis.normal_modes(LinearMolecule, x_1=0.0, mass_outer=m, mass_inner=M, stiffness=kappa)
     squares = np.array([0.0, kappa / m, kappa * (1 / m + 2 / M)])
     np.testing.assert_allclose(found.squares, squares, atol=ROUNDING)
     np.testing.assert_allclose(found.frequencies, np.sqrt(squares), atol=ROUNDING)

@@ -27,6 +27,7 @@ from liaisons.mechanics import (
     non_holonomic,
     submersion,
 )
+from liaisons.mechanics.inertia import Inertia
 
 State = dict[str, float]
 
@@ -67,6 +68,7 @@ class Guided(Mechanism):
 
 
 EQUATIONS = derive(Guided)
+METRIC = Inertia(EQUATIONS.mass_matrix, EQUATIONS.mass_matrix)
 MODEL = Guided.model()
 FREE = [q.name for q in Guided.coordinates]
 INPUTS = [variable.name for variable in MODEL.inputs]
@@ -128,7 +130,7 @@ def test_dalembert_gauss_and_the_null_space_give_one_motion(seed: int) -> None:
     f, c = numbers(EQUATIONS.forces, state)[:, 0], numbers(EQUATIONS.constraints.targets, state)[:, 0]
     ways = gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
     by_gauss, mu = (numbers(way, state)[:, 0] for way in ways)
-    lambdas = constraints.multipliers(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
+    lambdas = constraints.multipliers(METRIC, EQUATIONS.forces, EQUATIONS.constraints)
     by_dalembert = EQUATIONS.evaluate("accelerations", **state)
     # Least constraint: ẍ = x_0 + N y with C x_0 = c, C N = 0, and ½ |ẍ - A⁻¹ f|² in the metric A least.
     x_0, N = np.linalg.lstsq(C, c)[0], np.linalg.svd(C)[2][3:].T

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 
@@ -18,9 +20,53 @@ def gradient(expression: ca.SX, column: ca.SX) -> ca.SX:
     return ca.jacobian(expression, column).T
 
 
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """L D Lᵀ of a symmetric matrix with its rows and columns in another order."""
+
+    order: list[int]
+    D: ca.SX
+    LT: ca.SX
+
+    def solve(self, right: ca.SX) -> ca.SX:
+        """matrix⁻¹ right, for a column or a matrix."""
+        n = len(self.order)
+        back = sorted(range(n), key=self.order.__getitem__)
+        return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[back, :]
+
+
+def factorise(matrix: ca.SX, order: list[int] | None = None) -> Factors:
+    """L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order of elimination is given.
+
+    :param matrix: symmetric, and in this order without pivots that vanish; as a positive definite one is in any.
+    """
+    if order is None:
+        order, matrix = list(range(matrix.shape[0])), ca.densify(matrix)
+    D, LT, _ = ca.ldl(matrix[order, order], False)
+    return Factors(order, D, LT)
+
+
 def solve_symmetric(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """matrix⁻¹ right for a symmetric positive definite matrix: LDLᵀ without pivoting keeps the expressions short."""
-    if matrix.shape == (1, 1):
-        return right / matrix
-    D, LT, order = ca.ldl(ca.densify(matrix), False)
-    return ca.ldl_solve(right, D, LT, order)
+    """matrix⁻¹ right for a symmetric positive definite matrix."""
+    return right / matrix if matrix.shape == (1, 1) else factorise(matrix).solve(right)
+
+
+def elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tuple[list[int], int]:
+    """An order of elimination with little fill-in: always the unknown with the fewest neighbours (minimum degree).
+
+    :param pattern: of a symmetric matrix.
+    :param after: by unknown those that have to be eliminated before it, so that its pivot does not vanish.
+    :returns: the order, and how many products the elimination costs.
+    """
+    neighbours = [set(pattern.row()[start:end]) - {i} for i, (start, end) in enumerate(pairwise(pattern.colind()))]
+    left, order, work = set(range(len(neighbours))), [], 0
+    while left:
+        ready = (i for i in left if not after.get(i, set()) & left)
+        chosen = min(ready, key=lambda i: (len(neighbours[i]), i))
+        for i in neighbours[chosen]:
+            neighbours[i] |= neighbours[chosen]
+            neighbours[i] -= {i, chosen}
+        left.remove(chosen)
+        order.append(chosen)
+        work += len(neighbours[chosen]) ** 2
+    return order, work

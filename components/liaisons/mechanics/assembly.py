@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from functools import cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -53,7 +54,12 @@ def assemble(component: type[Mechanism]) -> Model:
     landed = None if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(component, equations), _start_conditions(component, equations)
     conditions = lasting | at_start
-    in_state = equations.in_phase_space
+    initial = ca.vertcat(*_initial(component, equations, symbols), 0, 0)
+    sizes, distances = _nominals(component, equations), stack(conditions.values())
+    z = stack(ca.SX(expression) for _, expression in outputs)
+    # All in one: what the expressions share stays shared.
+    columns = [initial, rates, equations.energy, z, sizes, distances, ca.SX(0, 1) if landed is None else landed]
+    initial, rates, energy, z, sizes, distances, landed = _in_phase_space(equations, columns)
 
     return Model(
         name=component.__name__,
@@ -66,14 +72,14 @@ def assemble(component: type[Mechanism]) -> Model:
         memory=MEMORY,
         **functions(
             Vectors(t, y, u, k),
-            initial=in_state(ca.vertcat(*_initial(component, equations, symbols), 0, 0)),
-            rates=in_state(rates),
-            energy=in_state(equations.energy),
-            outputs=[(variable, in_state(expression)) for variable, expression in outputs],
-            nominals=in_state(_nominals(component, equations)),
-            landed=None if landed is None else in_state(landed),
+            initial=initial,
+            rates=rates,
+            energy=energy,
+            outputs=[(variable, z[i]) for i, (variable, _) in enumerate(outputs)],
+            nominals=sizes,
+            landed=None if projection is None else landed,
         ),
-        conditions=function("conditions", [t, y, u, k], in_state(stack(conditions.values()))),
+        conditions=function("conditions", [t, y, u, k], distances),
         condition_texts=tuple(conditions),
         start_only=len(at_start),
         events=ca.Function("events", [k], [ca.SX(0, 1)]),
@@ -83,6 +89,14 @@ def assemble(component: type[Mechanism]) -> Model:
         equations=of_mechanism(equations),
         closed_form=closed_form(component),
     )
+
+
+def _in_phase_space(equations: Equations, columns: list[ca.SX]) -> list[ca.SX]:
+    ends = [0]
+    for column in columns:
+        ends.append(ends[-1] + column.shape[0])
+    together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
+    return [together[start:end] for start, end in pairwise(ends)]
 
 
 def _initial(component: type[Mechanism], equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:

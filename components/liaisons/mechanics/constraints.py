@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from liaisons.mechanics.algebra import solve_symmetric, stack
+from liaisons.mechanics.algebra import stack
 
 if TYPE_CHECKING:
+    from liaisons.mechanics.inertia import Inertia
     from liaisons.mechanics.mechanism import Mechanism
 
 STABILISATION = 10.0
@@ -71,12 +72,12 @@ def constraints(m: Mechanism) -> Constraints:
     )
 
 
-def multipliers(A: ca.SX, f: ca.SX, kept: Constraints) -> ca.SX:
+def multipliers(metric: Inertia, f: ca.SX, kept: Constraints) -> ca.SX:
     """λ of the forces Cᵀ λ that keep C ẍ = c where A ẍ = f + Cᵀ λ, by d'Alembert (K eq. 7, 9); (c,)."""
     C = kept.matrix
     if C.shape[0] == 0:
         return ca.SX(0, 1)
-    return solve_symmetric(C @ solve_symmetric(A, C.T), kept.targets - C @ solve_symmetric(A, f))
+    return metric.under(C, f, kept.targets)[1]
 
 
 def gauss(A: ca.SX, f: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
@@ -94,7 +95,7 @@ def gauss(A: ca.SX, f: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
     return solution[:free], solution[free:]
 
 
-def projection(m: Mechanism, A: ca.SX, velocities: ca.SX, kept: Constraints) -> ca.SX | None:
+def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, kept: Constraints) -> ca.SX | None:
     """(x, p) moved onto the constraints by Newton's method in the metric A, quaternions to unit length.
 
     :returns: column of configuration and momenta; None where nothing can be left.
@@ -102,23 +103,22 @@ def projection(m: Mechanism, A: ca.SX, velocities: ca.SX, kept: Constraints) -> 
     if kept.matrix.shape[0] == 0 and not m.orientations:
         return None
     q, p = m.free.q, m.free.p
-    on_constraints = _positions(m, A, kept)
-    momenta = p
-    C = kept.matrix
+    on_constraints = _positions(m, metric, kept)
+    momenta, C, zero = p, kept.matrix, ca.SX.zeros(*p.shape)
     for _ in range(ROUNDS if C.shape[0] else 0):
-        push = solve_symmetric(C @ solve_symmetric(A, C.T), kept.rate_residuals)
+        _, push = metric.under(C, zero, kept.rate_residuals)
         kicked = ca.substitute(p - m.free.frame @ (C.T @ push), m.free.q_dot, velocities)
         momenta = ca.substitute(kicked, ca.vertcat(q, p), ca.vertcat(on_constraints, momenta))
     return ca.vertcat(on_constraints, momenta)
 
 
-def _positions(m: Mechanism, A: ca.SX, kept: Constraints) -> ca.SX:
+def _positions(m: Mechanism, metric: Inertia, kept: Constraints) -> ca.SX:
     q, rows = m.free.q, list(kept.of_position)
     moved = _with_unit_quaternions(m, q)
     if rows:
         C = kept.matrix[rows, :]
-        push = solve_symmetric(C @ solve_symmetric(A, C.T), kept.residuals[rows, 0])
-        step = _with_unit_quaternions(m, q - m.free.kinematics @ solve_symmetric(A, C.T @ push))
+        away, _ = metric.under(C, ca.SX.zeros(*m.free.p.shape), kept.residuals[rows, 0])
+        step = _with_unit_quaternions(m, q - m.free.kinematics @ away)
         for _ in range(ROUNDS):
             moved = ca.substitute(step, q, moved)
     return moved

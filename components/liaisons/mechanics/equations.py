@@ -30,8 +30,9 @@ import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
 from liaisons.mechanics import constraints
-from liaisons.mechanics.algebra import gradient, solve_symmetric, stack
+from liaisons.mechanics.algebra import gradient, stack
 from liaisons.mechanics.constraints import Constraints
+from liaisons.mechanics.inertia import inertia
 
 if TYPE_CHECKING:
     from liaisons.mechanics.declarations import Coordinate
@@ -139,8 +140,8 @@ def derive(component: type[Mechanism]) -> Equations:
     q, q_dot, q_ddot, K = m.free.q, m.free.q_dot, m.free.q_ddot, m.free.kinematics
     adapted = len(component.actives) - len(component.submersions)
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
-    kinetic, potential = ca.SX(m.kinetic_energy()), ca.SX(m.potential_energy())
-    L = ca.SX(m.lagrangian())
+    # Without repetitions, so that derivatives cost as much as what they are derivatives of.
+    kinetic, potential, L = ca.cse([ca.SX(e) for e in (m.kinetic_energy(), m.potential_energy(), m.lagrangian())])
     eta = ca.SX(m.friction_coefficient())
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
@@ -151,25 +152,27 @@ def derive(component: type[Mechanism]) -> Equations:
         for point in component.points
         for axis, value in getattr(m, point.name).items()
     }
-    position = stack(points.values())
+    position = ca.cse(stack(points.values()))
     point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)
     applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - driven, 1))
-    Q = applied - (ca.jacobian(position, q) @ K).T @ point_loads - eta * gradient(kinetic, q_dot)
-    Q_s = -ca.jacobian(position, s).T @ point_loads - eta * gradient(kinetic, s_dot)
+    lifting = ca.dot(position, point_loads)  # its gradient at given loads is their virtual work
+    Q = applied - K.T @ gradient(lifting, q) - eta * gradient(kinetic, q_dot)
+    Q_s = -gradient(lifting, s) - eta * gradient(kinetic, s_dot)
 
     # Momentum and its inverse: p = A ẋ + b.
     p = gradient(L, q_dot)
-    A = mass_matrix(m, L)
+    metric = inertia(m, L)
+    A = metric.matrix
     b = ca.substitute(p, q_dot, ca.SX.zeros(q_dot.shape))
-    velocities = solve_symmetric(A, m.free.frame.T @ m.free.p - b)
+    velocities = metric.solve(m.free.frame.T @ m.free.p - b)
 
     # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     force = K.T @ gradient(L, q) + Q
     f = force + _gyroscopic(component, m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
     kept = constraints.constraints(m)
     C = kept.matrix
-    lambdas = constraints.multipliers(A, f, kept)
-    accelerations = solve_symmetric(A, f + C.T @ lambdas)
+    lambdas = constraints.multipliers(metric, f, kept)
+    accelerations = metric.solve(f + C.T @ lambdas)
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; for a submersion it is the multiplier itself.
@@ -212,13 +215,8 @@ def derive(component: type[Mechanism]) -> Equations:
         power=power,
         dissipation=dissipation - constraint_power,
         internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
-        projection=constraints.projection(m, A, velocities, kept),
+        projection=constraints.projection(m, metric, velocities, kept),
     )
-
-
-def mass_matrix(picture: Mechanism, lagrangian: ca.SX) -> ca.SX:
-    """A = ∂²L/∂q̇∂q̇, the metric g_ij of M eq. 42; shape (f, f)."""
-    return ca.hessian(lagrangian, picture.free.q_dot)[0]
 
 
 def start_values(picture: Mechanism) -> dict[str, float]:

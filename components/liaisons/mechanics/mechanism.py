@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -27,7 +28,8 @@ from liaisons.mechanics.declarations import (
     Point,
     Submersion,
 )
-from liaisons.mechanics.equations import mass_matrix, start_values
+from liaisons.mechanics.equations import start_values
+from liaisons.mechanics.inertia import mass_matrix
 from liaisons.mechanics.model import Model
 
 
@@ -57,6 +59,15 @@ class ActiveColumns:
     force: ca.SX
 
 
+@dataclass(frozen=True, eq=False)
+class PlaceholderColumns:
+    """Symbols in the place of some points, as if these were coordinates; none in an ordinary picture."""
+
+    names: tuple[str, ...]  # of the points
+    w: ca.SX  # (w, 1)
+    w_dot: ca.SX  # (w, 1)
+
+
 class Mechanism(Component, abstract=True):
     """Mechanical system with active constraints, described by its energies; abstract.
 
@@ -82,6 +93,7 @@ class Mechanism(Component, abstract=True):
     active: ActiveColumns
     internal: ca.SX
     multipliers: ca.SX
+    placeholders: PlaceholderColumns
 
     def __init__(self) -> None:
         super().__init__()
@@ -112,6 +124,7 @@ class Mechanism(Component, abstract=True):
         )
         self.internal = self._symbols(state.name for state in self.internal_states)
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
+        self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
     # ---- what a component defines -----------------------------------------------------------------------------
 
@@ -140,8 +153,9 @@ class Mechanism(Component, abstract=True):
     def dot(self, expression: ca.SX) -> ca.SX:
         """Total time derivative along the motion of an expression of coordinates and rates; of any shape."""
         free, active = self.free, self.active
-        where = ca.vertcat(free.q, active.s, free.q_dot, active.s_dot)
-        rates = ca.vertcat(free.kinematics @ free.q_dot, active.s_dot, free.q_ddot, active.s_ddot)
+        where = ca.vertcat(free.q, self.placeholders.w, active.s, free.q_dot, active.s_dot)
+        turning = free.kinematics @ free.q_dot
+        rates = ca.vertcat(turning, self.placeholders.w_dot, active.s_dot, free.q_ddot, active.s_ddot)
         return ca.jtimes(ca.SX(expression), where, rates)
 
     def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
@@ -162,6 +176,16 @@ class Mechanism(Component, abstract=True):
         :param coordinate: the coordinate, or its name; the name for a submersion.
         """
         return self._of(f"{coordinate}_force", "operator_force", self.actives)
+
+    def with_placeholders(self, names: Sequence[str]) -> Self:
+        """The same picture with symbols for these points, so that expressions show how they depend on them."""
+        twin = copy(self)
+        places = {name: {axis: ca.SX.sym(f"{name}_{axis}") for axis in getattr(self, name)} for name in names}
+        w = ca.vertcat(*(symbol for axes in places.values() for symbol in axes.values()))
+        rates = [ca.SX.sym(f"{symbol}_dot") for symbol in ca.vertsplit(w)]
+        twin.formulas = dict(places)
+        twin.placeholders = PlaceholderColumns(tuple(names), w, ca.vertcat(*rates))
+        return twin
 
     def _of(self, name: str, method: str, kind: Sequence[Declaration]) -> ca.SX:
         if name not in self.symbols:

@@ -15,6 +15,7 @@ from liaisons.mechanics.algebra import stack
 from liaisons.mechanics.component import Component, call, check_internal_rates, declared, scalar
 from liaisons.mechanics.declarations import Input, InternalState
 from liaisons.mechanics.model import Model, Port, PortMember, State, Variable
+from liaisons.mechanics.printing import closed_form, of_operator
 
 _TRIPLE = ("y", "y_dot", "y_ddot")
 _TEXTS = ("signal", "first derivative of the signal", "second derivative of the signal")
@@ -134,7 +135,8 @@ class Operator(Component, abstract=True):
             events=ca.Function("events", [k], [stack(picture.events())]),
             ports=(Port("y", "signal", tuple(map(PortMember, ("s", "v", "a"), _TRIPLE))),),
             experiment=cls.experiment,
-            equations={"y": str(triple[0])},
+            equations=of_operator(picture, triple[0]),
+            closed_form=closed_form(cls),
         )
 
 

@@ -17,8 +17,10 @@ from liaisons.mechanics.analysis.quantity import (
     Quantity,
     Source,
     equations_of,
+    generators,
     name_of,
-    require_coordinates,
+    require_independent,
+    turning_part,
 )
 from liaisons.mechanics.equations import Equations
 
@@ -29,32 +31,42 @@ def hamiltonian(source: Source) -> Quantity:
     It is T + V if T is quadratic in the free rates.  While the operator moves it is not the energy but generates the
     motion at the prescribed s(t): H̃ - Σ Y^β p_β of M eq. 46 with Y = ṡ.
 
-    :raises ComponentError: for constraints or an orientation.
+    :raises ComponentError: for constraints.
     """
     equations = equations_of(source)
-    require_coordinates(equations, "a Hamiltonian")
+    require_independent(equations, "a Hamiltonian")
     q_dot = equations.mechanism.free.q_dot
     H = ca.dot(q_dot, equations.momenta) - equations.lagrangian
     return Quantity(equations, ca.substitute(H, q_dot, equations.velocities))
 
 
 def hamilton_equations(source: Source) -> Quantity:
-    """q̇ = ∂H/∂p, ṗ = -∂H/∂q (K eq. 81, 82), column (2f,): without friction, drives and loads.
+    """q̇ = ∂H/∂p, ṗ = -∂H/∂q (K eq. 81, 82), column (n + f,): without friction, drives and loads.
 
-    :raises ComponentError: for constraints or an orientation.
+    An orientation has its quaternion among the q, ∂/∂q by turns about the axes of the inertial frame, and -p × ∂H/∂p
+    more in ṗ, as turns do not commute.
+
+    :raises ComponentError: for constraints.
     """
     H = hamiltonian(source)
-    free = H.equations.mechanism.free
-    return Quantity(H.equations, ca.vertcat(gradient(H.expression, free.p), -gradient(H.expression, free.q)))
+    return Quantity(H.equations, ca.vertcat(*hamiltonian_field(H.equations, H.expression)))
+
+
+def hamiltonian_field(equations: Equations, h: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """q̇ and ṗ of the motion that a function h(q, p) generates; (n,) and (f,)."""
+    p, G = equations.mechanism.free.p, generators(equations)
+    rates = gradient(h, p)
+    return G @ rates, -G.T @ gradient(h, equations.mechanism.free.q) - turning_part(equations, p, rates)
 
 
 def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
     """{u, v} = Σ (∂u/∂p ∂v/∂q - ∂v/∂p ∂u/∂q) (K eq. 87), so that {p, q} = +1 and da/dt = ∂a/∂t + {H, a} (eq. 88).
 
-    This is K's sign, and Landau's; many texts have the opposite one.
+    This is K's sign, and Landau's; many texts have the opposite one.  For the angular momentum of an orientation
+    {H_x, H_y} = -H_z, as for that of a particle.
 
     :param u: scalars on the phase space of one mechanism, from :func:`observable` or :func:`hamiltonian`.
-    :raises ComponentError: for quantities of two mechanisms, constraints or an orientation.
+    :raises ComponentError: for quantities of two mechanisms, or constraints.
     """
     equations = u.equations
     if v.equations is not equations:
@@ -62,28 +74,31 @@ def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
             f"poisson_bracket: quantities of {name_of(equations)} and {name_of(v.equations)} share no phase space; "
             "make both from one class"
         )
-    require_coordinates(equations, "a Poisson bracket")
-    q, p = equations.mechanism.free.q, equations.mechanism.free.p
+    require_independent(equations, "a Poisson bracket")
+    q, p, G = equations.mechanism.free.q, equations.mechanism.free.p, generators(equations)
     first, second = equations.in_phase_space(u.expression), equations.in_phase_space(v.expression)
-    bracket = ca.dot(gradient(first, p), gradient(second, q)) - ca.dot(gradient(second, p), gradient(first, q))
-    return Quantity(equations, bracket)
+    (u_p, u_q), (v_p, v_q) = ((gradient(w, p), G.T @ gradient(w, q)) for w in (first, second))
+    return Quantity(equations, ca.dot(u_p, v_q) - ca.dot(v_p, u_q) - ca.dot(p, turning_part(equations, u_p, v_p)))
 
 
 def phase_velocity(source: Source) -> Quantity:
-    """V of Ẋ = V(X), X = (q, p, internal states), with friction, drives and loads (K eq. 95); column (n,).
+    """V of Ẋ = V(X), X = (q, p, internal states), with friction, drives and loads (K eq. 95); a column.
 
-    :raises ComponentError: for constraints or an orientation.
+    :raises ComponentError: for constraints.
     """
     equations = equations_of(source)
-    require_coordinates(equations, "phase space")
-    column = ca.vertcat(equations.velocities, equations.momentum_rates, equations.internal_rates)
+    require_independent(equations, "phase space")
+    q_dot = equations.mechanism.free.kinematics @ equations.velocities
+    column = ca.vertcat(q_dot, equations.momentum_rates, equations.internal_rates)
     return Quantity(equations, equations.in_phase_space(column))
 
 
 def divergence(source: Source) -> Quantity:
     """∇·V = Σ_{k=1}^f (∂q̇_k/∂q_k + ∂ṗ_k/∂p_k) (K eq. 100, 101 corrected) [1/s]: zero without friction.
 
-    :raises ComponentError: for constraints or an orientation.
+    The four components of a quaternion count like coordinates: V leaves its norm alone.
+
+    :raises ComponentError: for constraints.
     """
     V = phase_velocity(source)
     return Quantity(V.equations, ca.trace(ca.jacobian(V.expression, _phase(V.equations))))
@@ -109,7 +124,7 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
     :param tolerance: of the integration, relative and absolute.
     :param values: start by ``q``, ``q_dot``, internal states; parameters; active coordinates, each a number or a
         function of time, from CasADi expression to expression, e.g. ``length=lambda t: 1 + 0.1 * ca.sin(t)``.
-    :raises ComponentError: for constraints, an orientation, an unknown symbol, a duration that is not > 0, or a motion
+    :raises ComponentError: for constraints, an unknown symbol, a duration that is not > 0, or a motion
         that cannot be continued.
     """
     V = phase_velocity(source)

@@ -102,13 +102,38 @@ def name_of(equations: Equations) -> str:
 
 def require_coordinates(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError unless free coordinates without constraints describe the motion."""
+    require_independent(equations, purpose)
+    if turns := [turn.name for turn in equations.mechanism.orientations]:
+        raise ComponentError(
+            f"{name_of(equations)}: {purpose} needs coordinates; describe the mechanism by angles instead of the "
+            f"orientation {', '.join(turns)}"
+        )
+
+
+def require_independent(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError for constraints; an orientation is as good as three coordinates."""
     m = equations.mechanism
-    others = [item.name for item in (*m.orientations, *m.constraints, *m.non_holonomic, *m.submersions)]
-    if others:
+    if kept := [item.name for item in (*m.constraints, *m.non_holonomic, *m.submersions)]:
         raise ComponentError(
             f"{name_of(equations)}: {purpose} needs independent coordinates; describe the mechanism without "
-            f"the constraint or orientation {', '.join(others)}"
+            f"the constraint {', '.join(kept)}"
         )
+
+
+def generators(equations: Equations) -> ca.SX:
+    """G, (n, f): dq = G ε for a shift of each coordinate, and a turn about each axis of the inertial frame, by ε.
+
+    These are the directions to which the momenta p are conjugate.
+    """
+    free = equations.mechanism.free
+    return free.kinematics @ free.frame.T
+
+
+def turning_part(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
+    """u × v of the components about the axes of an orientation; 0 for those along coordinates. (f,) each."""
+    count = len(equations.mechanism.coordinates)
+    crossed = [ca.cross(u[count:], v[count:]) for _ in equations.mechanism.orientations]
+    return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
 
 
 def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
@@ -119,6 +144,9 @@ def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
     for item in (*m.coordinates, *m.actives):
         spread = (abs(item.start) or 1.0) / 2
         states[item.name] = centres[item.name] + spread * rng.uniform(-1, 1, _STATES)
+    for turn in m.orientations:
+        attitudes = rng.normal(size=(4, _STATES))
+        states |= dict(zip(turn.quaternion, attitudes / np.linalg.norm(attitudes, axis=0), strict=True))
     for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot)):
         states[str(rate)] = centres[str(rate)] + rng.uniform(-1, 1, _STATES)
     return states | dict(values)

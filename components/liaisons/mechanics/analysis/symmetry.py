@@ -17,6 +17,7 @@ from liaisons.mechanics.analysis.quantity import (
     Quantity,
     Source,
     equations_of,
+    generators,
     largest,
     name_of,
     require_coordinates,
@@ -49,7 +50,8 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
     """The quantity Σ ξ^k ∂L/∂q̇_k that is constant because L is invariant under q → q + ε ξ(q) (K 2.4, eq. 43-52).
 
     :param field: the symmetry, ξ by the names of the coordinates; those not named are kept.  A rotation is
-        ``lambda m: {"x": -m.y, "y": m.x}``.
+        ``lambda m: {"x": -m.y, "y": m.x}``; that of an orientation, which has the axis in the inertial frame,
+        ``lambda m: {"attitude": (0, 0, 1)}``.
     :param values: parameters where they differ from their defaults.
     :returns: the conserved quantity, in the rates.
     :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, or for an unknown coordinate.
@@ -57,22 +59,31 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
     equations = equations_of(source)
     m, owner = equations.mechanism, name_of(equations)
     given = dict(field(m))
-    names = [item.name for item in m.coordinates]
+    sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {turn.name: 3 for turn in m.orientations}
     for name in given:
-        if name not in names:
-            raise ComponentError(f"{owner}: a symmetry moves free coordinates, not {name!r}{suggestion(name, names)}")
+        if name not in sizes:
+            raise ComponentError(f"{owner}: a symmetry moves free coordinates, not {name!r}{suggestion(name, sizes)}")
     known = {str(symbol): symbol for symbol in ca.vertsplit(ca.vertcat(m.free.q, m.active.s, m.parameter_column))}
-    xi = stack(scalar(type(m), f"noether[{name!r}]", given.get(name, 0.0), known) for name in names)
-    count = len(names)
-    p = equations.momenta[:count]
-    changes = ca.vertcat(xi * gradient(equations.lagrangian, m.free.q[:count]), m.dot(xi) * p)
-    change = largest(equations, ca.sum1(changes), ca.sum1(ca.fabs(changes)), values)
+    shifts = {name: _components(owner, name, given.get(name, (0.0,) * size), size) for name, size in sizes.items()}
+    xi = stack(scalar(type(m), f"noether[{name!r}]", part, known) for name, parts in shifts.items() for part in parts)
+    p, G, slope = m.free.frame @ equations.momenta, generators(equations), gradient(equations.lagrangian, m.free.q)
+    change_of_rates = m.dot(xi) * p
+    terms = ca.dot(ca.fabs(xi), ca.fabs(G).T @ ca.fabs(slope)) + ca.sum1(ca.fabs(change_of_rates))
+    change = largest(equations, ca.dot(xi, G.T @ slope) + ca.sum1(change_of_rates), terms, values)
     if change:
         raise ComponentError(
             f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in given.items())} is no symmetry: it changes L by "
             f"{change:.2g} of its terms; choose a field that leaves T and V as they are"
         )
     return Quantity(equations, ca.dot(xi, p))
+
+
+def _components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
+    """The shift of a coordinate, or the components of a turn."""
+    parts = tuple(value) if isinstance(value, (tuple, list)) else (value,)
+    if len(parts) != size:
+        raise ComponentError(f"{owner}: the field gives {len(parts)} components for {name}; it must give {size}")
+    return parts
 
 
 @dataclass(frozen=True)

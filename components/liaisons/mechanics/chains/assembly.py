@@ -13,6 +13,7 @@ from liaisons.mechanics.chains.chain import Chain, column, link_of
 from liaisons.mechanics.chains.motion import Base, Motion, inertias, momenta, motion
 from liaisons.mechanics.chains.sweeps import Columns
 from liaisons.mechanics.model import ActiveInput, Dimension, Model, Variable
+from liaisons.mechanics.printing import closed_form, of_chain
 
 
 @cache
@@ -81,6 +82,8 @@ def assemble(component: type[Chain], n: int) -> Model:
         active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in component.actives),
         ports=_ports(m),
         experiment=component.experiment,
+        equations=of_chain(m),
+        closed_form=closed_form(component),
         dimensions=(dimension,),
     )
 

@@ -1,0 +1,116 @@
+"""The mass matrix A = ∂²L/∂q̇∂q̇ of a mechanism, and A⁻¹ at a cost that follows its structure.
+
+A tree of links has a dense A, whose factorization costs f³.  But the points that carry its masses depend each on few
+coordinates and on the point before.  With their rates ẇ as unknowns beside q̇, A q̇ = r becomes a sparse system,
+
+    H (q̇, ẇ) + Gᵀ π = (r, 0),    G (q̇, ẇ) = F_q q̇ + F_w ẇ - ẇ = 0,    H = ∂²L/∂(q̇, ẇ)²
+
+whose elimination from the leaves inward is the articulated-body method (Featherstone 2008, ch. 7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from liaisons.mechanics.algebra import Factors, elimination_order, factorise, solve_symmetric, stack
+
+if TYPE_CHECKING:
+    from liaisons.mechanics.mechanism import Mechanism
+
+MANY = 8
+"""So many degrees of freedom make it worthwhile to look for structure."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inertia:
+    """Mass matrix of a mechanism, (f, f), with what is needed to solve by it."""
+
+    matrix: ca.SX
+    system: ca.SX  # A itself, or the sparse system that stands for it; (f + more, f + more)
+    after: Mapping[int, set[int]] | None = None  # see elimination_order; None: dense
+
+    def solve(self, right: ca.SX) -> ca.SX:
+        """A⁻¹ right, for a column or a matrix of f rows."""
+        if self.system.shape == (1, 1):
+            return right / self.system
+        return self._factors.solve(self._padded(right))[: self.matrix.shape[0], :]
+
+    def under(self, C: ca.SX, f: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """x and λ with A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of full rank."""
+        if self.after is None:
+            weight = C @ self.solve(C.T)
+            multipliers = solve_symmetric(weight, c - C @ self.solve(f))
+            return self.solve(f + C.T @ multipliers), multipliers
+        count, free, size = C.shape[0], C.shape[1], self.system.shape[0]
+        wide = ca.horzcat(C, ca.SX(count, size - free))
+        system = ca.vertcat(ca.horzcat(self.system, wide.T), ca.horzcat(wide, ca.SX(count, count)))
+        # The pivot of a multiplier comes from the coordinates that its constraint holds.
+        held = {size + j: {i for i in range(free) if C.sparsity().has_nz(j, i)} for j in range(count)}
+        order, _ = elimination_order(system.sparsity(), {**self.after, **held})
+        solution = factorise(system, order).solve(ca.vertcat(self._padded(f), c))
+        return solution[:free], -solution[size:]
+
+    @cached_property
+    def _factors(self) -> Factors:
+        order = None if self.after is None else elimination_order(self.system.sparsity(), self.after)[0]
+        return factorise(self.system, order)
+
+    def _padded(self, right: ca.SX) -> ca.SX:
+        return ca.vertcat(right, ca.SX(self.system.shape[0] - right.shape[0], right.shape[1]))
+
+
+def mass_matrix(m: Mechanism, lagrangian: ca.SX) -> ca.SX:
+    """A = ∂²L/∂q̇∂q̇, the metric g_ij of M eq. 42; shape (f, f)."""
+    return ca.hessian(lagrangian, m.free.q_dot)[0]
+
+
+def inertia(m: Mechanism, lagrangian: ca.SX) -> Inertia:
+    """The mass matrix of a mechanism and the cheapest way to solve by it."""
+    A = mass_matrix(m, lagrangian)
+    if A.shape[0] < MANY:
+        return Inertia(A, A)
+    systems: list[tuple[ca.SX, dict[int, set[int]]]] = [(A, {})]
+    lifted = _lifted(m)
+    if lifted is not None:
+        systems.append(lifted)
+    # Products of the elimination, and a few for each entry.
+    costs = [elimination_order(system.sparsity(), after)[1] + 4 * system.nnz() for system, after in systems]
+    return Inertia(A, *systems[costs.index(min(costs))])
+
+
+def _lifted(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
+    """The system in (q̇, ẇ, π), and what goes before what in it; None where no point carries a mass of its own."""
+    names = [point.name for point in m.points]
+    while names:  # points that turn out to carry no mass are not lifted; what is left is looked at again
+        twin = m.with_placeholders(names)
+        x_dot = ca.vertcat(m.free.q_dot, twin.placeholders.w_dot)
+        H = ca.hessian(ca.SX(twin.lagrangian()), x_dot)[0]
+        f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
+        heavy = [f + i for i in range(w) if H.sparsity().has_nz(f + i, f + i)]
+        if len(heavy) == w:
+            return _bordered(m, twin, H)
+        massive = {str(twin.placeholders.w_dot[i - f]) for i in heavy}
+        names = [name for name in names if all(f"{name}_{axis}_dot" in massive for axis in getattr(m, name))]
+    return None
+
+
+def _bordered(m: Mechanism, twin: Mechanism, H: ca.SX) -> tuple[ca.SX, dict[int, set[int]]]:
+    f, w = m.free.q_dot.shape[0], twin.placeholders.w_dot.shape[0]
+    places = stack(value for name in twin.placeholders.names for value in getattr(type(m), name).method(twin).values())
+    slope = ca.horzcat(ca.jacobian(places, m.free.q) @ m.free.kinematics, ca.jacobian(places, twin.placeholders.w))
+    G = slope - ca.horzcat(ca.SX(w, f), ca.SX.eye(w))
+    system = ca.vertcat(ca.horzcat(H, G.T), ca.horzcat(G, ca.SX(w, w)))
+
+    # Pivots: ẇ has its own mass; π has that of its ẇ once this is eliminated; q̇ gets that of all its points.
+    after = {f + w + i: {f + i} for i in range(w)}
+    for i in range(f):
+        if not H.sparsity().has_nz(i, i):
+            after[i] = {f + w + row for row in range(w) if G.sparsity().has_nz(row, i)}
+    # In terms of q alone, as everything else is.
+    values = stack(value for name in twin.placeholders.names for value in getattr(m, name).values())
+    return ca.substitute(system, twin.placeholders.w, values), after

@@ -1,0 +1,122 @@
+"""The equations of a component as a textbook has them, for the documentation inside the FMU.
+
+They follow from the Lagrangian anew, on the way of the texts: generalised forces and multipliers stay symbols where
+:mod:`liaisons.mechanics.equations` has solved for them.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from liaisons.mechanics.algebra import gradient, stack
+from liaisons.mechanics.model import Equation
+
+if TYPE_CHECKING:
+    from liaisons.mechanics.chains import Chain
+    from liaisons.mechanics.component import Component
+    from liaisons.mechanics.equations import Equations
+    from liaisons.mechanics.operator import Operator
+
+
+def closed_form(component: type[Component]) -> str:
+    """Docstring of ``exact``, the solution that a component is checked against; empty where there is none."""
+    return inspect.getdoc(getattr(component, "exact", None)) or ""
+
+
+def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
+    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, and what the component adds."""
+    m = equations.mechanism
+    names = [q.name for q in m.coordinates]
+    rates = [f"{name}_dot" for name in names]
+    momenta, momentum_rates = [f"p_{name}" for name in names], [f"p_{name}_dot" for name in names]
+    for turn in m.orientations:
+        names, rates = [*names, *turn.quaternion], [*rates, *turn.rates]
+        momenta = [*momenta, *turn.momenta]
+        momentum_rates += [f"{name}_dot" for name in turn.momenta]
+    actives = [s.name for s in m.actives]
+    adapted = actives[: len(actives) - len(m.submersions)]
+    turning = m.free.kinematics @ m.free.q_dot
+    balances = _balances(equations)
+    return (
+        Equation("lagrangian", "L", equations.lagrangian),
+        Equation("energy", "energy", equations.energy),
+        *_rows("momenta", momenta, m.free.frame @ equations.momenta),
+        *_rows("velocities", rates, equations.velocities),
+        *_rows("velocities", [f"{name}_dot" for name in names[len(m.coordinates) :]], turning[len(m.coordinates) :, 0]),
+        *_rows("motion", momentum_rates, m.free.frame @ balances[: len(rates), 0]),
+        *_rows("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
+        *_constraints(equations),
+        *_rows("operators", [f"{name}_force" for name in adapted], balances[len(rates) :, 0]),
+        *_effective_mass(equations.effective_mass, actives),
+        *_rows("points", equations.points, stack(equations.points.values())),
+        *(Equation("outputs", item.name, ca.SX(getattr(m, item.name))) for item in m.outputs),
+    )
+
+
+def of_operator(picture: Operator, signal: ca.SX) -> tuple[Equation, ...]:
+    """The signal, and the rates of the internal states that it depends on."""
+    rates = picture.internal_rates()
+    internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in picture.internal_states)
+    return (Equation("signal", "y", signal), *internal)
+
+
+def of_chain(picture: Chain) -> tuple[Equation, ...]:
+    """What one link is: its energies, and where the next one begins."""
+    base = picture.base() or {}
+    points = picture.point_components
+    return (
+        Equation("link", "kinetic_energy", ca.SX(picture.kinetic_energy())),
+        Equation("link", "potential_energy", ca.SX(picture.potential_energy()) + ca.SX(picture.bond_energy())),
+        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(place)) for axis, place in picture.tip().items()),
+        *(Equation("joints", f"joint_{axis}[1]", ca.SX(place)) for axis, place in base.items()),
+        *_rows("points", points, stack(points.values())),
+    )
+
+
+def _balances(equations: Equations) -> ca.SX:
+    """∂L/∂x + Q + Cᵀ λ, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
+    m, L = equations.mechanism, equations.lagrangian
+    free, active, kept = m.free, m.active, equations.constraints
+    adapted = len(m.actives) - len(m.submersions)
+    s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
+    points, eta = stack(equations.points.values()), ca.SX(m.friction_coefficient())
+    passive = len(m.constraints)
+    multipliers = ca.vertcat(m.multipliers, active.force[adapted:, 0])
+
+    drives = ca.vertcat(equations.drives - equations.loads, ca.SX.zeros(free.q_dot.shape[0] - len(m.coordinates), 1))
+    force = drives + kept.matrix.T @ multipliers + free.kinematics.T @ _pulled(L, points, equations, free.q)
+    force -= eta * gradient(equations.kinetic_energy, free.q_dot)
+    on_operator = m.dot(gradient(L, s_dot)) - _pulled(L, points, equations, s)
+    on_operator += eta * gradient(equations.kinetic_energy, s_dot)
+    rigid = [i for i in kept.of_position if i < passive or i >= passive + len(m.non_holonomic)]
+    on_operator -= ca.jacobian(kept.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
+    return ca.vertcat(force, on_operator)
+
+
+def _pulled(L: ca.SX, points: ca.SX, equations: Equations, where: ca.SX) -> ca.SX:
+    """∂L/∂x less what the loads at the points do along x (K eq. 14)."""
+    return gradient(L, where) - ca.jacobian(points, where).T @ equations.point_loads
+
+
+def _effective_mass(theta: ca.SX, actives: list[str]) -> Iterator[Equation]:
+    """Θ is symmetric: its upper triangle; a single one without subscripts."""
+    for i, row in enumerate(actives):
+        for k, column in enumerate(actives[i:], i):
+            if theta.sparsity().has_nz(i, k):
+                yield Equation("effective mass", f"Theta[{row},{column}]" if len(actives) > 1 else "Theta", theta[i, k])
+
+
+def _constraints(equations: Equations) -> Iterator[Equation]:
+    m = equations.mechanism
+    for item in (*m.constraints, *m.non_holonomic):
+        yield Equation("constraints", "0", ca.SX(getattr(m, item.name)))
+    for item in m.submersions:
+        yield Equation("constraints", item.name, ca.SX(getattr(m, item.name)))
+
+
+def _rows(section: str, names: Iterable[str], column: ca.SX) -> Iterator[Equation]:
+    return (Equation(section, name, row) for name, row in zip(names, ca.vertsplit(column), strict=True))

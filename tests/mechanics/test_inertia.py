@@ -1,0 +1,137 @@
+"""Many degrees of freedom: the sparse ways to solve by the mass matrix against the dense one, and what they cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons.mechanics import Coordinate, Mechanism, Parameter, constraint, derive, point
+from liaisons.mechanics import inertia as structure
+from liaisons.models import PendulumChain
+
+ROUNDING = 1e-11  # systems of condition 1e3, a hundred operations each
+
+
+def hanging(count: int, above: Callable[[int], int]) -> type[Mechanism]:
+    """Bobs on rods, each hung on the bob ``above(i)``, 0 being a fixed point: written as a user would."""
+    names: dict[str, Any] = {
+        "__doc__": "A tree of pendulums.",
+        "__module__": __name__,
+        "mass": Parameter(1.0, "kg", "mass of each bob", above=0),
+        "gravity": Parameter(9.81, "m/s2", "gravitational acceleration"),
+    }
+    links = range(1, count + 1)
+    for i in links:
+        names[f"theta_{i}"] = Coordinate("rad", f"angle of rod {i}", start=0.1 * i)
+
+        def bob(self: Any, i: int = i) -> dict[str, Any]:
+            angle, upper = self.symbols[f"theta_{i}"], above(i)
+            hook = getattr(self, f"bob_{upper}") if upper else {"x": 0.0, "z": 0.0}
+            return {"x": hook["x"] + ca.sin(angle), "z": hook["z"] - ca.cos(angle)}
+
+        names[f"bob_{i}"] = point("m", f"bob {i}")(bob)
+    bobs = [f"bob_{i}" for i in links]
+    names["kinetic_energy"] = lambda m: sum(m.mass / 2 * m.speed_squared(getattr(m, name)) for name in bobs)
+    names["potential_energy"] = lambda m: sum(m.mass * m.gravity * getattr(m, name)["z"] for name in bobs)
+    return type("Tree", (Mechanism,), names)
+
+
+def four_bars(count: int) -> type[Mechanism]:
+    """Parallelogram after parallelogram of uniform rods of 1 m and 1 kg (IFToMM benchmark A02), two conditions each."""
+    names: dict[str, Any] = {"__doc__": "Four-bar linkages in a row.", "__module__": __name__}
+    for i in range(count + 1):
+        names[f"theta_{i}"] = Coordinate("rad", f"angle of standing rod {i} from the horizontal", start=1.0)
+    for i in range(1, count + 1):
+        names[f"phi_{i}"] = Coordinate("rad", f"angle of lying rod {i} from the horizontal")
+
+    def top(m: Any, i: int) -> tuple[Any, Any]:
+        return i + ca.cos(m.symbols[f"theta_{i}"]), ca.sin(m.symbols[f"theta_{i}"])
+
+    def end(m: Any, i: int, part: float) -> dict[str, Any]:
+        (x, z), phi = top(m, i - 1), m.symbols[f"phi_{i}"]
+        return {"x": x + part * ca.cos(phi), "z": z + part * ca.sin(phi)}
+
+    for i in range(1, count + 1):
+        for axis, place in (("x", 0), ("z", 1)):
+
+            def closed(m: Any, i: int = i, axis: str = axis, place: int = place) -> Any:
+                return end(m, i, 1.0)[axis] - top(m, i)[place]
+
+            names[f"closed_{axis}_{i}"] = constraint("m", f"rods {i} meet")(closed)
+
+    def kinetic(m: Any) -> Any:
+        standing = sum(m.dot(m.symbols[f"theta_{i}"]) ** 2 / 6 for i in range(count + 1))
+        lying = (m.speed_squared(end(m, i, 0.5)) / 2 + m.dot(m.symbols[f"phi_{i}"]) ** 2 / 24 for i in links)
+        return standing + sum(lying)
+
+    def potential(m: Any) -> Any:
+        heights = [top(m, i)[1] / 2 for i in range(count + 1)] + [end(m, i, 0.5)["z"] for i in links]
+        return 9.81 * sum(heights)
+
+    links = range(1, count + 1)
+    names |= {"kinetic_energy": kinetic, "potential_energy": potential}
+    return type("FourBars", (Mechanism,), names)
+
+
+TREES: dict[str, Callable[[int], int]] = {
+    "chain": lambda i: i - 1,
+    "comb": lambda i: max(i - 2, 0),
+    "binary": lambda i: i // 2,
+    "star": lambda i: 0 if i == 1 else 1,
+}
+
+
+@pytest.mark.parametrize("tree", TREES.values(), ids=TREES.keys())
+def test_sparse_and_dense_ways_give_one_motion(tree: Callable[[int], int], monkeypatch: pytest.MonkeyPatch) -> None:
+    component = hanging(9, tree)
+    sparse = derive(component)
+    monkeypatch.setattr(structure, "MANY", 1000)
+    dense = derive(component)
+    rng = np.random.default_rng(9)
+    for _ in range(5):
+        state = {f"theta_{i}{end}": rng.normal() for i in range(1, 10) for end in ("", "_dot")}
+        state |= {f"p_theta_{i}": rng.normal() for i in range(1, 10)} | {"bob_7_x_load": rng.normal()}
+        for quantity in ("velocities", "accelerations", "momentum_rates", "power"):
+            found, expected = sparse.evaluate(quantity, **state), dense.evaluate(quantity, **state)
+            np.testing.assert_allclose(found, expected, atol=ROUNDING * (1 + np.abs(expected).max()), rtol=0)
+
+
+@pytest.mark.parametrize("tree", TREES.values(), ids=TREES.keys())
+def test_cost_grows_with_the_number_of_links_not_with_its_cube(tree: Callable[[int], int]) -> None:
+    """Twice the links: about twice the operations; four times would be a matrix, eight times its factorization."""
+    small, large = (hanging(n, tree).model().derivatives.n_instructions() for n in (20, 40))
+    assert large <= 2.4 * small
+
+
+def test_chain_of_the_user_is_the_chain_of_the_catalogue() -> None:
+    n = 12
+    tree, chain = hanging(n, TREES["chain"]).model(), PendulumChain.model(n)
+    rng = np.random.default_rng(12)
+    y = [*rng.normal(size=2 * n), 0.0, 0.0]
+    k = [1.3, 9.81, *[0.0] * 2 * n]
+    found = tree.derivatives(0, y, [0.0] * len(tree.inputs), k).full()
+    inputs = sum(v.count for v in chain.inputs)
+    expected = chain.derivatives(0, y, [0.0] * inputs, [1.3, 1.0, 9.81, *[0.0] * 2 * n]).full()
+    np.testing.assert_allclose(found, expected, atol=ROUNDING * np.abs(expected).max(), rtol=0)
+
+
+@pytest.mark.parametrize("count", [4, 10])
+def test_four_bars_move_as_one_coordinate(count: int) -> None:
+    """(N + 1 rods that turn, N that are carried): J θ'' = -G cos θ, J = (N + 1)/3 + N, G = g ((N + 1)/2 + N)."""
+    equations = derive(four_bars(count))
+    theta = 1.1
+    state = {f"theta_{i}": theta for i in range(count + 1)} | {f"theta_{i}_dot": 0.7 for i in range(count + 1)}
+    inertia = (count + 1) / 3 + count
+    expected = -9.81 * ((count + 1) / 2 + count) * np.cos(theta) / inertia
+    accelerations = equations.evaluate("accelerations", **state)
+    np.testing.assert_allclose(accelerations[: count + 1], expected, atol=ROUNDING * 100, rtol=0)
+    np.testing.assert_allclose(accelerations[count + 1 :], 0.0, atol=ROUNDING * 100)
+
+
+def test_cost_of_constraints_grows_with_their_number() -> None:
+    small, large = (four_bars(n).model().derivatives.n_instructions() for n in (6, 18))
+    assert large <= 3.6 * small
