@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from liaisons.check import table
 from liaisons.cli._command import command
-from liaisons.library import catalogue
+from liaisons.library import catalogue, model
 from liaisons.library import components as find
 from liaisons.project import declared_components, fmus_directory
 
@@ -34,6 +34,7 @@ def register(commands: Commands) -> None:
         "build FMUs",
         "liaisons build\n"
         "liaisons build Pendulum Sinusoid --backend python\n"
+        "liaisons build OscillatorChain --size n=1000\n"
         "liaisons build my_component.py --output /tmp/fmus --platforms all",
     )
     build.add_argument(
@@ -51,6 +52,9 @@ def register(commands: Commands) -> None:
         default="host",
         help="binaries inside a native FMU: for this machine (default), or for Linux, Windows and macOS",
     )
+    build.add_argument(
+        "--size", type=_size, metavar="n=NUMBER", help="how many links a chain has (default: as it declares)"
+    )
     build.add_argument("--output", type=Path, metavar="DIR", help="where they go (default: fmus/)")
 
 
@@ -67,17 +71,26 @@ def _build(arguments: argparse.Namespace) -> int:
     found = [component for target in arguments.targets or declared_components() for component in find(target)]
     for component in found:
         output = arguments.output or fmus_directory()
-        print(build(component.model(), output, backend=arguments.backend, platforms=arguments.platforms), flush=True)
+        sized = model(component, **dict([arguments.size] if arguments.size else []))
+        print(build(sized, output, backend=arguments.backend, platforms=arguments.platforms), flush=True)
     return 0
 
 
-def _row(component: type[Component]) -> dict[str, str]:
-    from liaisons.mechanics import Mechanism
+def _size(text: str) -> tuple[str, object]:
+    name, separator, number = text.partition("=")
+    if not separator:
+        raise argparse.ArgumentTypeError(f"{text!r}: write name=number, for example n=100")
+    return name, int(number) if number.isdigit() else number
 
-    mechanism = component if issubclass(component, Mechanism) else None
+
+def _row(component: type[Component]) -> dict[str, str]:
+    from liaisons.mechanics import Chain, Mechanism
+
+    moving = component if issubclass(component, (Mechanism, Chain)) else None
+    ending = "[n]" if issubclass(component, Chain) else ""
     return {
         "name": component.__name__,
-        "free": ", ".join(c.name for c in mechanism.coordinates) if mechanism else "-",
-        "active": ", ".join(c.name for c in mechanism.actives) or "-" if mechanism else "-",
+        "free": ", ".join(f"{c.name}{ending}" for c in moving.coordinates) if moving else "-",
+        "active": ", ".join(c.name for c in moving.actives) or "-" if moving else "-",
         "what it is": component.summary(),
     }

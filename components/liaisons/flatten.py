@@ -1,0 +1,103 @@
+"""A system of our own FMUs as one FMU, compiled from the equations of motion of the whole: no coupling error.
+
+It is what a co-simulation of the same system is measured against::
+
+    system = System("double pendulum")
+    ...
+    whole = simulate(system.flatten(), stop_time=10.0)
+    whole["lower.theta"]
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from liaisons.errors import SimulationError
+from liaisons.library import catalogue, model
+from liaisons.project import fmus_directory
+
+if TYPE_CHECKING:
+    from liaisons.cosim import System
+    from liaisons.cosim.component import Component as Part
+    from liaisons.mechanics import Component, Model
+
+Backend = Literal["auto", "native", "python"]
+
+
+def flatten(
+    system: System,
+    output: Path | str | None = None,
+    *,
+    components: Mapping[str, type[Component]] | None = None,
+    backend: Backend = "auto",
+    **options: Any,
+) -> Path:
+    """Build the FMU of a whole system.
+
+    Its variables are called as in a result of the system, ``"swing.theta"``; start values are those of the system.
+
+    :param system: components of ours, connected as they like.
+    :param output: folder; ``fmus/flat/`` unless given.  The file is called after the system.
+    :param components: components that are not in the catalogue, by the name of their FMU's model.
+    :param backend: see :func:`liaisons.build`, which takes the further options too.
+    :returns: path of the FMU.
+    :raises SimulationError: if an FMU is none of these components.
+    :raises ComponentError: if inputs depend on each other in a way that is not linear.
+    :raises BuildError: if the FMU cannot be built.
+    """
+    from liaisons.fmu import build
+    from liaisons.mechanics.composition import compose
+
+    known = catalogue() | dict(components or {})
+    models = {name: _model(part, known) for name, part in system.components.items()}
+    starts = {
+        f"{name}.{variable}": value
+        for name, part in system.components.items()
+        for variable, value in _starts(part, models[name]).items()
+    }
+    whole = compose(
+        _identifier(system.name),
+        models,
+        {str(link.target): str(link.source) for link in system.links},
+        starts=starts,
+    )
+    return build(whole, output or fmus_directory() / "flat", backend=backend, **options)
+
+
+def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
+    """The model that an FMU of ours was built from."""
+    fmu = part.fmu
+    if fmu.model_name not in known:
+        raise SimulationError(
+            f"{part.name}: {fmu.path.name} is a {fmu.model_name!r}, which the catalogue does not have; "
+            f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
+        )
+    sizes = {shape[0] for shape in fmu.arrays.values()}
+    found = model(known[fmu.model_name], **({"n": sizes.pop()} if len(sizes) == 1 else {})).flat()
+    missing = [v.name for v in found.variables if v.name not in fmu.variables]
+    if missing:
+        raise SimulationError(
+            f"{part.name}: {fmu.path.name} has no variable {missing[0]!r}, which {fmu.model_name} has; "
+            "it was built from another component of this name: give that one in flatten(components=...)"
+        )
+    return found
+
+
+def _starts(part: Part, found: Model) -> dict[str, float]:
+    """Start values of parameters and inputs: those of the system, else those that the file has."""
+    values: dict[str, float] = {}
+    for variable in (*found.parameters, *found.inputs):
+        value: Any = part.starts.get(variable.name, part.fmu.variables[variable.name].start)
+        if value is not None:
+            values[variable.name] = float(value)
+    return values
+
+
+def _identifier(name: str) -> str:
+    """A name as that of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
+    words = re.findall(r"[A-Za-z0-9]+", name)
+    joined = "".join(word[0].upper() + word[1:] for word in words)
+    return joined if joined[:1].isalpha() else f"System{joined}"
