@@ -35,6 +35,7 @@ def fall(height: float, friction: float = 0.0) -> float:
         step_size=longest / 1000,
         tolerance=1e-12,
         z_0=height,
+        z_dot_0=0.0,
         friction=friction,
     )
     path = CubicHermiteSpline(result.time, result["z"], result["z_dot"])

@@ -38,7 +38,7 @@ def torque(theta: float, lean: float) -> float:
 def quick_lean(duration: float) -> float:
     """θ after leaning back from upright within a time, starting at rest where the centre of mass hangs lowest."""
     system = System("quick lean")
-    swing = system.add("swing", fmu_path("Swing"), lean=UPRIGHT, input_reconstruction=2)
+    swing = system.add("swing", fmu_path("Swing"), theta_0=0.0, lean=UPRIGHT, input_reconstruction=2)
     child = system.add("child", fmu_path("SmoothStep"), start_value=UPRIGHT, end_value=BACK, duration=duration)
     system.connect(child["y"], swing["lean"])
     return float(system.simulate(duration, duration / 50, tolerance=TOLERANCE)["swing.theta"][-1])

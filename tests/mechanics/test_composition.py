@@ -148,6 +148,17 @@ def test_a_loop_that_is_not_linear_is_refused_by_name() -> None:
         compose("Loop", {"a": Pendulum.model()}, {"a.length": "a.kinetic_energy"})
 
 
+def test_connected_inputs_stay_in_their_domains() -> None:
+    """The domain of an input that is set is the importer's to keep; of one that is connected it is a condition."""
+    wires = triple("a.length", "b.y")
+    model = compose("Short", {"a": Pendulum.model(), "b": Sinusoid.model()}, wires, starts={"b.offset": 0.3})
+    assert model.condition_texts[0] == "a.length must stay > 0 m"
+    k = [v.starts[0] for v in model.parameters]
+    inputs = [v.starts[0] for v in model.inputs]
+    y, _ = model.start(0, inputs, k)
+    assert float(model.conditions(0, y, inputs, k)[0]) == pytest.approx(0.3)
+
+
 def test_booked_work_cannot_be_connected() -> None:
     with pytest.raises(ComponentError, match="Odd: work and energy_balance cannot be connected"):
         compose("Odd", {"a": Pendulum.model(), "b": Flywheel.model()}, {"b.angle_force": "a.work"})

@@ -20,13 +20,12 @@ State = dict[str, float]
 
 
 @pytest.fixture(scope="session")
-def fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+def fmu(shared_folder: Path) -> Callable[..., Path]:
     """The FMU of a component, built once: ``fmu(Pendulum)`` or ``fmu(Pendulum, "python")``."""
-    directory = tmp_path_factory.mktemp("fmus")
 
     @cache
     def built(component: type[Component], backend: Literal["native", "python"] = "native") -> Path:
-        return build(component.model(), directory, backend=backend)
+        return build(component.model(), shared_folder, backend=backend)
 
     return built
 

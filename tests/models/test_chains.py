@@ -23,12 +23,12 @@ BACKENDS = ["native", "python"]
 
 
 @pytest.fixture(scope="session")
-def sized(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+def sized(shared_folder: Path) -> Callable[..., Path]:
     """The FMU of a chain of n links: ``sized(PendulumChain, 2)``."""
 
     @cache
     def built(component: type[Chain], n: int, backend: Literal["native", "python"] = "native") -> Path:
-        return build(component.model(n), tmp_path_factory.mktemp(f"{component.__name__}_{n}"), backend=backend)
+        return build(component.model(n), shared_folder / f"n={n}", backend=backend)
 
     return built
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from decimal import Decimal
 
@@ -10,8 +11,8 @@ import pytest
 from scipy.integrate import quad
 
 from liaisons.errors import ValidityError
-from liaisons.mechanics import Mechanism, derive
-from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Swing
+from liaisons.mechanics import Component, Mechanism, derive
+from liaisons.models import CATALOGUE, CircularHoop, Flywheel, Oscillator, Pendulum, Swing
 
 # ---- every closed form solves the derived equations --------------------------------------------------------------
 
@@ -41,15 +42,16 @@ def derivative(f: Callable[[float], float], t: float, h: float = 0.02) -> float:
 @pytest.mark.parametrize(("component", "start"), CASES, ids=lambda value: getattr(value, "__name__", None))
 def test_closed_form_solves_the_derived_equations(component, start: dict[str, float], number) -> None:
     equations = derive(component)
-    (q,) = (coordinate.name for coordinate in component.coordinates)
+    (coordinate,) = component.coordinates
+    q = coordinate.name
     still = {name: value for name, value in start.items() if name not in (f"{q}_0", f"{q}_dot_0")}
 
     def exact(name: str, t: float) -> float:
         return float(component.exact(t, **start)[name])
 
     at_start = component.exact(0.0, **start)
-    assert at_start[q] == pytest.approx(start.get(f"{q}_0", 0.0), rel=1e-15, abs=1e-15)
-    assert at_start[f"{q}_dot"] == pytest.approx(start.get(f"{q}_dot_0", 0.0), rel=1e-15, abs=1e-15)
+    assert at_start[q] == pytest.approx(start.get(f"{q}_0", coordinate.start), rel=1e-15, abs=1e-15)
+    assert at_start[f"{q}_dot"] == pytest.approx(start.get(f"{q}_dot_0", coordinate.start_rate), rel=1e-15, abs=1e-15)
 
     for t in (0.31, 1.7, 4.4):
         state = still | {q: exact(q, t), f"{q}_dot": exact(f"{q}_dot", t)}
@@ -68,6 +70,21 @@ def test_closed_form_solves_the_derived_equations(component, start: dict[str, fl
                 derived = number(equations, getattr(equations.mechanism, name), symbols | state)
             # The same numbers from two expressions: roundings of their terms.
             assert derived == pytest.approx(exact(name, t), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("component", [c for c in CATALOGUE if hasattr(c, "exact")], ids=lambda c: c.__name__)
+def test_closed_forms_start_where_the_component_starts(component: type[Component]) -> None:
+    """Static functions repeat the defaults of the declarations in their signatures."""
+    model = component.model()
+    starts = {variable.name: variable.start for variable in (*model.parameters, *model.inputs)}
+    compared = 0
+    for name, function in vars(component).items():
+        if isinstance(function, staticmethod):
+            for argument in inspect.signature(function.__func__).parameters.values():
+                if argument.name in starts and argument.default is not argument.empty:
+                    assert argument.default == starts[argument.name], f"{name}({argument.name})"
+                    compared += 1
+    assert compared > 0
 
 
 # ---- pendulum: elliptic functions --------------------------------------------------------------------------------
@@ -238,7 +255,7 @@ def test_free_mass_without_stiffness_moves_uniformly() -> None:
 def test_undamped_resonance_grows_in_proportion_to_time() -> None:
     """x'' + x = cos t from rest: x = t sin t / 2."""
     times = np.linspace(0, 100, 51)
-    exact = Oscillator.exact(times, amplitude=1.0, phase=np.pi / 2, driven="x_force")["x"]
+    exact = Oscillator.exact(times, x_0=0.0, amplitude=1.0, phase=np.pi / 2, driven="x_force")["x"]
     np.testing.assert_allclose(exact, times * np.sin(times) / 2, rtol=0, atol=1e-13 * 50)  # roundings of t, times 50
 
 

@@ -167,9 +167,10 @@ def assert_same_motion(cartesian: Result, angle: Result) -> None:
     # Asked for: 1e-9.  Solver tolerance 1e-12, κ = 100 over 20 s.
     for name, other in pairs.items():
         assert max_error(cartesian[name], angle[other]) <= 1e-9, name
-    for name in ("kinetic_energy", "potential_energy", "work"):
-        assert max_error(cartesian[name], angle[name]) <= 1e-8, name  # times m v, m g
-    assert max_error(cartesian["rod_force"], angle["length_force"]) <= 1e-8  # times 2m/l·|ω|
+    others = {name: name for name in ("kinetic_energy", "potential_energy", "work")} | {"rod_force": "length_force"}
+    for name, other in others.items():
+        scale = max(1.0, float(np.max(np.abs(angle[other]))))
+        assert max_error(cartesian[name], angle[other]) <= 1e-9 * scale, name  # relative: forces of 60 N
     assert max_error(cartesian["energy_balance"], 0.0) <= 1e-9
 
 
@@ -215,7 +216,7 @@ def test_a_jump_of_the_rods_rate_is_an_impulse_along_it(fmu, backend: str) -> No
     smooth = np.flatnonzero(~np.isin(cartesian.time, (1.0, 1.5)))
     for name, other in {"x": "bob_x", "z": "bob_z", "x_dot": "bob_x_dot", "z_dot": "bob_z_dot"}.items():
         assert max_error(cartesian[name][smooth], angle[other][smooth]) <= 1e-9, name
-    assert max_error(cartesian["work"][smooth], angle["work"][smooth]) <= 1e-8
+    assert max_error(cartesian["work"][smooth], angle["work"][smooth]) <= 1e-9
     assert np.ptp(angle["energy"]) > 0.1  # the pull did something
 
 

@@ -107,6 +107,23 @@ def test_swing_in_a_fixed_posture(fmu, theta_dot_0: float) -> None:
     assert motion_error(result, Swing.exact(result.time, **start)) <= 1e-7  # as the pendulum's
 
 
+@pytest.mark.parametrize("theta_0", [1.2, 3.0], ids=["swinging", "near the top"])
+def test_swing_without_torso_is_a_pendulum_of_the_ropes_length(fmu, theta_0: float) -> None:
+    """However the torso leans: it weighs nothing."""
+    length, start = wave(1.5, 0.2, 3.0), {"theta_0": theta_0, "theta_dot_0": 0.3}
+    run: Values = {"stop_time": 10.0, "step_size": 0.02, "tolerance": 1e-12, "input_reconstruction": INTERPOLATE}
+    leaning = {"rope": length, "lean": wave(np.pi / 2, 1.0, 5.0)}
+    swing = simulate(fmu(Swing), inputs=leaning, mass_torso=0.0, mass_seat=2.0, **start, **run)
+    pendulum = simulate(fmu(Pendulum), inputs={"length": length}, mass=2.0, **start, **run)
+    pairs = {"theta": "theta", "p_theta": "p_theta", "rope_force": "length_force", "energy": "energy", "work": "work"}
+    for name, other in pairs.items():
+        scale = max(1.0, float(np.max(np.abs(pendulum[other]))))
+        # Asked for.  Solver tolerance 1e-12, κ of a hundred over 10 s; relative to forces of 50 N.
+        assert max_error(swing[name], pendulum[other]) <= 1e-9 * scale, name
+    assert max_error(swing["lean_force"], 0.0) == 0.0
+    assert np.ptp(pendulum["energy"]) > 1.0  # the operator works
+
+
 @pytest.mark.parametrize("xi_dot_0", [0.3, -4.0], ids=["swinging", "going round"])
 def test_hoop_at_constant_rate_is_a_pendulum_with_its_torque_and_power(fmu, xi_dot_0: float) -> None:
     start: Values = {"xi_0": 1.0, "xi_dot_0": xi_dot_0, "mass": 2.0, "radius": 1.4, "offset": 0.6}

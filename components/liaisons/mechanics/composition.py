@@ -157,7 +157,8 @@ class _Joined:
         return whole
 
     def condition_texts(self) -> Iterator[str]:
-        """Those that last, then those of the start."""
+        """Domains of the connected inputs, conditions that last, then those of the start."""
+        yield from self._domains()
         for first in (True, False):
             for part in self.parts:
                 texts, count = part.model.condition_texts, len(part.model.condition_texts) - part.model.start_only
@@ -168,7 +169,19 @@ class _Joined:
         counts = [len(part.model.condition_texts) - part.model.start_only for part in self.parts]
         lasting = (value[:count] for value, count in zip(values, counts, strict=True))
         at_start = (value[count:] for value, count in zip(values, counts, strict=True))
-        return self._stack([*lasting, *at_start])
+        return self._stack([*self._domains().values(), *lasting, *at_start])
+
+    def _domains(self) -> dict[str, Any]:
+        """What keeps the connected inputs in their domains, by the message to give when it does not."""
+        found: dict[str, Any] = {}
+        variables = {v.name: v for part in self.parts for v in _named(part.name, part.model, "inputs")}
+        for i, name in enumerate(self.inner):
+            low, high = variables[name].minimum, variables[name].maximum
+            if low is not None:
+                found[f"{name} must stay > {low:g} {variables[name].unit}"] = self.v[i] - low
+            if high is not None:
+                found[f"{name} must stay < {high:g} {variables[name].unit}"] = high - self.v[i]
+        return found
 
     def _all(self, group: str) -> Any:
         return self._stack(part.at(group, self.t)[0] for part in self.parts)

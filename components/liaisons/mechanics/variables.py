@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import casadi as ca
 
 from liaisons import units
-from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate
+from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate, Point
 from liaisons.mechanics.model import Dimension, Port, PortKind, PortMember, State, Variable
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def declared_parameters(component: type[Component]) -> list[Variable]:
 
 def start_of(q: Coordinate, dimension: Dimension | None = None) -> list[Variable]:
     """Initial value and rate of a coordinate."""
-    position = q.variable("parameter", "fixed", f"{q.name}_0")
+    position = replace(q.variable("parameter", "fixed", f"{q.name}_0"), description=f"{q.description}, at the start")
     if q.leading:
         position = replace(position, start=q.leading)
     rate = _start(f"{q.name}_dot", units.rate(q.unit), q.start_rate)
@@ -150,11 +150,11 @@ def of_active(s: ActiveCoordinate, force: Expression, rate: Expression) -> Itera
     yield _output(f"{s.name}_power", "W", f"power of the operator through {s.name} (M eq. 28)", force * rate)
 
 
-def of_point(name: str, unit: str, *values: Expression, dimension: Dimension | None = None) -> Iterator[Row]:
+def of_point(name: str, place: Point, *values: Expression, dimension: Dimension | None = None) -> Iterator[Row]:
     """Position, rate and acceleration of a component of a named point."""
-    speed = units.rate(unit)
-    texts = (f"component of a point: {name}", f"rate of {name}", f"acceleration of {name}")
-    kinds = (("", unit), ("_dot", speed), ("_ddot", units.rate(speed)))
+    speed, axis = units.rate(place.unit), name.rpartition("_")[2]
+    texts = (f"{axis} of {place.description}", f"rate of {name}", f"acceleration of {name}")
+    kinds = (("", place.unit), ("_dot", speed), ("_ddot", units.rate(speed)))
     for (end, unit_of), text, value in zip(kinds, texts, values, strict=True):
         variable, expression = _output(f"{name}{end}", unit_of, text, value)
         yield _sized(variable, dimension), expression
@@ -169,7 +169,12 @@ def of_energies(kinetic: Expression, potential: Expression, power: Expression, d
         _output("potential_energy", "J", "potential energy V", potential),
         _output("energy", "J", "energy T + V (K eq. 61)", kinetic + potential),
         _output("work", "J", "work done on this mechanism through all its ports since the start", filled_in),
-        _output("dissipated", "J", "energy lost by friction since the start", filled_in),
+        _output(
+            "dissipated",
+            "J",
+            "energy lost by friction, or taken out by non-holonomic constraints, since the start",
+            filled_in,
+        ),
         _output(
             "energy_balance",
             "J",
@@ -249,9 +254,9 @@ def _of_actives(component: type[Mechanism], equations: Equations) -> Iterator[Ro
 
 
 def _of_points(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
-    dot = equations.mechanism.dot
-    for (name, unit), position in zip(_point_units(component, equations), equations.points.values(), strict=True):
-        yield from of_point(name, unit, position, velocity := dot(position), dot(velocity))
+    dot, places = equations.mechanism.dot, {point.name: point for point in component.points}
+    for name, position in equations.points.items():
+        yield from of_point(name, places[name.rpartition("_")[0]], position, velocity := dot(position), dot(velocity))
 
 
 def _declared(component: type[Mechanism], equations: Equations) -> Iterator[Row]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.models._stumpff import stumpff
+from liaisons.models._stumpff import turning_motion
 from liaisons.models._validity import require, require_positive
 
 
@@ -37,9 +37,9 @@ class ChargedParticle(Mechanism):
     E_x = Parameter(0.0, "V/m", "electric field along x")
     E_y = Parameter(0.0, "V/m", "electric field along y")
     E_z = Parameter(0.0, "V/m", "electric field along z")
-    x = Coordinate("m", "position")
+    x = Coordinate("m", "position", start_rate=1.0)
     y = Coordinate("m", "position")
-    z = Coordinate("m", "position")
+    z = Coordinate("m", "position", start_rate=0.1)
     experiment = Experiment(stop_time=20.0, step_size=0.02)
 
     @property
@@ -98,9 +98,9 @@ class ChargedParticle(Mechanism):
         x_0: float = 0.0,
         y_0: float = 0.0,
         z_0: float = 0.0,
-        x_dot_0: float = 0.0,
+        x_dot_0: float = 1.0,
         y_dot_0: float = 0.0,
-        z_dot_0: float = 0.0,
+        z_dot_0: float = 0.1,
         mass: float = 1.0,
         charge: float = 1.0,
         B_x: float = 0.0,
@@ -117,23 +117,11 @@ class ChargedParticle(Mechanism):
         :raises ValidityError: for mass <= 0.
         """
         require_positive("ChargedParticle.exact", mass=mass)
-        times = np.asarray(t, dtype=float)[..., None]  # the last axis is that of x, y, z
-        r_0, v_0 = np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0])
-        acceleration = charge / mass * np.array([E_x, E_y, E_z])
-        turn = -charge / mass * np.array([B_x, B_y, B_z])  # v' = acceleration + turn∧v
-        rate = float(np.linalg.norm(turn))
-        c_1, c_2, c_3 = stumpff((rate * times) ** 2)
-
-        # Along the field uniform acceleration, across it a turn.
-        axis = turn / rate if rate > 0 else np.zeros(3)
-        v_along, a_along = axis * (axis @ v_0), axis * (axis @ acceleration)
-        v, a = v_0 - v_along, acceleration - a_along
-        v_left, a_left = np.cross(turn, v), np.cross(turn, a)
-        cosine = 1 - (rate * times) ** 2 * c_2
-        r = r_0 + times * (v_along + c_1 * v) + times**2 * (a_along / 2 + c_2 * (v_left + a)) + times**3 * c_3 * a_left
-        r_dot = v_along + cosine * v + times * (a_along + c_1 * (v_left + a)) + times**2 * c_2 * a_left
+        turn = -charge / mass * np.array([B_x, B_y, B_z])  # v' = a + turn∧v
+        a = charge / mass * np.array([E_x, E_y, E_z])
+        r, r_dot = turning_motion(t, np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0]), a, turn)
         names = ("x", "y", "z", "x_dot", "y_dot", "z_dot")
-        return dict(zip(names, np.moveaxis(np.concatenate([r, r_dot], axis=-1), -1, 0), strict=True))
+        return dict(zip(names, (*r, *r_dot), strict=True))
 
     @staticmethod
     def drift(

@@ -6,22 +6,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import (
-    ActiveCoordinate,
-    Coordinate,
-    Experiment,
-    Mechanism,
-    Parameter,
-    calculated,
-    condition,
-    output,
-    point,
-)
+from liaisons.mechanics import Coordinate, Parameter, calculated, condition, output
 from liaisons.models import _elliptic
 from liaisons.models._validity import require, require_not_negative, require_positive
+from liaisons.models.hoop import Hoop
 
 
-class CircularHoop(Mechanism):
+class CircularHoop(Hoop):
     """Bead on a circular hoop that an operator turns, in a horizontal plane, about a point O inside it.
 
     The centre lies on the axis OA at distance d from O; ξ is the arc length from A, ψ = ξ/R.  With r = |OP|, its
@@ -38,49 +29,31 @@ class CircularHoop(Mechanism):
     Source: M 8.4, eq. 61-67.
     """
 
-    mass = Parameter(1.0, "kg", "mass of the bead", above=0)
-    hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0)
     radius = Parameter(1.0, "m", "radius of the hoop", above=0)
     offset = Parameter(0.5, "m", "distance from O to the centre of the hoop", minimum=0)
-    xi = Coordinate("m", "arc length of the bead from A, counter-clockwise")
-    beta = ActiveCoordinate("rad", "angle of the axis OA in the fixed frame")
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
+    xi = Coordinate("m", "arc length of the bead from A, counter-clockwise", start_rate=1.0)
 
     @condition("O must lie inside the hoop: offset < radius")
     def inside(self) -> ca.SX:
         return self.radius - self.offset
 
-    @property
-    def _psi(self) -> ca.SX:
-        return self.xi / self.radius
+    def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        psi = u / self.radius
+        return self.offset + self.radius * ca.cos(psi), self.radius * ca.sin(psi)
 
-    @point("m", "the bead, in the fixed frame")
-    def bead(self) -> dict[str, ca.SX]:
-        centre, bead = self.beta, self.beta + self._psi
-        return {
-            "x": self.offset * ca.cos(centre) + self.radius * ca.cos(bead),
-            "y": self.offset * ca.sin(centre) + self.radius * ca.sin(bead),
-        }
+    def _speed(self, u: ca.SX) -> ca.SX:  # noqa: ARG002 - the same everywhere: ξ is the arc length
+        return ca.SX(1)
 
-    def kinetic_energy(self) -> ca.SX:
-        hoop = self.hoop_inertia / 2 * self.dot(self.beta) ** 2
-        return hoop + self.mass / 2 * self.speed_squared(self.bead)
+    def _moment(self, u: ca.SX) -> ca.SX:
+        return self.radius + self.offset * ca.cos(u / self.radius)
+
+    def _r_squared(self, u: ca.SX) -> ca.SX:
+        R, d = self.radius, self.offset
+        return R**2 + d**2 + 2 * R * d * ca.cos(u / R)
 
     @output("rad", "polar angle of the bead as seen from O, relative to OA, not wrapped")
     def theta(self) -> ca.SX:
-        sine, cosine = self.offset * ca.sin(self._psi), self.offset * ca.cos(self._psi)
-        return self._psi - ca.atan2(sine, self.radius + cosine)
-
-    @output("J", "K_Y of M eq. 63 with Y = beta_dot: kinetic energy of the hoop and of the bead's normal velocity")
-    def K_Y(self) -> ca.SX:  # noqa: N802
-        b = (self.offset * ca.sin(self._psi)) ** 2
-        return (self.hoop_inertia + self.mass * b) / 2 * self.dot(self.beta) ** 2
-
-    @output("N", "force on the bead along the left normal: the hoop's, and a load's if there is one")
-    def normal_force(self) -> ca.SX:
-        direction = self.beta + self._psi
-        normal = {"x": -ca.cos(direction), "y": -ca.sin(direction)}
-        return self.mass * sum(self.dot(self.dot(self.bead[axis])) * normal[axis] for axis in normal)
+        return self._polar_angle(self.xi / self.radius)
 
     @calculated("m", "length of the hoop")
     def hoop_length(self) -> ca.SX:
@@ -96,7 +69,7 @@ class CircularHoop(Mechanism):
         *,
         beta_dot: float = 0.0,
         xi_0: float = 0.0,
-        xi_dot_0: float = 0.0,
+        xi_dot_0: float = 1.0,
         mass: float = 1.0,
         hoop_inertia: float = 0.1,
         radius: float = 1.0,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, point
-from liaisons.models._linear import oscillation
+from liaisons.models._linear import superposition
 from liaisons.models._validity import require_not_negative, require_positive
 
 
@@ -34,8 +34,8 @@ class DoublePendulum(Mechanism):
     length_1 = Parameter(1.0, "m", "length of the upper rod", above=0)
     length_2 = Parameter(1.0, "m", "length of the lower rod", above=0)
     gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
-    theta_1 = Coordinate("rad", "angle of the upper rod from the downward vertical")
-    theta_2 = Coordinate("rad", "angle of the lower rod from the downward vertical")
+    theta_1 = Coordinate("rad", "angle of the upper rod from the downward vertical", start=0.5)
+    theta_2 = Coordinate("rad", "angle of the lower rod from the downward vertical", start=0.7)
     pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
     pivot_z = ActiveCoordinate("m", "height of the pivot")
     experiment = Experiment(stop_time=10.0, step_size=0.01)
@@ -60,8 +60,8 @@ class DoublePendulum(Mechanism):
     def small_angles(
         t: ArrayLike,
         *,
-        theta_1_0: float = 0.0,
-        theta_2_0: float = 0.0,
+        theta_1_0: float = 0.5,
+        theta_2_0: float = 0.7,
         theta_1_dot_0: float = 0.0,
         theta_2_dot_0: float = 0.0,
         mass_1: float = 1.0,
@@ -80,11 +80,10 @@ class DoublePendulum(Mechanism):
         frequencies, modes = DoublePendulum.normal_modes(
             mass_1=mass_1, mass_2=mass_2, length_1=length_1, length_2=length_2, gravity=gravity
         )
-        # amplitudes in the modes (1, b_k): θ_1 = q_1 + q_2, θ_2 = b_1 q_1 + b_2 q_2
-        start = np.linalg.solve(modes, [[theta_1_0, theta_1_dot_0], [theta_2_0, theta_2_dot_0]])
-        moving = [oscillation(t, *q, omega_squared=w**2, gamma=0.0) for q, w in zip(start, frequencies, strict=True)]
-        theta, theta_dot = (np.tensordot(modes, np.array(part), 1) for part in zip(*moving, strict=True))
-        return {"theta_1": theta[0], "theta_2": theta[1], "theta_1_dot": theta_dot[0], "theta_2_dot": theta_dot[1]}
+        rates = np.array([theta_1_dot_0, theta_2_dot_0])
+        theta, theta_dot = superposition(t, frequencies, modes, np.array([theta_1_0, theta_2_0]), rates)
+        names = ("theta_1", "theta_2", "theta_1_dot", "theta_2_dot")
+        return dict(zip(names, (*np.moveaxis(theta, -1, 0), *np.moveaxis(theta_dot, -1, 0)), strict=True))
 
     @staticmethod
     def normal_modes(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 from scipy.special import ellipeinc
 
 from liaisons.mechanics import Coordinate, Parameter, calculated, condition, output
 from liaisons.models import _elliptic
-from liaisons.models._validity import require, require_positive
-from liaisons.models.hoop import ParametrisedHoop
+from liaisons.models._integration import integrate
+from liaisons.models._validity import require_positive
+from liaisons.models.parametrised_hoop import ParametrisedHoop
 
 # Landen steps: errors of 1e-14 for ratios of the axes up to a million.
 _STEPS = 7
@@ -40,7 +40,7 @@ class EllipticHoop(ParametrisedHoop):
     semi_axis_b = Parameter(1.0, "m", "semi-axis across OA", above=0)
     centre_x = Parameter(0.0, "m", "position of the centre along OA")
     centre_y = Parameter(0.0, "m", "position of the centre to the left of OA")
-    u = Coordinate("rad", "eccentric anomaly of the bead, counter-clockwise from the direction of OA")
+    u = Coordinate("rad", "eccentric anomaly of the bead, counter-clockwise from OA", start_rate=1.0)
 
     @condition("O must lie inside the hoop: (centre_x/semi_axis_a)² + (centre_y/semi_axis_b)² < 1")
     def star_shaped(self) -> ca.SX:
@@ -80,9 +80,7 @@ class EllipticHoop(ParametrisedHoop):
 
     @output("rad", "polar angle of the bead as seen from O, relative to OA, not wrapped")
     def theta(self) -> ca.SX:
-        (x, y), cosine, sine = self.curve(self.u), ca.cos(self.u), ca.sin(self.u)
-        # As long as O lies inside, OP never is opposite to the direction u.
-        return self.u + ca.atan2(y * cosine - x * sine, x * cosine + y * sine)
+        return self._polar_angle(self.u)
 
     @staticmethod
     def exact(
@@ -90,7 +88,7 @@ class EllipticHoop(ParametrisedHoop):
         *,
         beta_dot: float = 0.0,
         u_0: float = 0.0,
-        u_dot_0: float = 0.0,
+        u_dot_0: float = 1.0,
         mass: float = 1.0,
         semi_axis_a: float = 2.0,
         semi_axis_b: float = 1.0,
@@ -106,8 +104,6 @@ class EllipticHoop(ParametrisedHoop):
         :raises ValidityError: for a parameter outside its domain, or a negative time.
         """
         require_positive("EllipticHoop.exact", mass=mass, semi_axis_a=semi_axis_a, semi_axis_b=semi_axis_b)
-        times, order = np.unique(np.asarray(t, dtype=float), return_inverse=True)
-        require(not np.any(times < 0), f"EllipticHoop.exact: t = {np.min(times)} must be >= 0")
         a, b = semi_axis_a, semi_axis_b
         frequency = abs(beta_dot) * np.sqrt(abs(a**2 - b**2))
         lowest = 0.0 if a > b else np.pi / 2  # the bead swings about the far ends of the longer axis
@@ -123,14 +119,8 @@ class EllipticHoop(ParametrisedHoop):
             twice, rate = _elliptic.pendulum(tau, 2 * (u_0 - lowest), 2 * v_0, frequency)
             return twice / 2 + lowest, rate / 2
 
-        def rate_of_tau(_: float, tau: NDArray) -> NDArray:
-            return 1 / speed(motion(tau)[0])
-
-        tau = np.zeros_like(times)
-        if times[-1] > 0:
-            span = (0.0, times[-1])
-            tau = solve_ivp(rate_of_tau, span, [0.0], "DOP853", times, rtol=1e-13, atol=1e-14).y[0]
-        u, xi_dot = (column[order].reshape(np.shape(t)) for column in motion(tau))
+        (tau,) = integrate("EllipticHoop.exact", lambda tau: 1 / speed(motion(tau)[0]), [0.0], t)
+        u, xi_dot = motion(tau)
         # The torque is the rate of p_β = m (α ξ_dot + r² β_dot) + I β_dot; α = ab/(dξ/du), ξ_ddot = ½ β_dot² (r²)'.
         s, slope = speed(u), (a**2 - b**2) * np.sin(2 * u)
         alpha_dash, r_squared_dash = -a * b * slope / (2 * s**4), -slope / s

@@ -24,7 +24,7 @@ class Flywheel(Mechanism):
 
     inertia = Parameter(1.0, "kg.m2", "moment of inertia about the shaft", above=0)
     friction = Parameter(0.0, "1/s", "friction coefficient eta of K eq. 61", minimum=0, tunable=True)
-    angle = Coordinate("rad", "angle of the wheel")
+    angle = Coordinate("rad", "angle of the wheel", start_rate=1.0)
     experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     def kinetic_energy(self) -> ca.SX:
@@ -38,7 +38,7 @@ class Flywheel(Mechanism):
         t: ArrayLike,
         *,
         angle_0: float = 0.0,
-        angle_dot_0: float = 0.0,
+        angle_dot_0: float = 1.0,
         inertia: float = 1.0,
         friction: float = 0.0,
         angle_force: float = 0.0,

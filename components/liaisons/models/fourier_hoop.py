@@ -5,11 +5,12 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import quad
 
 from liaisons.mechanics import Coordinate, Parameter, calculated, condition
+from liaisons.models._integration import integrate
 from liaisons.models._validity import require, require_positive
-from liaisons.models.hoop import SAMPLES, ParametrisedHoop
+from liaisons.models.parametrised_hoop import SAMPLES, ParametrisedHoop
 
 
 class FourierHoop(ParametrisedHoop):
@@ -41,7 +42,7 @@ class FourierHoop(ParametrisedHoop):
     sin_2 = Parameter(0.0, "1", "coefficient of sin 2θ in r/radius")
     sin_3 = Parameter(0.0, "1", "coefficient of sin 3θ in r/radius")
     sin_4 = Parameter(0.0, "1", "coefficient of sin 4θ in r/radius")
-    theta = Coordinate("rad", "polar angle of the bead as seen from O, relative to OA")
+    theta = Coordinate("rad", "polar angle of the bead as seen from O, relative to OA", start_rate=1.0)
 
     @property
     def _coefficients(self) -> tuple[tuple[int, ca.SX, ca.SX], ...]:
@@ -58,9 +59,12 @@ class FourierHoop(ParametrisedHoop):
 
     def _radius(self, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
         """r and dr/dθ."""
-        waves = [(k, a, b, ca.cos(k * theta), ca.sin(k * theta)) for k, a, b in self._coefficients]
-        r = 1 + sum(a * c + b * s for _, a, b, c, s in waves)
-        slope = sum(k * (b * c - a * s) for k, a, b, c, s in waves)
+        cosine, sine = ca.cos(theta), ca.sin(theta)
+        c, s, r, slope = ca.SX(1), ca.SX(0), ca.SX(1), ca.SX(0)
+        for k, a, b in self._coefficients:
+            c, s = c * cosine - s * sine, s * cosine + c * sine  # cos kθ and sin kθ
+            r += a * c + b * s
+            slope += k * (b * c - a * s)
         return self.radius * r, self.radius * slope
 
     def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -77,21 +81,6 @@ class FourierHoop(ParametrisedHoop):
     def _r_squared(self, u: ca.SX) -> ca.SX:
         return self._radius(u)[0] ** 2
 
-    def _speeds(self, centre: ca.SX, offset: ca.SX) -> ca.SX:
-        """As in the base class, at half the cost: the waves about the centre are even or odd in the offset."""
-        cosine, sine = ca.cos(offset), ca.sin(offset)
-        c, s = ca.SX(1), ca.SX(0)
-        even, odd, even_slope, odd_slope = ca.SX(1), ca.SX(0), ca.SX(0), ca.SX(0)
-        for k, a, b in self._coefficients:
-            c, s = c * cosine - s * sine, s * cosine + c * sine  # cos and sin of k · offset
-            about = a * ca.cos(k * centre) + b * ca.sin(k * centre)
-            across = b * ca.cos(k * centre) - a * ca.sin(k * centre)
-            even, odd = even + about * c, odd + across * s
-            even_slope, odd_slope = even_slope + k * across * c, odd_slope - k * about * s
-        after = ca.sqrt((even + odd) ** 2 + (even_slope + odd_slope) ** 2)
-        before = ca.sqrt((even - odd) ** 2 + (even_slope - odd_slope) ** 2)
-        return self.radius * (after + before)
-
     @calculated("m2", "area inside the hoop")
     def hoop_area(self) -> ca.SX:
         return np.pi * self.radius**2 * (1 + sum(a**2 + b**2 for _, a, b in self._coefficients) / 2)
@@ -102,7 +91,7 @@ class FourierHoop(ParametrisedHoop):
         *,
         beta_dot: float = 0.0,
         theta_0: float = 0.0,
-        theta_dot_0: float = 0.0,
+        theta_dot_0: float = 1.0,
         radius: float = 1.0,
         cos_1: float = 0.0,
         cos_2: float = 0.0,
@@ -122,8 +111,6 @@ class FourierHoop(ParametrisedHoop):
         :raises ValidityError: for a negative time, a hoop that does not go round O, or a bead that turns back.
         """
         require_positive("FourierHoop.exact", radius=radius)
-        times, order = np.unique(np.asarray(t, dtype=float), return_inverse=True)
-        require(not np.any(times < 0), f"FourierHoop.exact: t = {times[0]} must be >= 0")
         k = np.arange(1, 5)
         z = np.array([cos_1 - 1j * sin_1, cos_2 - 1j * sin_2, cos_3 - 1j * sin_3, cos_4 - 1j * sin_4])
 
@@ -142,15 +129,12 @@ class FourierHoop(ParametrisedHoop):
             f"FourierHoop.exact: the bead turns back; theta_dot_0 = {theta_dot_0} must be larger for it to go round",
         )
 
-        def rates(_: float, y: NDArray) -> NDArray:
+        def rates(y: NDArray) -> NDArray:
             r, speed = radius_and_speed(y[0])
             xi_dot = np.sign(v_0) * np.sqrt(v_0**2 + beta_dot**2 * (r**2 - r_0**2))
             return np.array([xi_dot / speed, xi_dot])
 
         xi_0, _ = quad(lambda theta: radius_and_speed(theta)[1], 0, theta_0, epsabs=1e-13, epsrel=1e-13, limit=200)
-        y = np.repeat([[theta_0], [xi_0]], times.size, axis=1)
-        if times[-1] > 0:
-            y = solve_ivp(rates, (0.0, times[-1]), y[:, 0], "DOP853", times, rtol=1e-13, atol=1e-14).y
-        y = y[:, order].reshape(2, *np.shape(t))
-        rate = rates(0.0, y)
+        y = integrate("FourierHoop.exact", rates, [theta_0, xi_0], t)
+        rate = rates(y)
         return {"theta": y[0], "theta_dot": rate[0], "xi": y[1], "xi_dot": rate[1]}

@@ -28,9 +28,9 @@ class FreeParticle(Mechanism):
     mass = Parameter(1.0, "kg", "mass", above=0)
     gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
     friction = Parameter(0.0, "1/s", "friction coefficient eta of K eq. 61", minimum=0, tunable=True)
-    x = Coordinate("m", "horizontal position")
+    x = Coordinate("m", "horizontal position", start_rate=1.0)
     y = Coordinate("m", "horizontal position, across x")
-    z = Coordinate("m", "height")
+    z = Coordinate("m", "height", start_rate=9.81)
     experiment = Experiment(stop_time=2.0, step_size=0.01)
 
     def kinetic_energy(self) -> ca.SX:
@@ -49,9 +49,9 @@ class FreeParticle(Mechanism):
         x_0: float = 0.0,
         y_0: float = 0.0,
         z_0: float = 0.0,
-        x_dot_0: float = 0.0,
+        x_dot_0: float = 1.0,
         y_dot_0: float = 0.0,
-        z_dot_0: float = 0.0,
+        z_dot_0: float = 9.81,
         mass: float = 1.0,
         gravity: float = 9.81,
         friction: float = 0.0,

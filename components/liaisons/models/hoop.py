@@ -5,23 +5,15 @@ from __future__ import annotations
 from abc import abstractmethod
 
 import casadi as ca
-import numpy as np
 
 from liaisons.mechanics import (
     ActiveCoordinate,
     Experiment,
     Mechanism,
     Parameter,
-    calculated,
-    condition,
     output,
     point,
 )
-
-# Quadrature of the arc length: Gauss and Legendre's over half a turn at most, the midpoint rule over a period.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
-_MIDPOINTS = 128
-SAMPLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
 
 
 class Hoop(Mechanism, abstract=True):
@@ -70,6 +62,11 @@ class Hoop(Mechanism, abstract=True):
         x, y = self.curve(u)
         return x**2 + y**2
 
+    def _polar_angle(self, direction: ca.SX) -> ca.SX:
+        """Angle of OP, not wrapped, next to a direction that is never opposite to it."""
+        (x, y), cosine, sine = self.curve(self.free.q), ca.cos(direction), ca.sin(direction)
+        return direction + ca.atan2(y * cosine - x * sine, x * cosine + y * sine)
+
     @property
     def _a(self) -> ca.SX:
         """r²θ' at the bead."""
@@ -107,58 +104,3 @@ class Hoop(Mechanism, abstract=True):
         curvature = (x * ca.jacobian(y, u) - y * ca.jacobian(x, u)) / self._speed(u) ** 3
         relative = curvature * rate**2 + 2 * rate * beta_dot
         return self.mass * (relative + self._a * beta_dot**2 + self._r_r_dash * self.dot(beta_dot))
-
-
-class ParametrisedHoop(Hoop, abstract=True):
-    """Hoop with a bead whose coordinate u is not the arc length; abstract.
-
-    The :meth:`curve` has the period 2π and passes A at u = 0; where it does not, :attr:`_u_at_A` says where.  Length,
-    area and arc length come by quadrature unless the subclass knows better.
-    """
-
-    @condition("the hoop must be star-shaped about O, which lies inside it")
-    def star_shaped(self) -> ca.SX:
-        """Least moment of the samples."""
-        return ca.mmin(ca.vertcat(*(self._moment(ca.SX(u)) for u in SAMPLES)))
-
-    @property
-    def _u_at_A(self) -> ca.SX:  # noqa: N802
-        """u at the point A, where the axis OA meets the hoop."""
-        return ca.SX(0)
-
-    def _speeds(self, centre: ca.SX, offset: ca.SX) -> ca.SX:
-        """Sum of the speeds |dOP/du| at centre ± offset."""
-        return self._speed(centre + offset) + self._speed(centre - offset)
-
-    def _arc(self, u: ca.SX) -> ca.SX:
-        """Arc length from 0 to u by quadrature, for |u| <= π."""
-        rule = zip(_NODES, _WEIGHTS, strict=True)
-        return u / 2 * sum(weight * self._speeds(u / 2, u / 2 * node) for node, weight in rule if node > 0)
-
-    def _arc_length(self, u: ca.SX) -> ca.SX:
-        """Arc length from 0 to u, over any number of turns."""
-        turns = ca.floor(u / (2 * np.pi) + 0.5)
-        return turns * self.hoop_length + self._arc(u - 2 * np.pi * turns)
-
-    @output("m", "arc length of the bead from A, counter-clockwise, not wrapped")
-    def xi(self) -> ca.SX:
-        return self._arc_length(self.free.q) - self._arc_length(self._u_at_A)
-
-    @output("m/s", "rate of xi")
-    def xi_dot(self) -> ca.SX:
-        return self._xi_dot
-
-    @output("kg.m/s", "momentum conjugate to xi: mass times absolute tangential velocity of the bead")
-    def p_xi(self) -> ca.SX:
-        return self.mass * (self._xi_dot + self._a * self.dot(self.beta))
-
-    @calculated("m", "length of the hoop")
-    def hoop_length(self) -> ca.SX:
-        step = 2 * np.pi / _MIDPOINTS
-        offsets = (ca.SX((i + 0.5) * step) for i in range(_MIDPOINTS // 2))
-        return step * sum((self._speeds(ca.SX(0), offset) for offset in offsets), ca.SX(0))
-
-    @calculated("m2", "area inside the hoop")
-    def hoop_area(self) -> ca.SX:
-        """Trapezoidal rule: exact for a curve of trigonometric polynomials."""
-        return np.pi * sum((self._moment(ca.SX(u)) for u in SAMPLES), ca.SX(0)) / len(SAMPLES)

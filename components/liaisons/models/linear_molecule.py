@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, calculated, output
-from liaisons.models._linear import oscillation
+from liaisons.models._linear import superposition
 from liaisons.models._validity import require_not_negative, require_positive
 
 
@@ -51,7 +51,7 @@ class LinearMolecule(Mechanism):
     mass_inner = Parameter(12.011, "kg", "mass M of the inner atom (carbon in u)", above=0)
     stiffness = Parameter(1.0, "N/m", "stiffness kappa of each bond", above=0)
     spacing = Parameter(0.116, "m", "length L of a bond at rest", minimum=0)
-    x_1 = Coordinate("m", "position of the left outer atom", nominal=0.1)
+    x_1 = Coordinate("m", "position of the left outer atom", start=-0.01, nominal=0.1)
     x_2 = Coordinate("m", "position of the inner atom", start=0.116, nominal=0.1)
     x_3 = Coordinate("m", "position of the right outer atom", start=0.232, nominal=0.1)
     experiment = Experiment(stop_time=100.0, step_size=0.1)
@@ -97,7 +97,7 @@ class LinearMolecule(Mechanism):
     def exact(
         t: ArrayLike,
         *,
-        x_1_0: float = 0.0,
+        x_1_0: float = -0.01,
         x_2_0: float = 0.116,
         x_3_0: float = 0.232,
         x_1_dot_0: float = 0.0,
@@ -116,22 +116,18 @@ class LinearMolecule(Mechanism):
         """
         require_positive("LinearMolecule.exact", mass_outer=mass_outer, mass_inner=mass_inner, stiffness=stiffness)
         require_not_negative("LinearMolecule.exact", spacing=spacing, t=float(np.min(t)))
-        start = _normal_coordinates((x_1_0, x_2_0 - spacing, x_3_0 - 2 * spacing), mass_outer, mass_inner)
-        rates = _normal_coordinates((x_1_dot_0, x_2_dot_0, x_3_dot_0), mass_outer, mass_inner)
-        frequencies = _frequencies(mass_outer, mass_inner, stiffness)
-        moving = [
-            oscillation(t, position, rate, omega_squared=omega**2, gamma=0.0)
-            for position, rate, omega in zip(start, rates, frequencies, strict=True)
-        ]
-        q, q_dot = (np.array(part) for part in zip(*moving, strict=True))
-        modes = LinearMolecule.modes(mass_outer=mass_outer, mass_inner=mass_inner)
-        x, x_dot = np.tensordot(modes, q, 1), np.tensordot(modes, q_dot, 1)
-        atoms = range(3)
-        return (
-            {f"x_{i + 1}": i * spacing + x[i] for i in atoms}
-            | {f"x_{i + 1}_dot": x_dot[i] for i in atoms}
-            | {f"mode_{i + 1}": q[i] for i in atoms}
+        rest = spacing * np.arange(3)
+        u, u_dot = superposition(
+            t,
+            np.array(_frequencies(mass_outer, mass_inner, stiffness)),
+            LinearMolecule.modes(mass_outer=mass_outer, mass_inner=mass_inner),
+            np.array([x_1_0, x_2_0, x_3_0]) - rest,
+            np.array([x_1_dot_0, x_2_dot_0, x_3_dot_0]),
         )
+        names = [f"{form}_{k}{rate}" for form, rate in (("x", ""), ("x", "_dot"), ("mode", "")) for k in (1, 2, 3)]
+        modes = _normal_coordinates(list(np.moveaxis(u, -1, 0)), mass_outer, mass_inner)
+        columns = (*np.moveaxis(u + rest, -1, 0), *np.moveaxis(u_dot, -1, 0), *modes)
+        return dict(zip(names, columns, strict=True))
 
     @staticmethod
     def modes(*, mass_outer: float = 15.999, mass_inner: float = 12.011) -> NDArray:

@@ -3,103 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import new_class
-from typing import Any, ClassVar
-
-import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Mechanism, condition, output
-from liaisons.models import _elliptic
-from liaisons.models._validity import require
-
-Function = Callable[..., Any]
-
-
-class GeneralSwing(Mechanism, abstract=True):
-    """Swing of any shape s, which the operator prescribes; θ is the direction of its centre of mass.
-
-    With the moment of inertia I about the axis, the couplings J_α, the metric g_αβ of the shapes, and the moment of the
-    weight D = M g d (total mass, gravity, distance of the centre of mass from the axis)::
-
-        L = ½ I(s) θ'² + Σ J_α(s) θ' s_α' + ½ Σ g_αβ(s) s_α' s_β' + D(s) cos θ        M eq. 56, the ½ restored
-        p_θ = I θ' + Σ J_α s_α',    p_θ' = -D sin θ
-
-    θ [rad] angle of the centre of mass from the downward vertical, I [kg.m2], D [N.m]; J_α and g_αβ in units that go
-    with those of s_α.  None of them depends on θ, so X_K = 0 (M 8.4).
-
-    Source: M 8.1, eq. 54-56.
-    """
-
-    functions: ClassVar[Mapping[str, Function]] = {}
-    theta = Coordinate("rad", "angle of the centre of mass from the downward vertical")
-
-    def _matrix(self, name: str, rows: int = 1, columns: int = 1) -> ca.SX:
-        """One of the four functions at the present shape."""
-        value = self.functions[name](*ca.vertsplit(self.active.s))
-        if isinstance(value, (list, tuple)):
-            value = ca.vertcat(*(ca.horzcat(*row) if isinstance(row, (list, tuple)) else row for row in value))
-        matrix = ca.SX(value)
-        if matrix.shape != (rows, columns):
-            raise ComponentError(
-                f"{type(self).__name__}: {name} returns shape {matrix.shape}; for the shape coordinates "
-                f"{', '.join(s.name for s in self.actives)} it must be {(rows, columns)}"
-            )
-        return matrix
-
-    @property
-    def _metric(self) -> ca.SX:
-        """g of M eq. 55 in the coordinates (θ, s)."""
-        count = len(self.actives)
-        I, J, g = self._matrix("I"), self._matrix("J", count), self._matrix("g", count, count)  # noqa: E741
-        return ca.blockcat([[I, J.T], [J, g]])
-
-    def kinetic_energy(self) -> ca.SX:
-        v = ca.vertcat(self.free.q_dot, self.active.s_dot)
-        return ca.bilin(self._metric, v, v) / 2
-
-    def potential_energy(self) -> ca.SX:
-        return -self.D * ca.cos(self.theta)
-
-    @output("kg.m2", "moment of inertia I about the axis (M eq. 55)")
-    def inertia(self) -> ca.SX:
-        return self._matrix("I")
-
-    @output("N.m", "gravity times total mass times distance of the centre of mass from the axis (M eq. 54)")
-    def D(self) -> ca.SX:  # noqa: N802
-        return self._matrix("D")
-
-    @condition("the centre of mass must stay off the axis: D > 0")
-    def com_off_the_axis(self) -> ca.SX:
-        return self.D
-
-    @condition("the metric of I, J and g must stay positive definite")
-    def definite(self) -> ca.SX:
-        pivots, _, _ = ca.ldl(ca.densify(self._metric), False)
-        return ca.mmin(pivots)
-
-    @classmethod
-    def exact(
-        cls, t: ArrayLike, *, theta_0: float = 0.0, theta_dot_0: float = 0.0, **shape: float
-    ) -> dict[str, NDArray]:
-        """Motion in a fixed shape: the compound pendulum I θ'' = -D sin θ, by elliptic functions.
-
-        :param t: times since the start [s], any shape.
-        :param shape: shape coordinates where they differ from their start values.
-        :returns: ``theta`` [rad], ``theta_dot`` [rad/s].
-        :raises ValidityError: for an unknown shape coordinate, or unless I > 0 and D > 0.
-        """
-        values = {s.name: s.start for s in cls.actives}
-        unknown = ", ".join(sorted(shape.keys() - values.keys()))
-        require(not unknown, f"{cls.__name__}.exact: unknown shape coordinate {unknown}; it has {', '.join(values)}")
-        values |= shape
-        inertia, weight = (float(ca.evalf(ca.SX(cls.functions[name](*values.values())))) for name in ("I", "D"))
-        require(inertia > 0 and weight > 0, f"{cls.__name__}.exact: I = {inertia} and D = {weight} must be > 0")
-        theta, theta_dot = _elliptic.pendulum(t, theta_0, theta_dot_0, np.sqrt(weight / inertia))
-        return {"theta": theta, "theta_dot": theta_dot}
+from liaisons.mechanics import ActiveCoordinate
+from liaisons.models.general_swing import Function, GeneralSwing
 
 
 def marle_swing(

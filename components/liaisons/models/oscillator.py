@@ -35,7 +35,7 @@ class Oscillator(Mechanism):
     mass = Parameter(1.0, "kg", "mass", above=0)
     stiffness = Parameter(1.0, "N/m", "stiffness of the spring; 0 is a free mass", minimum=0)
     damping = Parameter(0.0, "1/s", "damping gamma of K eq. 114, on the absolute velocity", minimum=0, tunable=True)
-    x = Coordinate("m", "position of the mass")
+    x = Coordinate("m", "position of the mass", start=1.0)
     support = ActiveCoordinate("m", "position of the support, the x_0 of K eq. 114")
     experiment = Experiment(stop_time=20.0, step_size=0.01)
 
@@ -56,7 +56,7 @@ class Oscillator(Mechanism):
     def exact(
         t: ArrayLike,
         *,
-        x_0: float = 0.0,
+        x_0: float = 1.0,
         x_dot_0: float = 0.0,
         mass: float = 1.0,
         stiffness: float = 1.0,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.models._validity import require
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class PlanarCat(Mechanism):
         p_φ = I φ' + J_1 ψ_1' + J_2 ψ_2', the angular momentum, is constant
 
     At p_φ = 0 the trunk turns by Δφ = -∮ (J_1 dψ_1 + J_2 dψ_2)/I in a closed loop of shapes, however fast the loop is
-    run through: the holonomy of the kinetic connection.
+    run through: the holonomy of the kinetic connection (``analysis.holonomy``).
 
     x_G, z_G [m] centre of mass; φ [rad] direction of the trunk from the x axis towards z; ψ_α [rad]; m_i [kg];
     I_i [kg.m2] about each body's own centre of mass; h, c_α [m].
@@ -61,8 +59,8 @@ class PlanarCat(Mechanism):
     arm_2 = Parameter(0.15, "m", "distance from hinge 2 to the centre of mass of limb 2", minimum=0)
     gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
     com_x = Coordinate("m", "position of the centre of mass along the horizontal")
-    com_z = Coordinate("m", "height of the centre of mass")
-    phi = Coordinate("rad", "direction of the trunk, from the x axis towards z")
+    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81)
+    phi = Coordinate("rad", "direction of the trunk, from the x axis towards z", start_rate=1.0)
     psi_1 = ActiveCoordinate("rad", "angle of limb 1 from the trunk's forward direction")
     psi_2 = ActiveCoordinate("rad", "angle of limb 2 from the trunk's backward direction")
     experiment = Experiment(stop_time=2.0, step_size=0.01)
@@ -106,9 +104,9 @@ class PlanarCat(Mechanism):
         com_x_0: float = 0.0,
         com_x_dot_0: float = 0.0,
         com_z_0: float = 0.0,
-        com_z_dot_0: float = 0.0,
+        com_z_dot_0: float = 9.81,
         phi_0: float = 0.0,
-        phi_dot_0: float = 0.0,
+        phi_dot_0: float = 1.0,
         gravity: float = 9.81,
     ) -> dict[str, NDArray]:
         """Motion with the limbs held still: a parabola and a uniform turn.  The parabola holds for moving limbs, too.
@@ -125,60 +123,3 @@ class PlanarCat(Mechanism):
             "phi": phi_0 + phi_dot_0 * t,
             "phi_dot": np.full_like(t, phi_dot_0),
         }
-
-    @staticmethod
-    def connection(psi_1: ArrayLike, psi_2: ArrayLike, **parameters: float) -> NDArray:
-        """Kinetic connection A_α = J_α/I (M 7): without angular momentum φ' = -A_1 ψ_1' - A_2 ψ_2'.
-
-        :param psi_1: and ``psi_2`` shapes [rad], arrays of any shape.
-        :param parameters: those of the cat that differ from their defaults.
-        :returns: A_1, A_2, shape (2, ...).
-        :raises ValidityError: for an unknown parameter, or one outside its domain.
-        """
-        metric = _metric(np.asarray(psi_1, dtype=float), np.asarray(psi_2, dtype=float), parameters)
-        return metric.J / metric.I
-
-    @staticmethod
-    def curvature(psi_1: ArrayLike, psi_2: ArrayLike, **parameters: float) -> NDArray:
-        """Curvature ∂A_2/∂ψ_1 - ∂A_1/∂ψ_2 of the connection: minus the turn by a small loop, per area.
-
-        :returns: shape of the arguments, which are those of :meth:`connection`.
-        :raises ValidityError: as :meth:`connection`.
-        """
-        metric = _metric(np.asarray(psi_1, dtype=float), np.asarray(psi_2, dtype=float), parameters)
-        (J_1, J_2), (dI_1, dI_2) = metric.J, metric.dI
-        return metric.curl_J / metric.I - (J_2 * dI_1 - J_1 * dI_2) / metric.I**2
-
-
-@dataclass(frozen=True)
-class _Metric:
-    """I and J_α of the class's page in numbers, with the derivatives ∂I/∂ψ_α and ∂J_2/∂ψ_1 - ∂J_1/∂ψ_2."""
-
-    I: NDArray  # noqa: E741 - the symbol of the page
-    J: NDArray
-    dI: NDArray  # noqa: N815
-    curl_J: NDArray  # noqa: N815
-
-
-def _metric(psi_1: NDArray, psi_2: NDArray, parameters: Mapping[str, float]) -> _Metric:
-    k = {p.name: p.start for p in PlanarCat.parameters}
-    unknown = parameters.keys() - k.keys()
-    require(not unknown, f"PlanarCat has no parameter {', '.join(sorted(unknown))}; it has {', '.join(k)}")
-    k |= parameters
-    for parameter in PlanarCat.parameters:
-        variable, value = parameter.variable("parameter", "fixed"), k[parameter.name]
-        require(variable.allows(value), f"PlanarCat: {variable.name} = {value} must be {variable.domain()}")
-    total = k["mass_0"] + k["mass_1"] + k["mass_2"]
-    mu = k["mass_1"] * k["mass_2"] / total
-    mu_1, mu_2 = (m * (1 - m / total) for m in (k["mass_1"], k["mass_2"]))
-    h, c_1, c_2 = k["hinge"], k["arm_1"], k["arm_2"]
-    A, B, C = h * c_1 * (mu_1 + mu), h * c_2 * (mu_2 + mu), c_1 * c_2 * mu
-    own_1, own_2 = k["inertia_1"] + c_1**2 * mu_1, k["inertia_2"] + c_2**2 * mu_2
-    a, b, c = A * np.cos(psi_1), B * np.cos(psi_2), C * np.cos(psi_1 - psi_2)
-    twist = C * np.sin(psi_1 - psi_2)
-    return _Metric(
-        I=k["inertia_0"] + own_1 + own_2 + h**2 * (mu_1 + mu_2 + 2 * mu) + 2 * (a + b + c),
-        J=np.array([own_1 + a + c, own_2 + b + c]),
-        dI=-2 * np.array([A * np.sin(psi_1) + twist, B * np.sin(psi_2) - twist]),
-        curl_J=-2 * twist,
-    )

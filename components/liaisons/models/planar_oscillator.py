@@ -27,8 +27,8 @@ class PlanarOscillator(Mechanism):
 
     mass = Parameter(1.0, "kg", "mass", above=0)
     stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
-    x = Coordinate("m", "position")
-    y = Coordinate("m", "position")
+    x = Coordinate("m", "position", start=1.0)
+    y = Coordinate("m", "position", start_rate=0.5)
     experiment = Experiment(stop_time=20.0, step_size=0.01)
 
     def kinetic_energy(self) -> ca.SX:
@@ -45,10 +45,10 @@ class PlanarOscillator(Mechanism):
     def exact(
         t: ArrayLike,
         *,
-        x_0: float = 0.0,
+        x_0: float = 1.0,
         y_0: float = 0.0,
         x_dot_0: float = 0.0,
-        y_dot_0: float = 0.0,
+        y_dot_0: float = 0.5,
         mass: float = 1.0,
         stiffness: float = 1.0,
     ) -> dict[str, NDArray]:

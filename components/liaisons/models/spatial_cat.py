@@ -45,7 +45,7 @@ class SpatialCat(Mechanism):
     gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
     com_x = Coordinate("m", "position of the centre of mass")
     com_y = Coordinate("m", "position of the centre of mass")
-    com_z = Coordinate("m", "height of the centre of mass")
+    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81)
     attitude = Orientation("attitude of half A", start="momentum")
     bend = ActiveCoordinate("rad", "angle between the axes of the two halves")
     azimuth = ActiveCoordinate("rad", "direction about which half B is bent, from the x axis of half A")
@@ -86,7 +86,7 @@ class SpatialCat(Mechanism):
         inertia_transverse: float = 0.10,
         inertia_axial: float = 0.02,
         com_z_0: float = 0.0,
-        com_z_dot_0: float = 0.0,
+        com_z_dot_0: float = 9.81,
         gravity: float = 9.81,
     ) -> dict[str, NDArray]:
         """Motion without angular momentum and twist at constant bend: free fall, and a turn that χ alone determines.

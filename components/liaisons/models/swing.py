@@ -32,7 +32,7 @@ class Swing(Mechanism):
     mass_torso = Parameter(20.0, "kg", "mass of the torso", minimum=0)
     torso_length = Parameter(0.5, "m", "distance from the seat to the torso's mass", minimum=0)
     gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
-    theta = Coordinate("rad", "angle of the rope from the downward vertical")
+    theta = Coordinate("rad", "angle of the rope from the downward vertical", start=0.5)
     rope = ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0)
     lean = ActiveCoordinate("rad", "angle of the torso from the rope's continuation", start=np.pi / 2)
     experiment = Experiment(stop_time=10.0, step_size=0.01)
@@ -92,7 +92,7 @@ class Swing(Mechanism):
     def exact(
         t: ArrayLike,
         *,
-        theta_0: float = 0.0,
+        theta_0: float = 0.5,
         theta_dot_0: float = 0.0,
         rope: float = 2.0,
         lean: float = np.pi / 2,

@@ -114,11 +114,14 @@ def _of_coordinates(
 
 
 def _of_points(m: Chain, dimension: Dimension, moving: Motion) -> list[variables.Row]:
-    matrices, unit = (moving.points, moving.point_rates, moving.point_accelerations), _point_units(m)
+    matrices = (moving.points, moving.point_rates, moving.point_accelerations)
+    places = {point.name: point for point in m.points}
     return [
         row
         for i, name in enumerate(m.point_components)
-        for row in variables.of_point(name, unit[name], *(matrix[i, :] for matrix in matrices), dimension=dimension)
+        for row in variables.of_point(
+            name, places[name.rpartition("_")[0]], *(matrix[i, :] for matrix in matrices), dimension=dimension
+        )
     ]
 
 

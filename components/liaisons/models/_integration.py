@@ -1,0 +1,29 @@
+"""Closed forms whose last step is a quadrature, done to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from liaisons.models._validity import require
+
+
+def integrate(where: str, rates: Callable[[NDArray], NDArray], start: ArrayLike, t: ArrayLike) -> NDArray:
+    """Solution y(t) of y' = rates(y), y(0) = start.
+
+    :param where: who asks, for the error.
+    :param start: shape (n,).
+    :param t: times [s], any shape and order, >= 0.
+    :returns: shape (n, *t.shape).
+    :raises ValidityError: for a negative time.
+    """
+    times, order = np.unique(np.ravel(np.asarray(t, dtype=float)), return_inverse=True)
+    require(not np.any(times < 0), f"{where}: t = {np.min(times)} must be >= 0")
+    y = np.repeat(np.reshape(np.asarray(start, dtype=float), (-1, 1)), times.size, axis=1)
+    if times[-1] > 0:
+        span = (0.0, times[-1])
+        y = solve_ivp(lambda _, y: rates(y), span, y[:, 0], "DOP853", times, rtol=1e-13, atol=1e-14).y
+    return y[:, order].reshape(-1, *np.shape(t))
