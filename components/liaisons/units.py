@@ -35,10 +35,10 @@ _SYMBOLS: dict[str, dict[str, int]] = {
     "T": {"kg": 1, "s": -2, "A": -1},
 }
 
-# what an importer may show instead: (name, factor) with  display = factor * SI
+# what an importer may show instead, the first by default for angles: (name, factor) with  display = factor * SI
 _DISPLAY: dict[str, tuple[tuple[str, float], ...]] = {
     "rad": (("deg", 57.29577951308232),),
-    "rad/s": (("rpm", 9.549296585513721), ("deg/s", 57.29577951308232)),
+    "rad/s": (("deg/s", 57.29577951308232), ("rpm", 9.549296585513721)),
     "rad/s2": (("deg/s2", 57.29577951308232),),
     "m": (("mm", 1e3),),
     "J": (("kJ", 1e-3),),
@@ -85,6 +85,7 @@ def parse(name: str) -> Unit:
 _RATE = {"1": "1/s", "m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2", "s": "1", "J": "W", "1/s": "1/s2"}
 _FORCE = {"m": "N", "rad": "N.m", "1": "J"}
 _MOMENTUM = {"m": "kg.m/s", "rad": "kg.m2/s", "1": "J.s"}
+_MULTIPLIER = {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"}
 
 
 def rate(name: str) -> str:
@@ -106,7 +107,7 @@ def momentum(name: str) -> str:
 
 def multiplier(name: str) -> str:
     """Unit of the multiplier of a constraint on rates that has this unit: their product is a power."""
-    return _over("W", name)
+    return _MULTIPLIER.get(name) or _over("W", name)
 
 
 def _over(numerator: str, name: str) -> str:

@@ -1,0 +1,319 @@
+"""Expressions as people write them: a CasADi graph as a sum of products, like terms collected.
+
+A *polynomial* is a sum: a table from monomials to their coefficients.  A *monomial* is a product of powers of *atoms*:
+symbols, functions such as ``cos``, and groups, which are sums that stay in brackets.  Atoms are numbered in the order
+of their first appearance, so that all results are the same from run to run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from itertools import combinations
+
+import casadi as ca
+
+Number = int | Fraction | float  # whole numbers are int, which is quick
+Exponent = int | Fraction
+Monomial = tuple[tuple[int, Exponent], ...]  # (atom, exponent), by atom; no exponent is 0
+Polynomial = dict[Monomial, Number]  # no coefficient is 0; never changed once made
+
+GROUP, SYMBOL = "group", "symbol"
+PI = "π"
+_HALF = Fraction(1, 2)
+_COFUNCTION = {"sin": "cos", "cos": "sin"}
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """What a product is made of: a symbol, a function of polynomials, or a polynomial in brackets."""
+
+    operation: str  # SYMBOL, GROUP, or the name of the function
+    name: str  # of a symbol
+    arguments: tuple[Polynomial, ...]
+
+
+class Algebra:
+    """Sums of products over one common set of atoms.
+
+    :param limit: products of sums are expanded up to so many terms; 1: not at all.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.atoms: list[Atom] = []
+        self._places: dict[object, int] = {}
+
+    # ---- atoms ------------------------------------------------------------------------------------------------
+
+    def atom(self, operation: str, *arguments: Polynomial, name: str = "") -> Polynomial:
+        """The atom as a polynomial; equal atoms are one."""
+        return {((self._place(operation, arguments, name), 1),): 1}
+
+    def symbol(self, name: str) -> Polynomial:
+        return self.atom(SYMBOL, name=name)
+
+    def _place(self, operation: str, arguments: Sequence[Polynomial], name: str = "") -> int:
+        key = (operation, name, *(tuple(sorted(argument.items())) for argument in arguments))
+        if key not in self._places:
+            self._places[key] = len(self.atoms)
+            self.atoms.append(Atom(operation, name, tuple(arguments)))
+        return self._places[key]
+
+    # ---- arithmetic -------------------------------------------------------------------------------------------
+
+    def plus(self, *summands: Polynomial) -> Polynomial:
+        return _collected(item for summand in summands for item in summand.items())
+
+    def times(self, a: Polynomial, b: Polynomial) -> Polynomial:
+        if len(a) * len(b) > self.limit:
+            a, b = (x if is_number(x) or is_number(y) else self.grouped(x) for x, y in ((a, b), (b, a)))
+        return _collected((_merged(m, n), c * d) for m, c in a.items() for n, d in b.items())
+
+    def power(self, base: Polynomial, exponent: Exponent) -> Polynomial:
+        if not base or exponent == 0:
+            return {} if exponent else {(): 1}
+        if isinstance(exponent, Fraction):
+            return self._root(base, exponent)
+        if len(base) > 1 and exponent > 0 and len(base) ** exponent <= self.limit:
+            return reduce(self.times, [base] * exponent)
+        return {_raised(m, exponent): _whole(_exact(c) ** exponent) for m, c in self.grouped(base).items()}
+
+    def _root(self, base: Polynomial, exponent: Exponent) -> Polynomial:
+        """Not an integer power: nothing is taken out of it, since √x² is no x."""
+        place = alone(base)
+        return {((self._place(GROUP, [base]) if place is None else place, exponent),): 1}
+
+    def grouped(self, p: Polynomial) -> Polynomial:
+        """A sum as one product: what its terms have in common, times the rest in brackets."""
+        if len(p) < 2:
+            return p
+        common, rest = content(p)
+        rest = self.simplified(rest)
+        return self.times(common, rest if len(rest) < 2 else self.atom(GROUP, rest))
+
+    def collected(self, p: Polynomial) -> Polynomial:
+        """The sum with common factors put before brackets, the most frequent one first."""
+        if len(p) < 2:
+            return p
+        common, rest = content(p)
+        if common.keys() != {()}:
+            rest = self.collected(rest)
+            return self.times(common, rest if len(rest) == 1 else self.atom(GROUP, rest))
+        uses = Counter(factor for monomial in p for factor in monomial)
+        if not uses or (most := max(uses.values())) < 2:
+            return p
+        (place, exponent) = min(factor for factor, count in uses.items() if count == most)
+        shared = {m: c for m, c in p.items() if dict(m).get(place) == exponent}
+        others = {m: c for m, c in p.items() if m not in shared}
+        return self.plus(self.collected(shared), self.collected(others))
+
+    # ---- functions --------------------------------------------------------------------------------------------
+
+    def call(self, operation: str, *arguments: Polynomial) -> Polynomial:
+        """A function of polynomials; sin(-x) = -sin x and cos(-x) = cos x, and both at 0."""
+        simple = [self.simplified(argument) for argument in arguments]
+        if operation in _COFUNCTION:
+            (angle,) = simple
+            if not angle:
+                return {} if operation == "sin" else {(): 1}
+            if angle[min(angle)] < 0:
+                call = self.call(operation, scaled(angle, -1))
+                return scaled(call, -1) if operation == "sin" else call
+        return self.atom(operation, *simple)
+
+    def simplified(self, p: Polynomial) -> Polynomial:
+        """sin² + cos² = 1 and the sines and cosines of sums of angles, where they make the sum shorter."""
+        shorter: Polynomial | None = p
+        while shorter is not None:
+            p, shorter = shorter, self._pythagoras(shorter) or self._addition_theorem(shorter)
+        return p
+
+    def _pythagoras(self, p: Polynomial) -> Polynomial | None:
+        for place in sorted({atom for monomial in p for atom, exponent in monomial if exponent >= 2}):
+            function = self.atoms[place]
+            if function.operation not in _COFUNCTION:
+                continue
+            partner = self._place(_COFUNCTION[function.operation], function.arguments)
+            terms: list[tuple[Monomial, Number]] = []
+            for monomial, coefficient in p.items():
+                if dict(monomial).get(place, 0) >= 2:
+                    rest = _merged(monomial, ((place, -2),))
+                    terms += [(rest, coefficient), (_merged(rest, ((partner, 2),)), -coefficient)]
+                else:
+                    terms.append((monomial, coefficient))
+            found = _collected(terms)
+            if len(found) < len(p):
+                return found
+        return None
+
+    def _addition_theorem(self, p: Polynomial) -> Polynomial | None:
+        for monomial, c in p.items():
+            waves = [place for place, e in monomial if e >= 1 and self.atoms[place].operation in _COFUNCTION]
+            for first, second in combinations(waves, 2):
+                a, b = self.atoms[first], self.atoms[second]
+                partners = [self._place(_COFUNCTION[x.operation], x.arguments) for x in (a, b)]
+                rest = _merged(monomial, ((first, -1), (second, -1)))
+                other = _merged(rest, _merged(((partners[0], 1),), ((partners[1], 1),)))
+                if other == monomial or abs(p.get(other, 0)) != abs(c):
+                    continue
+                same, alike = p[other] == c, a.operation == b.operation
+                if a.operation == "cos" and not alike:
+                    a, b = b, a  # sin a cos b ± cos a sin b = sin(a ± b)
+                if a.operation == "sin" and alike and not same:
+                    c = -c  # noqa: PLW2901 - cos a cos b ∓ sin a sin b = cos(a ± b): the sign is that of cos cos
+                angle = self.plus(a.arguments[0], scaled(b.arguments[0], -1 if same == alike else 1))
+                wave = self.call("cos" if alike else "sin", angle)
+                rest_of_p = {m: d for m, d in p.items() if m not in (monomial, other)}
+                return self.plus(rest_of_p, self.times({rest: c}, wave))
+        return None
+
+    # ---- from CasADi ------------------------------------------------------------------------------------------
+
+    def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
+        """What a function gives, one scalar of scalars that have these names."""
+        work: dict[int, Polynomial] = {}
+        result: Polynomial = {}
+        for k in range(function.n_instructions()):
+            operation = function.instruction_id(k)
+            into, of = function.instruction_output(k), function.instruction_input(k)
+            if operation == ca.OP_OUTPUT:
+                result = work[of[0]]
+            elif operation == ca.OP_INPUT:
+                work[into[0]] = self.symbol(names[of[0]])
+            elif operation == ca.OP_CONST:
+                work[into[0]] = self.number(function.instruction_constant(k))
+            else:
+                work[into[0]] = self._apply(operation, [work[place] for place in of])
+        return self.simplified(result)
+
+    def number(self, value: float) -> Polynomial:
+        """A constant: a fraction, a fraction of π or the root of a fraction where it is one to the last bit."""
+        number = _fraction(value)
+        if isinstance(number, float) and math.isfinite(value):
+            of_pi, square = _fraction(value / math.pi), Fraction(value * value).limit_denominator(100)
+            if not isinstance(of_pi, float):
+                return scaled(self.symbol(PI), of_pi)
+            if math.sqrt(square) == abs(value):
+                return scaled(self.power({(): _whole(square)}, _HALF), 1 if value > 0 else -1)
+        return {(): number} if number else {}
+
+    def _apply(self, operation: int, x: list[Polynomial]) -> Polynomial:
+        if operation in _ARITHMETIC:
+            return _ARITHMETIC[operation](self, *x)
+        if operation in (ca.OP_POW, ca.OP_CONSTPOW):
+            exponent = x[1].get((), 0) if is_number(x[1]) else None
+            if isinstance(exponent, (int, Fraction)):
+                return self.power(x[0], exponent)
+            return self.call("pow", *x)
+        return self.call(_FUNCTIONS[operation], *x)
+
+
+def is_known(function: ca.Function) -> bool:
+    """Whether a function is made of nothing but what can be written here; calls of others cannot."""
+    plain = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_POW, ca.OP_CONSTPOW, *_ARITHMETIC, *_FUNCTIONS}
+    return all(function.instruction_id(k) in plain for k in range(function.n_instructions()))
+
+
+def is_number(p: Polynomial) -> bool:
+    """Whether a sum is a constant."""
+    return not p or (len(p) == 1 and () in p)
+
+
+def alone(p: Polynomial) -> int | None:
+    """The atom that a sum consists of, if it is nothing else."""
+    ((monomial, coefficient),) = p.items() if len(p) == 1 else [((), 0)]
+    return monomial[0][0] if coefficient == 1 and len(monomial) == 1 and monomial[0][1] == 1 else None
+
+
+def scaled(p: Polynomial, factor: Number) -> Polynomial:
+    """The sum times a number that is not 0."""
+    return {monomial: coefficient * factor for monomial, coefficient in p.items()}
+
+
+def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
+    """The product that all terms have in common, and what remains; the first term that remains is positive."""
+    exponents = [dict(monomial) for monomial in p]
+    shared = set.intersection(*(set(e) for e in exponents))
+    monomial = tuple(sorted((atom, min(e[atom] for e in exponents)) for atom in shared))
+    coefficients = list(p.values())
+    number: Number = 1
+    fractions = [c for c in coefficients if not isinstance(c, float)]
+    if len(fractions) == len(coefficients):
+        number = Fraction(math.gcd(*(f.numerator for f in fractions)), math.lcm(*(f.denominator for f in fractions)))
+    if p[min(p)] < 0:
+        number = -number
+    inverse = _raised(monomial, -1)
+    return {monomial: _whole(number)}, {_merged(m, inverse): _whole(_exact(c) / number) for m, c in p.items()}
+
+
+def _whole(number: Number) -> Number:
+    """The same number, as an int if it is a fraction that is one."""
+    return _int(number) if isinstance(number, Fraction) else number
+
+
+def _int(exponent: Exponent) -> Exponent:
+    return exponent.numerator if exponent.denominator == 1 else exponent
+
+
+def _exact(number: Number) -> Fraction | float:
+    """For division: that of two ints would not be exact."""
+    return Fraction(number) if isinstance(number, int) else number
+
+
+def _collected(terms: Iterable[tuple[Monomial, Number]]) -> Polynomial:
+    found: Polynomial = {}
+    for monomial, coefficient in terms:
+        found[monomial] = found.get(monomial, 0) + coefficient
+    return {monomial: _whole(coefficient) for monomial, coefficient in found.items() if coefficient}
+
+
+def _merged(a: Monomial, b: Monomial) -> Monomial:
+    if not a or not b:
+        return a or b
+    exponents: dict[int, Exponent] = dict(a)
+    for atom, exponent in b:
+        exponents[atom] = exponents.get(atom, 0) + exponent
+    return tuple(sorted((atom, _int(exponent)) for atom, exponent in exponents.items() if exponent))
+
+
+def _raised(monomial: Monomial, exponent: Exponent) -> Monomial:
+    return tuple((atom, _int(e * exponent)) for atom, e in monomial)
+
+
+def _fraction(value: float) -> Number:
+    if not math.isfinite(value):
+        return value
+    simple = Fraction(value).limit_denominator(1000)
+    return _whole(simple) if float(simple) == value else value
+
+
+_ARITHMETIC: Mapping[int, Callable[..., Polynomial]] = {
+    ca.OP_ASSIGN: lambda _, x: x,
+    ca.OP_ADD: Algebra.plus,
+    ca.OP_SUB: lambda a, x, y: a.plus(x, scaled(y, -1)),
+    ca.OP_NEG: lambda _, x: scaled(x, -1),
+    ca.OP_MUL: Algebra.times,
+    ca.OP_DIV: lambda a, x, y: a.times(x, a.power(y, -1)),
+    ca.OP_INV: lambda a, x: a.power(x, -1),
+    ca.OP_SQ: lambda a, x: a.power(x, 2),
+    ca.OP_TWICE: lambda _, x: scaled(x, 2),
+    ca.OP_SQRT: lambda a, x: a.power(x, _HALF),
+    ca.OP_HYPOT: lambda a, x, y: a.power(a.plus(a.power(x, 2), a.power(y, 2)), _HALF),
+    # [c] is 1 where the condition c holds and 0 elsewhere.
+    ca.OP_IF_ELSE_ZERO: Algebra.times,
+    ca.OP_NOT: lambda a, x: a.plus({(): 1}, scaled(x, -1)),
+    ca.OP_AND: Algebra.times,
+}
+_FUNCTIONS: Mapping[int, str] = {
+    getattr(ca, f"OP_{name.upper()}"): name
+    for name in (
+        *("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+        *("exp", "log", "atan2", "fabs", "sign", "floor", "ceil", "fmod", "fmin", "fmax", "erf"),
+        *("lt", "le", "eq", "ne", "or", "copysign", "expm1", "log1p"),
+    )
+}

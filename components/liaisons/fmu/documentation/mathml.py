@@ -1,0 +1,281 @@
+"""Formulas in MathML Core, which browsers draw by themselves, from CasADi expressions."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+import casadi as ca
+
+from liaisons.fmu.documentation.algebra import (
+    GROUP,
+    PI,
+    SYMBOL,
+    Algebra,
+    Exponent,
+    Monomial,
+    Number,
+    Polynomial,
+    alone,
+    is_known,
+    is_number,
+)
+from liaisons.fmu.documentation.notation import Notation
+
+_PLUS, _MINUS = "<mo>+</mo>", "<mo>−</mo>"
+_OPEN, _CLOSE = "<mrow><mo>(</mo>", "<mo>)</mo></mrow>"
+_TIMES, _APPLY, _SPACE = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>", '<mspace width="0.2em"></mspace>'
+_RELATIONS = {"lt": "&lt;", "le": "≤", "eq": "=", "ne": "≠"}
+_AROUND = {GROUP: "()", "fabs": "||", **dict.fromkeys(_RELATIONS, "[]")}
+_CALLS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "log": "ln", "fmin": "min", "fmax": "max"}
+_TAG = re.compile(r"<[^>]+>|&#x206[12];")
+# A word, which is a name of several letters, at the end of a factor or at its beginning.
+_WORD_LAST = re.compile(r"<mi>\w\w+</mi>(?:</\w+>|<mo>[˙¨]</mo>)*$")
+_WORD_FIRST = re.compile(r"(?:<\w+[^>]*>)*<mi>\w\w+</mi>")
+
+EXPANSIONS = (1, 12, 60)
+"""Ways to write a formula: products of sums left alone, or expanded up to so many terms; the shortest one is taken."""
+
+SHORT, LONGEST = 30, 200
+"""Operations up to which a formula is written without abbreviations, and up to which it is written at all."""
+
+HOPELESS = 1.4
+"""How many times longer than that a formula is, before anything is expanded, that is given up at once."""
+
+ONE_LINE, LOOSER = 22, 1.35
+"""Operations that fit on a line, and how many times longer a formula may be if that breaks it between terms."""
+
+WORTH_A_NAME = 4
+"""Operations from which on a repeated bracket of a long formula gets a name."""
+
+WIDTH = 75
+"""Characters of a line of a formula, with those that do not show."""
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A formula in MathML: its lines, what its abbreviations stand for, and how many operations that all takes."""
+
+    lines: tuple[str, ...]
+    where: tuple[tuple[str, str], ...]
+    operations: int
+
+
+def formula(expression: ca.SX, notation: Notation) -> Formula | None:
+    """The shortest way found to write a scalar expression; None where it takes more than ``LONGEST`` operations."""
+    symbols = ca.symvar(expression)
+    function = ca.Function("f", symbols, ca.cse([ca.densify(expression)]))
+    if function.n_instructions() > 2 * LONGEST or not is_known(function):
+        return None
+    writers: list[_Writer] = []
+    for limit in EXPANSIONS:
+        writers.append(_Writer(function, [symbol.name() for symbol in symbols], Algebra(limit), notation))
+        if writers[0].operations > HOPELESS * LONGEST:
+            return None
+    shortest = min(writers, key=lambda writer: writer.operations)
+    return shortest.formula() if shortest.operations <= LONGEST else None
+
+
+class _Writer:
+    """Writes one expression; repeated brackets of a long one get names."""
+
+    def __init__(self, function: ca.Function, names: list[str], algebra: Algebra, notation: Notation) -> None:
+        self.algebra = algebra
+        self.notation = notation
+        self.abbreviations: dict[int, str] = {}
+        self.where: list[tuple[str, str]] = []
+        plain = algebra.value(function, names)
+        collected = algebra.collected(plain)
+        short, long = self._counted(collected), self._counted(plain)
+        # What fits on one line is best short; beyond that, lines break between terms only.
+        self.polynomial = collected if short < min(long, ONE_LINE) or LOOSER * short < long else plain
+        self.operations = self._counted(self.polynomial)
+
+    def formula(self) -> Formula:
+        self._abbreviate()
+        return Formula(tuple(self._lines()), tuple(self.where), self.operations)
+
+    # ---- how long it is ---------------------------------------------------------------------------------------
+
+    def _counted(self, p: Polynomial) -> int:
+        """Operations, those of repeated parts once."""
+        return _own(p) + sum(sum(map(_own, self.algebra.atoms[place].arguments), 1) for place in self._uses(p))
+
+    def _uses(self, p: Polynomial) -> Counter[int]:
+        """How often each function and bracket is written, if each is written out once."""
+        found: Counter[int] = Counter()
+        waiting = [p]
+        while waiting:
+            for place in (place for monomial in waiting.pop() for place, _ in monomial):
+                atom = self.algebra.atoms[place]
+                if atom.operation != SYMBOL:
+                    found[place] += 1
+                    waiting += atom.arguments if found[place] == 1 else ()
+        return found
+
+    def _written_out(self, p: Polynomial, known: dict[int, int]) -> int:
+        """Operations without abbreviations; known: those of the atoms met before."""
+        total = _own(p)
+        for place in (place for monomial in p for place, _ in monomial):
+            if place not in known:
+                arguments = self.algebra.atoms[place].arguments
+                known[place] = sum((1 + self._written_out(argument, known) for argument in arguments), 0)
+            total += known[place]
+        return total
+
+    def _abbreviate(self) -> None:
+        """Names for what a long formula repeats; what they stand for is written before they are in force."""
+        if self._written_out(self.polynomial, {}) <= SHORT:
+            return
+        letter = f"<mi>{self.notation.free_letter()}</mi>"
+        repeated = [place for place, count in self._uses(self.polynomial).items() if count > 1]
+        for place in sorted(repeated):  # what it is made of has lower numbers
+            atom = self.algebra.atoms[place]
+            if sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME:
+                text = self._sum(atom.arguments[0]) if atom.operation == GROUP else self._factor(place)
+                name = f"<msub>{letter}<mn>{len(self.abbreviations) + 1}</mn></msub>"
+                self.abbreviations[place] = name
+                self.where.append((name, text))
+
+    # ---- sums -------------------------------------------------------------------------------------------------
+
+    def _lines(self) -> Iterator[str]:
+        """The formula, broken before a sign where it is wide."""
+        line = ""
+        for term in self._terms(self.polynomial):
+            if line and len(_TAG.sub("", line + term)) > WIDTH:
+                yield line
+                line = ""
+            line += term
+        yield line or "<mn>0</mn>"
+
+    def _sum(self, p: Polynomial) -> str:
+        return "".join(self._terms(p)) or "<mn>0</mn>"
+
+    def _terms(self, p: Polynomial) -> Iterator[str]:
+        """Terms with their signs, positive ones first, short ones before long ones."""
+        ordered = sorted(p.items(), key=lambda item: (item[1] < 0, len(item[0]), self._rank(item[0])))
+        for i, (monomial, coefficient) in enumerate(ordered):
+            place = alone({monomial: coefficient})
+            if place is not None and self._is_open(place):  # a bracket that multiplies nothing
+                inner = self._terms(self.algebra.atoms[place].arguments[0])
+                yield from (
+                    term if k or not i or term.startswith(_MINUS) else _PLUS + term for k, term in enumerate(inner)
+                )
+            else:
+                yield (_MINUS if coefficient < 0 else _PLUS if i else "") + self._product(monomial, abs(coefficient))
+
+    # ---- products ---------------------------------------------------------------------------------------------
+
+    def _product(self, monomial: Monomial, coefficient: Number) -> str:
+        factors = sorted(monomial, key=lambda factor: self._rank((factor,)))
+        above = [self._power(place, e) for place, e in factors if e > 0]
+        below = [self._power(place, -e) for place, e in factors if e < 0]
+        top, bottom = coefficient, 1
+        if isinstance(coefficient, Fraction):
+            top, bottom = coefficient.numerator, coefficient.denominator
+        if bottom != 1 and not below and above:
+            return _joined([_fraction(_number(top), _number(bottom)), *above])
+        if top != 1 or not above:
+            above.insert(0, _number(top))
+        if bottom != 1:
+            below.insert(0, _number(bottom))
+        return _fraction(_bare(above), _bare(below)) if below else _joined(above)
+
+    def _power(self, place: int, exponent: Exponent) -> str:
+        atom = self.algebra.atoms[place]
+        if exponent == Fraction(1, 2):
+            return f"<msqrt>{self._sum(atom.arguments[0]) if self._is_open(place) else self._factor(place)}</msqrt>"
+        if exponent == 1:
+            return self._factor(place)
+        above = self._product((), exponent)
+        if atom.operation in ("sin", "cos") and exponent == 2:
+            return self._call(f"<msup><mi>{atom.operation}</mi>{above}</msup>", atom.arguments)
+        base = self._factor(place)
+        if atom.operation not in (SYMBOL, GROUP):
+            base = _OPEN + base + _CLOSE
+        return f"<msup>{base}{above}</msup>"
+
+    def _factor(self, place: int) -> str:
+        """An atom, in brackets where it needs them in a product."""
+        atom = self.algebra.atoms[place]
+        if place in self.abbreviations:
+            return self.abbreviations[place]
+        if atom.operation == SYMBOL:
+            return self.notation[atom.name]
+        inner = [self._sum(argument) for argument in atom.arguments]
+        if atom.operation == "pow":
+            return f"<msup>{_OPEN}{inner[0]}{_CLOSE}<mrow>{inner[1]}</mrow></msup>"
+        around = _AROUND.get(atom.operation)
+        if around is None:
+            return self._call(f"<mi>{_CALLS.get(atom.operation, atom.operation)}</mi>", atom.arguments)
+        relation = _RELATIONS.get(atom.operation, ",")
+        return f"<mrow><mo>{around[0]}</mo>{f'<mo>{relation}</mo>'.join(inner)}<mo>{around[1]}</mo></mrow>"
+
+    def _call(self, function: str, arguments: tuple[Polynomial, ...]) -> str:
+        first, *others = arguments
+        place = alone(first)
+        if not others and place is not None and self.algebra.atoms[place].operation == SYMBOL:
+            argument = _SPACE + self._sum(first)
+        else:
+            argument = _OPEN + "<mo>,</mo>".join(map(self._sum, arguments)) + _CLOSE
+        return f"<mrow>{function}{_APPLY}{argument}</mrow>"
+
+    def _is_open(self, place: int) -> bool:
+        """Whether it is a bracket that is written out."""
+        return self.algebra.atoms[place].operation == GROUP and place not in self.abbreviations
+
+    def _rank(self, monomial: Monomial) -> tuple[tuple[int, int], ...]:
+        """Order of writing: numbers, symbols in the order of the variables, brackets, functions."""
+        ranks = []
+        for place, _ in monomial:
+            atom = self.algebra.atoms[place]
+            if atom.operation == SYMBOL:
+                ranks.append((0, -1 if atom.name == PI else self.notation.rank(atom.name)))
+            elif atom.operation == GROUP and is_number(atom.arguments[0]):
+                ranks.append((-1, place))
+            else:
+                ranks.append((0 if place in self.abbreviations else 1 if atom.operation == GROUP else 2, place))
+        return tuple(sorted(ranks))
+
+
+def _own(p: Polynomial) -> int:
+    """Operations of a sum of products, without those inside of its factors."""
+    count = max(len(p) - 1, 0)
+    for monomial, coefficient in p.items():
+        count += max(len(monomial) - 1, 0) + sum(e not in (1, -1) for _, e in monomial)
+        count += 1 if monomial and abs(coefficient) != 1 else 0
+    return count
+
+
+def _joined(factors: list[str]) -> str:
+    """A product: nothing between the factors, a space beside words."""
+    if not factors:
+        return "<mn>1</mn>"
+    text = factors[0]
+    for before, after in pairwise(factors):
+        text += _TIMES + (_SPACE if _WORD_LAST.search(before) or _WORD_FIRST.match(after) else "") + after
+    return text
+
+
+def _bare(factors: list[str]) -> str:
+    """A product above or below a line, where a bracket that stands alone needs none."""
+    is_bracket = len(factors) == 1 and factors[0].startswith(_OPEN) and factors[0].endswith(_CLOSE)
+    return factors[0].removeprefix(_OPEN).removesuffix(_CLOSE) if is_bracket else _joined(factors)
+
+
+def _fraction(top: str, bottom: str) -> str:
+    return f"<mfrac><mrow>{top}</mrow><mrow>{bottom}</mrow></mfrac>"
+
+
+def _number(value: Number) -> str:
+    if isinstance(value, int):
+        return f"<mn>{value}</mn>"
+    mantissa, _, exponent = f"{float(value)!r}".partition("e")
+    if not exponent:
+        return f"<mn>{mantissa}</mn>"
+    return f"<mn>{mantissa}</mn><mo>·</mo><msup><mn>10</mn><mn>{int(exponent)}</mn></msup>"

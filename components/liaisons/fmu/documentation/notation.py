@@ -1,0 +1,93 @@
+"""How variables are written: letters, dots and subscripts from their names, in MathML."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable
+from html import escape
+
+# fmt: off
+_GREEK: dict[str, str] = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η",
+    "theta": "θ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ",
+    "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "chi": "χ", "psi": "ψ",
+    "omega": "ω", "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π",
+    "Sigma": "Σ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
+}
+# fmt: on
+# Letters that everybody uses for these words; the table of variables says what they stand for.
+_LETTERS = {
+    "kinetic_energy": "T",
+    "potential_energy": "V",
+    "energy": "E",
+    "angular_frequency": "ω",
+    "amplitude": "A",
+    "damping": "γ",
+    "friction": "η",
+    "gravity": "g",
+    "inertia": "I",
+    "length": "l",
+    "mass": "m",
+    "phase": "φ",
+    "radius": "R",
+    "stiffness": "k",
+}
+_NAME = re.compile(r"(?P<stem>.+?)(?P<rate>_d?dot)?(?P<start>_0)?(?:\[(?P<index>.+)\])?")
+_DOTS = {"_dot": "˙", "_ddot": "¨"}
+
+
+class Notation:
+    """How each variable is written: its letter, dots, subscripts.  No two variables are written alike.
+
+    :param names: names of variables, by rank: factors of a product stand in this order.
+    :param active: those that an operator prescribes, whose forces are called λ.
+    """
+
+    def __init__(self, names: Iterable[str], active: Collection[str] = ()) -> None:
+        self._rank = {name: i for i, name in enumerate(names)}
+        self._active = active
+        written = {name: self._written(name) for name in self._rank}
+        taken = Counter(written.values())
+        self._symbols = {name: text if taken[text] == 1 else _letter(name) for name, text in written.items()}
+
+    def __getitem__(self, name: str) -> str:
+        return self._symbols.get(name) or self._written(name)
+
+    def rank(self, name: str) -> int:
+        """Place among the names; behind all of them for others."""
+        return self._rank.get(name, len(self._rank))
+
+    def free_letter(self) -> str:
+        """A letter that no variable has, for abbreviations."""
+        return next(letter for letter in "abcdefhjnuvw" if not any(f">{letter}<" in s for s in self._symbols.values()))
+
+    def _written(self, name: str) -> str:
+        match = _NAME.fullmatch(name)
+        assert match is not None  # names are not empty
+        stem, prefix = match["stem"], list[str]()
+        for ending, letter in (("_force", "Q"), ("_load", "F"), ("_power", "P")):
+            if stem.endswith(ending):
+                stem = stem.removesuffix(ending)
+                prefix = ["λ" if ending == "_force" and stem in self._active else letter]
+        head, *subscripts = prefix + ([_LETTERS[stem]] if stem in _LETTERS else stem.split("_"))
+        is_word = not prefix and len(head) > 1 and head not in {*_GREEK, *_LETTERS}
+        if is_word and subscripts and subscripts[-1] in _LETTERS:
+            head, subscripts = subscripts[-1], [head, *subscripts[:-1]]  # the inertia of the hoop, I_hoop
+        base = _letter(_LETTERS.get(head, head))
+        if match["rate"]:
+            base = f'<mover accent="true">{base}<mo>{_DOTS[match["rate"]]}</mo></mover>'
+        below = [_letter(part) for part in subscripts if part]
+        if match["index"]:
+            below += [self._written(part) for part in match["index"].split(",")]
+        if match["start"]:
+            below.append("<mn>0</mn>")
+        return f"<msub>{base}{_row(below, '<mo>,</mo>')}</msub>" if below else base
+
+
+def _letter(text: str) -> str:
+    return f"<mn>{text}</mn>" if text.isdecimal() else f"<mi>{escape(_GREEK.get(text, text))}</mi>"
+
+
+def _row(parts: list[str], between: str) -> str:
+    return parts[0] if len(parts) == 1 else f"<mrow>{between.join(parts)}</mrow>"

@@ -1,0 +1,246 @@
+"""documentation/index.html of an FMU: what the component is, its equations, variables and ports, on one page."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable
+from functools import lru_cache
+from html import escape
+
+import casadi as ca
+
+from liaisons import __version__
+from liaisons.fmu.documentation.laws import LAWS
+from liaisons.fmu.documentation.mathml import Formula, formula
+from liaisons.fmu.documentation.notation import Notation
+from liaisons.fmu.documentation.style import STYLE
+from liaisons.mechanics.model import Model, Port, Variable
+
+_JOINT = "where the link before ends, or its rate"
+_KINDS = {
+    "free": "moves by itself; takes the force of what is attached",
+    "active": "an operator, or another mechanism, prescribes it; gives back the force that this takes",
+    "point": "a place to attach another mechanism; takes its force",
+    "signal": "a source for an active port",
+}
+_PLUG = (
+    "In brackets: the member's name in the terminal, as in the flanges of the Modelica Standard Library. A free "
+    "coordinate or a point of one mechanism (<code>q</code>) is plugged into an active coordinate of another "
+    "(<code>s</code>), both ways at once and without a sign to remember:"
+)
+_RESULTS = (
+    "Reference results, integrated from the same functions by another method, lie in "
+    "<code>extra/org.fmi-standard.fmi-ls-ref</code>, unless the experiment is too much to integrate."
+)
+_WIRING = (
+    ("q", "s"),
+    ("q_dot", "s_dot"),
+    ("q_ddot", "s_ddot"),
+    ("q_load", "s_force"),
+)
+_HERMITE = (
+    "the quintic Hermite polynomial between the values before the step and those that are set for it, which belong "
+    "to its end: continuous in s, s_dot and s_ddot, error of the sixth order in the step"
+)
+_RECONSTRUCTION = (
+    ("0", "hold", "the value at the start of the step; rate and acceleration as given"),
+    ("1", "extrapolate", "s + s_dot h + s_ddot h²/2 from the values at the start of the step (the default)"),
+    ("2", "interpolate", _HERMITE),
+)
+
+
+@lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
+def index_page(model: Model) -> bytes:
+    """The page, in UTF-8; the same bytes for the same model."""
+    notation = Notation([v.name for v in model.variables], {active.value for active in model.active})
+    sections = {
+        "About": _text(model.documentation.removeprefix(model.description)),
+        "Equations": _equations(model, notation),
+        "Variables": _variables(model, notation),
+        "Ports": _ports(model.ports, {v.name: v for v in model.variables}),
+        "Inputs inside a step": _reconstruction() if model.inputs else [],
+        "Checked against": _closed_form(model),
+        "Default experiment": _experiment(model),
+    }
+    shown = {title: lines for title, lines in sections.items() if lines}
+    contents = " · ".join(f'<a href="#{_anchor(title)}">{title}</a>' for title in shown)
+    page = [
+        "<!DOCTYPE html>",
+        '<html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{escape(model.name)}</title><style>{STYLE}</style></head><body>",
+        f"<header><h1>{escape(model.name)}</h1><p>{_inline(model.description)}</p><nav>{contents}</nav></header>",
+    ]
+    for title, lines in shown.items():
+        page += [f'<section id="{_anchor(title)}"><h2>{title}</h2>', *lines, "</section>"]
+    page += [f"<footer>Written by liaisons {__version__} from the symbols of the model.</footer>", "</body></html>", ""]
+    return "\n".join(page).encode()
+
+
+# ---- text --------------------------------------------------------------------------------------------------------
+
+
+def _text(docstring: str) -> list[str]:
+    """A docstring as paragraphs, displayed blocks and lists of fields."""
+    lines: list[str] = []
+    displayed = False
+    for block in re.split(r"\n\s*\n", docstring.strip("\n")):
+        indented = all(line.startswith("    ") for line in block.splitlines())
+        if displayed and indented:
+            lines.append(f"<pre>{escape(re.sub('(?m)^    ', '', block))}</pre>")
+            continue
+        displayed = block.rstrip().endswith("::")
+        text = block.rstrip().removesuffix("::").rstrip(":") + (":" if displayed and block.strip() != "::" else "")
+        fields = re.split(r"(?m)^:(?=\w+(?: \w+)?:)", text)
+        lines += [f"<p>{_inline(fields[0])}</p>"] if fields[0].strip() else []
+        rows = [field.partition(":")[::2] for field in fields[1:]]
+        lines += [f"<p class=field><b>{escape(name)}</b> {_inline(value)}</p>" for name, value in rows]
+    return lines
+
+
+def _inline(text: str) -> str:
+    """Code marks of a docstring; references to other objects by their names alone."""
+    named = re.sub(r":\w+:`[~]?([^`]+)`", r"``\1``", text.strip())
+    return re.sub(r"``(.+?)``", r"<code>\1</code>", escape(named))
+
+
+def _anchor(title: str) -> str:
+    return title.lower().replace(" ", "-")
+
+
+def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    """A table of markup."""
+
+    def row(cells: Iterable[str], tag: str) -> str:
+        return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in cells)}</tr>"
+
+    return ["<div class=wide><table>", row(head, "th"), *(row(cells, "td") for cells in rows), "</table></div>"]
+
+
+# ---- equations ---------------------------------------------------------------------------------------------------
+
+
+def _equations(model: Model, notation: Notation) -> list[str]:
+    """Each law in its general form, then what it says here."""
+    lines: list[str] = []
+    for section in dict.fromkeys(equation.section for equation in model.equations):
+        law = LAWS[section]
+        lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{_display(law.markup) if law.markup else ''}</p>"]
+        equations = [equation for equation in model.equations if equation.section == section]
+        written = [(equation.left, formula(equation.right, notation)) for equation in equations]
+        shown = [line for left, right in written if right for line in _equation(notation[left], right)]
+        lines += ["<div class=equations>", *shown, "</div>"] if shown else []
+        dropped = [left for left, right in written if right is None]
+        if dropped:
+            names = ", ".join(f"<math>{notation[name]}</math>" for name in dropped)
+            lines.append(f"<p class=note>Too long to be read: {names}; the FMU's sources have them in C.</p>")
+    return lines
+
+
+def _equation(left: str, right: Formula) -> list[str]:
+    """One equation, on several lines where it is wide, and its abbreviations."""
+    first, *others = right.lines
+    body = f"{left}<mo>=</mo>{first}"
+    if others:
+        rows = [(left, "<mo>=</mo>", first), *(("", "", line) for line in others)]
+        body = "".join(f"<mtr><mtd>{a}</mtd><mtd>{b}</mtd><mtd>{c}</mtd></mtr>" for a, b, c in rows)
+        body = f'<mtable displaystyle="true">{body}</mtable>'
+    where = [_display(f"{name}<mo>=</mo>{text}") for name, text in right.where]
+    return [_display(body), *(["<p>where</p>", *where] if where else [])]
+
+
+def _display(markup: str) -> str:
+    return f'<math display="block">{markup}</math>'
+
+
+# ---- variables and ports -----------------------------------------------------------------------------------------
+
+
+def _variables(model: Model, notation: Notation) -> list[str]:
+    head = ("", "name", "unit", "kind", "start", "allowed", "meaning")
+    lines = [
+        f"<p class=field><code>{escape(size.name)}</code> = {size.count}: {escape(size.description)}; fixed</p>"
+        for size in model.dimensions
+    ]
+    for title, variables in (
+        ("Parameters", model.parameters),
+        ("Inputs", model.inputs),
+        ("Outputs and local variables", model.outputs),
+    ):
+        if variables:
+            lines += [f"<h3>{title}</h3>", *_table(head, (_variable(v, notation) for v in variables))]
+    known = {v.name for v in model.variables}
+    used = {symbol.name() for equation in model.equations for symbol in ca.symvar(equation.right)} - known
+    if used:
+        rows = ((f"<math>{notation[name]}</math>", escape(name), _further(name, known)) for name in sorted(used))
+        lines += ["<h3>Further symbols</h3>", *_table(("", "name", "meaning"), rows)]
+    return lines
+
+
+def _further(name: str, variables: Collection[str]) -> str:
+    """What a symbol is that is no variable."""
+    if name == "t":
+        return "time [s]"
+    return f"that of a link: one of {name}[1], {name}[2], ..." if f"{name}[1]" in variables else _JOINT
+
+
+def _variable(variable: Variable, notation: Notation) -> tuple[str, ...]:
+    size = "" if variable.dimension is None else f"[1…{variable.dimension.name}]"
+    kind = variable.causality + (", tunable" if variable.variability == "tunable" else "")
+    return (
+        f"<math>{notation[variable.name]}</math>",
+        f"<code>{escape(variable.name)}{size}</code>",
+        escape(variable.unit) or "any",
+        kind,
+        "" if variable.start is None else ", ".join(f"{start:.6g}" for start in _distinct(variable)),
+        escape(variable.domain()),
+        _inline(variable.description),
+    )
+
+
+def _distinct(variable: Variable) -> tuple[float, ...]:
+    """Start values; one for all elements of an array if they are alike."""
+    return variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]
+
+
+def _ports(ports: tuple[Port, ...], variables: dict[str, Variable]) -> list[str]:
+    if not ports:
+        return []
+
+    def members(port: Port, causality: str) -> str:
+        found = (m for m in port.members if variables[m.variable].causality == causality)
+        return ", ".join(f"<code>{escape(m.variable)}</code> <small>({m.role})</small>" for m in found)
+
+    rows = ((f"<b>{escape(p.name)}</b>", p.kind, members(p, "output"), members(p, "input")) for p in ports)
+    lines = _table(("port", "kind", "gives", "takes"), rows)
+    lines += [f"<p class=field><b>{kind}</b> {_KINDS[kind]}</p>" for kind in dict.fromkeys(p.kind for p in ports)]
+    arrows = ((f"<code>{q}</code>", "←" if q == "q_load" else "→", f"<code>{s}</code>") for q, s in _WIRING)
+    return [*lines, f"<p>{_PLUG}</p>", *_table(("free coordinate or point", "", "active coordinate"), arrows)]
+
+
+def _reconstruction() -> list[str]:
+    rows = ((f"<code>{value}</code>", name, escape(text)) for value, name, text in _RECONSTRUCTION)
+    text = "Between two communication points a prescribed coordinate has to move; this fixed parameter says how:"
+    return [f"<p>{text}</p>", *_table(("<code>input_reconstruction</code>", "", "motion during a step"), rows)]
+
+
+# ---- evidence ----------------------------------------------------------------------------------------------------
+
+
+def _closed_form(model: Model) -> list[str]:
+    if not model.closed_form:
+        return []
+    return [
+        f"<p><code>{escape(model.name)}.exact</code>, which knows nothing of the FMU:</p>",
+        *_text(model.closed_form),
+    ]
+
+
+def _experiment(model: Model) -> list[str]:
+    e = model.experiment
+    rows = (
+        ("stop time", f"{e.stop_time:g} s"),
+        ("step size", f"{e.step_size:g} s"),
+        ("tolerance", f"{e.tolerance:g}, relative, of each internal step"),
+    )
+    return [*_table(("", ""), rows), f"<p>{_RESULTS}</p>"]

@@ -1,0 +1,50 @@
+"""What an FMU carries for the people who import it: documentation, terminals, icon, reference results."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import metadata
+
+from liaisons.fmu.documentation import index_page
+from liaisons.fmu.icon import icons
+from liaisons.fmu.layout import Fmi
+from liaisons.fmu.reference_results import reference_members, trajectory
+from liaisons.fmu.terminals import terminals_and_icons
+from liaisons.mechanics.model import Model
+
+_LICENSES = """\
+The model: that of its author.
+The runtime of liaisons, in the binaries and beside the model in sources:
+
+{ours}
+
+The headers of the FMI standard in sources: BSD-2-Clause, its text stands in them.
+"""
+
+
+def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
+    """Members beside the model description, sources and binaries, by path in the archive.
+
+    :param model: the component.
+    :param fmi: FMI 2.0 shows the elements of arrays as variables of their own and has its icon at the root.
+    :returns: the same bytes for the same arguments, on every machine.
+    """
+    results = trajectory(model)
+    svg, png = icons(model, results)
+    members = {
+        "documentation/index.html": index_page(model),
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(model, fmi),
+        "terminalsAndIcons/icon.svg": svg,
+        "terminalsAndIcons/icon.png": png,
+        "documentation/licenses/license.txt": _license(),
+        **reference_members(model, results, fmi),
+    }
+    return members | ({"model.png": png} if fmi == "2" else {})
+
+
+@cache
+def _license() -> bytes:
+    """Under what terms the parts of an FMU can be passed on."""
+    distribution = metadata.distribution("liaisons")
+    texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]
+    return _LICENSES.format(ours=texts[0] if texts else distribution.metadata["License-Expression"]).encode()

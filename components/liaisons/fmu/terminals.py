@@ -1,0 +1,103 @@
+"""terminalsAndIcons.xml: the ports of a component as FMI 3.0 terminals, which FMI 2.0 takes over as they are.
+
+A port has the member names of the Modelica Standard Library: s, v, a, f of a translation, phi, w, a, tau of a rotation.
+Positions and rates of two connected terminals are equal (``signal``).  Forces obey Kirchhoff's law: that of an active
+port flows into its mechanism, the load of a free port or of a point out of its own, so that ``s_force`` is put on
+``q_load`` as it is.  Ports that are components of one place (``bob_x``, ``bob_z``) are nested in a terminal of its own,
+so that one connection hangs a pendulum on another.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from liaisons.fmu.layout import Fmi
+from liaisons.fmu.markup import document, element
+from liaisons.mechanics.model import Model, Port, PortMember
+
+MOST_ELEMENTS = 100
+"""Elements of an array up to which FMI 2.0, which has no arrays, gets terminals for them."""
+
+_ROTATION = {"s": "phi", "v": "w", "a": "a"}
+_COMPONENT = re.compile(r"(?P<place>.+)_(?P<axis>[xyz])(?P<index>\[\d+\])?")
+_FORCES = ("f", "tau")
+_TEXTS = {
+    "free": "free coordinate: gives its motion, takes the force of what is attached",
+    "active": "active coordinate: takes its motion from an operator or a free coordinate, gives the force for it",
+    "point": "place to attach another mechanism: gives its motion, takes the force of what is attached",
+    "signal": "signal with its two derivatives, for an active coordinate",
+}
+
+
+def terminals_and_icons(model: Model, fmi: Fmi) -> bytes:
+    """The file, in UTF-8; the same bytes for the same arguments."""
+    ports = model.ports if fmi == "3" else tuple(_elements(model))
+    return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _content(ports)))
+
+
+def _content(ports: tuple[Port, ...]) -> Iterator[str]:
+    corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    graphics = [
+        *element("CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}),
+        *element("Icon", corners),
+    ]
+    yield from element("GraphicalRepresentation", {}, graphics)
+    if ports:
+        yield from element("Terminals", {}, _terminals(ports))
+
+
+def _terminals(ports: tuple[Port, ...]) -> Iterator[str]:
+    places: dict[tuple[str, str], dict[str, Port]] = {}  # (kind, place) -> components by axis
+    for port in ports:
+        if match := _COMPONENT.fullmatch(port.name):
+            place = match["place"] + (match["index"] or "")
+            places.setdefault((port.kind, place), {})[match["axis"]] = port
+    names = {port.name for port in ports}
+    nested = {p.name: place for place, axes in places.items() if len(axes) > 1 for p in axes.values()}
+    for port in ports:
+        place = nested.get(port.name)
+        if place is None or place[1] in names:
+            yield from _terminal(port, port.name)
+        elif components := places.pop(place, None):
+            inner = (line for axis, component in components.items() for line in _terminal(component, axis))
+            text = f"{_TEXTS[port.kind]}; by components"
+            yield from element("Terminal", {"name": place[1], "matchingRule": "bus", "description": text}, inner)
+
+
+def _terminal(port: Port, name: str) -> Iterator[str]:
+    yield from _members(port, name, port.members)
+    if port.kind == "signal":  # it goes with either kind of coordinate
+        members = tuple(PortMember(_ROTATION[member.role], member.variable) for member in port.members)
+        yield from _members(port, f"{name}_rotation", members)
+
+
+def _members(port: Port, name: str, members: tuple[PortMember, ...]) -> Iterator[str]:
+    attributes = {
+        "name": name,
+        # An active port can do without its force, which an operator does not take.
+        "matchingRule": "bus" if port.kind == "active" else "plug",
+        "terminalKind": "_liaisons_rotation" if members[0].role == "phi" else "_liaisons_translation",
+        "description": _TEXTS[port.kind],
+    }
+    flow = "inflow" if port.kind == "active" else "outflow"
+    inner = (
+        {"variableName": m.variable, "memberName": m.role, "variableKind": flow if m.role in _FORCES else "signal"}
+        for m in members
+    )
+    yield from element(
+        "Terminal", attributes, (line for member in inner for line in element("TerminalMemberVariable", member))
+    )
+
+
+def _elements(model: Model) -> Iterator[Port]:
+    """Ports by the numbers of arrays, as FMI 2.0 names them."""
+    variables = {variable.name: variable for variable in model.variables}
+    for port in model.ports:
+        count = variables[port.members[0].variable].count
+        if variables[port.members[0].variable].dimension is None:
+            yield port
+        elif count <= MOST_ELEMENTS:
+            for i in range(1, count + 1):
+                members = (PortMember(member.role, f"{member.variable}[{i}]") for member in port.members)
+                yield Port(f"{port.name}[{i}]", port.kind, tuple(members))

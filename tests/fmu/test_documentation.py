@@ -1,0 +1,314 @@
+"""The page inside an FMU: what it prints is read back from its MathML and must be what the symbols say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from html import unescape
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons.fmu.documentation import index_page
+from liaisons.fmu.documentation.algebra import Algebra
+from liaisons.fmu.documentation.mathml import LONGEST, formula
+from liaisons.fmu.documentation.notation import Notation
+from liaisons.mechanics import Mechanism, Operator
+from liaisons.mechanics.equations import derive
+from liaisons.mechanics.model import Model
+from liaisons.mechanics.printing import of_mechanism
+from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
+from liaisons.models.pendulum_chain import PendulumChain
+
+FUNCTIONS = {
+    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "tanh", "atan2")},
+    "arcsin": math.asin,
+    "arccos": math.acos,
+    "arctan": math.atan,
+    "ln": math.log,
+    "min": min,
+    "max": max,
+}
+RELATIONS = {"<": float.__lt__, "≤": float.__le__, "=": float.__eq__, "≠": float.__ne__}
+Value = float
+
+
+# ---- a reader of MathML that shares nothing with the writer --------------------------------------------------------
+
+
+def spelled(element: Element) -> str:
+    """An element as a key: its tags and letters."""
+    inner = "".join(spelled(child) for child in element)
+    return f"{element.tag}({(element.text or '').strip()}{inner})"
+
+
+class Reader:
+    """Evaluates a row of MathML by recursive descent: sum, product, factor."""
+
+    def __init__(self, elements: list[Element], symbols: Mapping[str, Value]) -> None:
+        self.elements = [e for e in elements if e.tag != "mspace"]
+        self.symbols = symbols
+
+    def all(self) -> Value:
+        value = self.sum()
+        assert not self.elements, f"not read: {spelled(self.elements[0])}"
+        return value
+
+    def next_is(self, *operators: str) -> bool:
+        return bool(self.elements) and self.elements[0].tag == "mo" and self.elements[0].text in operators
+
+    def take(self, *operators: str) -> str:
+        assert self.next_is(*operators), [spelled(e) for e in self.elements[:3]]
+        return self.elements.pop(0).text or ""
+
+    def sum(self) -> Value:
+        total = 0.0
+        sign = self.take("+", "−") if self.next_is("+", "−") else "+"
+        while True:
+            total += self.product() * (1 if sign == "+" else -1)
+            if not self.next_is("+", "−"):
+                return total
+            sign = self.take("+", "−")
+
+    def product(self) -> Value:
+        value = self.factor()
+        while self.next_is("\u2062", "·"):
+            self.take("\u2062", "·")
+            value *= self.factor()
+        return value
+
+    def factor(self) -> Value:
+        element = self.elements.pop(0)
+        function = element if element.tag == "mi" else element[0] if element.tag == "msup" else None
+        if function is not None and self.next_is("\u2061"):
+            self.take("\u2061")
+            arguments = self.arguments()
+            power = 1.0 if function is element else self.inside(element[1])
+            return FUNCTIONS[function.text or ""](*arguments) ** power
+        return self.single(element)
+
+    def arguments(self) -> list[Value]:
+        element = self.elements.pop(0)
+        if element.tag != "mrow":
+            return [self.single(element)]
+        row = Reader(list(element), self.symbols)
+        row.take("(")
+        values = [row.sum()]
+        while row.next_is(","):
+            row.take(",")
+            values.append(row.sum())
+        row.take(")")
+        assert not row.elements
+        return values
+
+    def inside(self, element: Element) -> Value:
+        return Reader([element], self.symbols).all()
+
+    def single(self, element: Element) -> Value:
+        if (key := spelled(element)) in self.symbols:
+            return self.symbols[key]
+        parts = list(element)
+        kinds = {
+            "mn": lambda: float(element.text or ""),
+            "mi": lambda: {"π": math.pi}[element.text or ""],
+            "mfrac": lambda: Reader(list(parts[0]), self.symbols).all() / Reader(list(parts[1]), self.symbols).all(),
+            "msqrt": lambda: math.sqrt(Reader(parts, self.symbols).all()),
+            "msup": lambda: self.inside(parts[0]) ** self.inside(parts[1]),
+            "mrow": lambda: self.row(Reader(parts, self.symbols)),
+        }
+        return kinds[element.tag]()
+
+    @staticmethod
+    def row(inner: Reader) -> Value:
+        bracket = inner.take("(", "[", "|") if inner.next_is("(", "[", "|") else ""
+        value = inner.sum()
+        if bracket == "[":
+            relation = RELATIONS[inner.take(*RELATIONS)]
+            value = float(relation(value, inner.sum()))
+        if bracket:
+            inner.take({"(": ")", "[": "]", "|": "|"}[bracket])
+        assert not inner.elements
+        return abs(value) if bracket == "|" else value
+
+
+def parsed(markup: str) -> list[Element]:
+    return list(ElementTree.fromstring(f"<row>{markup}</row>"))
+
+
+def read(written: object, symbols: Mapping[str, Value]) -> Value:
+    """Value of a formula: its abbreviations one after the other, then its lines put together."""
+    known = dict(symbols)
+    for name, markup in written.where:  # type: ignore[attr-defined]
+        (key,) = parsed(name)
+        known[spelled(key)] = Reader(parsed(markup), known).all()
+    return Reader([e for line in written.lines for e in parsed(line)], known).all()  # type: ignore[attr-defined]
+
+
+def notation(model: Model) -> Notation:
+    return Notation([v.name for v in model.variables], {active.value for active in model.active})
+
+
+# ---- the formulas ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
+def test_formulas_read_back_from_mathml_have_the_values_of_the_symbols(component) -> None:
+    model = component.model()
+    written_as, rng = notation(model), np.random.default_rng(7)
+    printed = 0
+    for equation in model.equations:
+        written = formula(equation.right, written_as)
+        if written is None:
+            continue
+        printed += 1
+        symbols = ca.symvar(equation.right)
+        function = ca.Function("f", symbols, [ca.densify(equation.right)])
+        for _ in range(3):
+            values = rng.uniform(0.4, 1.6, len(symbols))  # positive, where roots and logarithms are real
+            (names,) = ([parsed(written_as[s.name()]) for s in symbols],)
+            known = {spelled(element): v for (element,), v in zip(names, values.tolist(), strict=True)}
+            assert len(known) == len(symbols), "two symbols are written alike"
+            expected = float(function.call(values.tolist())[0])
+            # Terms are summed in another order: rounding, magnified where terms of size 1 to 100 cancel.
+            assert read(written, known) == pytest.approx(expected, rel=1e-10, abs=1e-11), equation.left
+    assert printed >= len(model.equations) / 2
+
+
+def test_a_wrong_sign_would_be_found() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    written = formula(x - 2 * y / (x + y), Notation(["x", "y"]))
+    assert written is not None
+    known = {"mi(x)": 0.3, "mi(y)": 1.7}
+    assert read(written, known) == pytest.approx(0.3 - 3.4 / 2.0, rel=1e-15)
+    turned = type(written)(tuple(line.replace("−", "+") for line in written.lines), written.where, written.operations)
+    assert abs(read(turned, known) - read(written, known)) > 1
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        (lambda x, _: ca.sin(x) ** 2 + ca.cos(x) ** 2, "1"),
+        (lambda x, y: ca.cos(x) * ca.cos(y) + ca.sin(x) * ca.sin(y), "cos(x−y)"),
+        (lambda x, y: ca.sin(x) * ca.cos(y) - ca.cos(x) * ca.sin(y), "sin(x−y)"),
+        (lambda x, y: ca.sin(x) * ca.sin(y) - ca.cos(x) * ca.cos(y), "−cos(x+y)"),
+        (lambda x, y: ca.cos(-x) + ca.sin(-y), "cosx−siny"),
+        (lambda x, y: x / 2 * (2 * x * y), "x2y"),
+        (lambda x, _: ca.sqrt(x**2), "|x|"),
+        (lambda x, y: ca.sqrt(x * x * y) / x, "x2yx"),  # nothing is taken out of a root: x may be negative
+        (lambda x, y: y * math.sqrt(3) + math.pi * x / 4, "3y+14πx"),
+        (lambda x, _: x + x - 2 * x, "0"),
+    ],
+)
+def test_expressions_become_what_people_write(expression, expected) -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    written = formula(expression(x, y), Notation(["x", "y"]))
+    assert written is not None
+    text = "".join(t for line in written.lines for e in parsed(line) for t in e.itertext())
+    assert text.replace("\u2062", "").replace("\u2061", "") == expected
+
+
+def test_names_become_letters_dots_and_subscripts() -> None:
+    names = Notation(
+        ["theta", "theta_dot", "theta_ddot", "p_theta", "theta_dot_0", "mass_1", "length", "length_force"], {"length"}
+    )
+    theta, dot = "<mi>θ</mi>", '<mover accent="true"><mi>θ</mi><mo>{}</mo></mover>'
+    assert names["theta"] == theta
+    assert names["theta_dot"] == dot.format("˙")
+    assert names["theta_ddot"] == dot.format("¨")
+    assert names["p_theta"] == f"<msub><mi>p</mi>{theta}</msub>"
+    assert names["theta_dot_0"] == f"<msub>{dot.format('˙')}<mn>0</mn></msub>"
+    assert names["mass_1"] == "<msub><mi>m</mi><mn>1</mn></msub>"
+    assert names["length_force"] == "<msub><mi>λ</mi><mi>l</mi></msub>"
+    alike = Notation(["mass", "m"])
+    assert alike["mass"] != alike["m"]
+
+
+def test_equal_atoms_are_one_and_long_formulas_are_left_out() -> None:
+    algebra = Algebra(limit=1)
+    assert algebra.symbol("x") == algebra.symbol("x")
+    x = [ca.SX.sym(f"x_{i}") for i in range(LONGEST + 2)]
+    assert formula(sum(x[:3], ca.SX(0)), Notation([])) is not None
+    assert formula(sum(x, ca.SX(0)), Notation([])) is None
+
+
+# ---- the equations: from the Lagrangian anew ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("component", [c for c in CATALOGUE if issubclass(c, Mechanism)], ids=lambda c: c.__name__)
+def test_textbook_equations_agree_with_those_that_the_fmu_solves(component) -> None:
+    solved = derive(component)
+    m, printed = solved.mechanism, of_mechanism(solved)
+    turns = [f"{name}_dot" for turn in m.orientations for name in turn.momenta]
+    rates = [*(f"p_{q.name}_dot" for q in m.coordinates), *turns]
+    known = dict(zip(rates, ca.vertsplit(solved.momentum_rates), strict=True))
+    known |= {f"{s.name}_force": solved.operator_forces[i] for i, s in enumerate(m.actives)}
+    known |= {f"p_{q.name}": solved.momenta[i] for i, q in enumerate(m.coordinates)}
+    pairs = [(equation, known[equation.left]) for equation in printed if equation.left in known]
+    assert len(pairs) >= 2 * len(m.coordinates) + len(m.actives) - len(m.submersions)
+    both = ca.horzcat(*(solved.in_motion(ca.vertcat(equation.right, other)) for equation, other in pairs))
+    symbols = solved.symbols
+    function = ca.Function("f", list(symbols.values()), [ca.densify(both)])
+    rng = np.random.default_rng(11)
+    for _ in range(3):
+        anew, solved_for = np.array(function(*rng.uniform(0.4, 1.6, len(symbols))))
+        # The solved form divides by the mass matrix and by that of the constraints, condition up to about 1e3.
+        np.testing.assert_allclose(anew, solved_for, rtol=1e-9, atol=1e-9)
+
+
+def test_operators_have_their_signal() -> None:
+    for component in CATALOGUE:
+        if issubclass(component, Operator):
+            assert component.model().equations[0].left == "y"
+
+
+# ---- the page ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
+def test_page_is_whole(component) -> None:
+    model = component.model()
+    page = index_page(model).decode()
+    assert page == index_page.__wrapped__(model).decode()  # written anew
+    body = page[page.index("<body>") : page.index("</html>")].replace(" class=wide", "").replace(" class=equations", "")
+    body = body.replace(" class=note", "").replace(" class=field", "")
+    root = ElementTree.fromstring(body)  # every element is closed
+    assert "http" not in page  # it needs no network
+    text = unescape("".join(root.itertext()))
+    for variable in model.variables:
+        assert variable.name in text
+        assert variable.description.split("``")[0] in text
+    for port in model.ports:
+        assert port.name in text
+    symbols = [spelled(row[0][0][0]) for row in root.iter("tr") if row[0].find("math") is not None]
+    assert len(set(symbols)) == len(symbols) >= len(model.variables)
+
+
+def test_page_says_what_the_component_is_checked_against() -> None:
+    page = index_page(Pendulum.model()).decode()
+    assert "Pendulum.exact" in page
+    assert "elliptic functions" in page
+    assert "input_reconstruction" in page
+
+
+def test_each_equation_is_shown_or_named_as_too_long() -> None:
+    model = SpatialCat.model()  # some of its formulas are too long
+    page, written_as = index_page(model).decode(), notation(model)
+    for equation in model.equations:
+        written = formula(equation.right, written_as)
+        assert (written.lines[0] if written else written_as[equation.left]) in page
+    assert "Too long to be read" in page
+    nothing = [equation for equation in IsokineticOscillator.model().equations if equation.left == "0"]
+    assert nothing
+    assert "<mn>0</mn><mo>=</mo>" in index_page(IsokineticOscillator.model()).decode()
+
+
+def test_links_of_a_chain_are_shown_with_their_joints() -> None:
+    model = PendulumChain.model(3)
+    page = index_page(model).decode()
+    assert "One link" in page
+    assert "where the link before ends" in page
+    assert "theta[1…n]" in page
+    assert "that of a link" in index_page(model.flat()).decode()  # theta is no variable there

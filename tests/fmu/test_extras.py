@@ -1,0 +1,230 @@
+"""Terminals, icon, reference results, licences: what importers find in an FMU beside the model."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import struct
+import zlib
+from pathlib import Path
+from typing import get_args
+from xml.etree import ElementTree
+
+import casadi as ca
+import fmpy
+import numpy as np
+import pytest
+from handmade import fall, pendulum
+from lxml import etree
+
+from liaisons.fmu.extras import extra_members
+from liaisons.fmu.icon import SIZE, icons
+from liaisons.fmu.layout import Fmi
+from liaisons.fmu.reference_results import FOLDER, INTERVALS, trajectory
+from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
+from liaisons.mechanics import Coordinate, Experiment, Mechanism
+from liaisons.mechanics.model import Model
+from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
+from liaisons.models.pendulum_chain import PendulumChain
+
+SCHEMA = etree.XMLSchema(file=str(Path(fmpy.__file__).parent / "schema/fmi3/fmi3TerminalsAndIcons.xsd"))
+every_component = pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
+
+
+def members(terminal: ElementTree.Element) -> dict[str, dict[str, str]]:
+    return {m.attrib["memberName"]: m.attrib for m in terminal.findall("TerminalMemberVariable")}
+
+
+def terminals(model: Model, fmi: Fmi = "2") -> dict[str, ElementTree.Element]:
+    """By path: ``bob/x``."""
+    root = ElementTree.fromstring(terminals_and_icons(model, fmi)).find("Terminals")
+    assert root is not None
+    found = {t.attrib["name"]: t for t in root}
+    nested = {f"{name}/{t.attrib['name']}": t for name, parent in found.items() for t in parent.findall("Terminal")}
+    return found | nested
+
+
+# ---- terminals ---------------------------------------------------------------------------------------------------
+
+
+@every_component
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_terminals_are_valid_and_name_what_is_there(component, fmi) -> None:
+    model = component.model()
+    text = terminals_and_icons(model, fmi)
+    assert SCHEMA.validate(etree.fromstring(text)), SCHEMA.error_log
+    shown = model.flat() if fmi == "2" else model
+    causality = {v.name: v.causality for v in shown.variables}
+    found = [m.attrib for t in terminals(model, fmi).values() for m in t.findall("TerminalMemberVariable")]
+    assert {causality[m["variableName"]] for m in found} <= {"input", "output"}
+    named = {member.variable for port in shown.ports for member in port.members}
+    assert {m["variableName"] for m in found} == named
+
+
+def test_free_and_active_terminal_fit_together() -> None:
+    pivot, bob = terminals(Pendulum.model())["pivot/x"], terminals(Pendulum.model())["bob/x"]
+    causality = {v.name: v.causality for v in Pendulum.model().variables}
+    assert pivot.get("terminalKind") == bob.get("terminalKind")
+    assert members(pivot).keys() == members(bob).keys() == {"s", "v", "a", "f"}
+    for role in ("s", "v", "a", "f"):
+        ends = {causality[members(terminal)[role]["variableName"]] for terminal in (pivot, bob)}
+        assert ends == {"input", "output"}
+    flows = [members(terminal)["f"]["variableKind"] for terminal in (pivot, bob)]
+    assert flows == ["inflow", "outflow"]  # one flows in, the other out: their values are equal
+    assert members(pivot)["s"]["variableKind"] == "signal"
+
+
+def test_places_are_nested_and_lone_components_are_not() -> None:
+    found = terminals(DoublePendulum.model())
+    assert {"bob_1", "bob_1/x", "bob_1/z", "bob_2/x", "pivot", "pivot/z", "theta_1"} <= found.keys()
+    assert "pivot_x" not in found
+    assert members(found["theta_1"]).keys() == {"phi", "w", "a", "tau"}
+    assert found["bob_1"].find("TerminalMemberVariable") is None
+
+
+def test_signal_goes_with_lengths_and_angles() -> None:
+    found = terminals(Sinusoid.model())
+    assert [members(found[name])["s" if name == "y" else "phi"]["variableName"] for name in ("y", "y_rotation")] == [
+        "y"
+    ] * 2
+    # An operator gives no force: an active port must not insist on one.
+    assert terminals(Pendulum.model())["length"].get("matchingRule") == "bus"
+
+
+def test_model_without_ports_has_an_icon_only() -> None:
+    root = ElementTree.fromstring(terminals_and_icons(fall(), "3"))
+    assert SCHEMA.validate(etree.fromstring(ElementTree.tostring(root)))
+    assert [child.tag for child in root] == ["GraphicalRepresentation"]
+
+
+def test_arrays_are_one_terminal_in_fmi_3_and_one_an_element_in_fmi_2() -> None:
+    model = PendulumChain.model(3)
+    name = model.ports[0].name
+    assert {f"{name}[1]", f"{name}[3]"} <= terminals(model, "2").keys()
+    assert name in terminals(model, "3")
+    long = terminals_and_icons(PendulumChain.model(MOST_ELEMENTS + 1), "2").decode()
+    assert f"{name}[" not in long
+
+
+# ---- icon ----------------------------------------------------------------------------------------------------------
+
+
+def pixels(png: bytes) -> np.ndarray:
+    """Opacity of each pixel, read by the PNG specification; every checksum is checked."""
+    assert png.startswith(b"\x89PNG\r\n\x1a\n")
+    place, chunks = 8, {}
+    while place < len(png):
+        (length,) = struct.unpack(">I", png[place : place + 4])
+        kind, data = png[place + 4 : place + 8], png[place + 8 : place + 8 + length]
+        assert struct.unpack(">I", png[place + 8 + length : place + 12 + length])[0] == zlib.crc32(kind + data)
+        chunks[kind] = data
+        place += 12 + length
+    width, height, depth, colour, *_ = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
+    assert (width, height, depth, colour) == (SIZE, SIZE, 8, 3)
+    assert len(chunks[b"tRNS"]) * 3 == len(chunks[b"PLTE"])
+    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), dtype=np.uint8).reshape(height, width + 1)
+    assert not rows[:, 0].any()  # no filter
+    return np.frombuffer(chunks[b"tRNS"], dtype=np.uint8)[rows[:, 1:]]
+
+
+@every_component
+def test_icon_shows_something_inside_its_frame(component) -> None:
+    model = component.model()
+    svg, png = icons(model, trajectory(model))
+    opacity = pixels(png)
+    assert 0.01 < np.mean(opacity > 0) < 0.5
+    assert not opacity[[0, -1]].any()
+    assert not opacity[:, [0, -1]].any()
+    root = ElementTree.fromstring(svg)
+    assert root.get("viewBox") == f"0 0 {SIZE} {SIZE}"
+    strokes = root.findall("{http://www.w3.org/2000/svg}polyline")
+    assert strokes
+    for stroke in strokes:  # both files show the same: each corner of the one is covered in the other
+        for x, y in re.findall(r"([-\d.]+),([-\d.]+)", stroke.attrib["points"]):
+            assert opacity[int(float(y)), int(float(x))] > 0
+
+
+def test_icon_of_what_cannot_be_integrated_has_letters() -> None:
+    svg, png = icons(Satellite.model(), None)
+    assert svg.count(b"<polyline") == 2  # the frame and one S
+    assert pixels(png).any()
+    assert icons(DoublePendulum.model(), None)[0].count(b"<polyline") > 2
+
+
+# ---- reference results ---------------------------------------------------------------------------------------------
+
+
+def table(model: Model, fmi: Fmi = "2") -> tuple[list[str], np.ndarray]:
+    text = extra_members(model, fmi)[f"{FOLDER}/{model.name}_out.csv"].decode()
+    head, *rows = csv.reader(io.StringIO(text))
+    return head, np.array([[float(number) for cell in row for number in cell.split()] for row in rows])
+
+
+def test_reference_results_are_the_closed_form() -> None:
+    head, rows = table(Pendulum.model())
+    assert rows.shape == (INTERVALS + 1, len(head))
+    exact = Pendulum.exact(rows[:, 0])
+    # Nine digits of the greatest number, 0.1 and 0.31: half of the last one; twenty steps with errors of 1e-11.
+    for column, expected in (("theta", exact["theta"]), ("p_theta", exact["theta_dot"])):
+        np.testing.assert_allclose(rows[:, head.index(column)], expected, rtol=0, atol=7e-10)
+
+
+def test_reference_results_of_arrays_and_signals() -> None:
+    head, rows = table(Sinusoid.model())
+    assert head == ["time", "y", "y_dot", "y_ddot"]
+    np.testing.assert_allclose(rows[:, 3], -np.sin(rows[:, 0]), atol=1e-9)  # its digits
+    chain = PendulumChain.model(3)
+    (flat, numbers), (arrays, same) = table(chain, "2"), table(chain, "3")
+    assert len(arrays) < len(flat) == numbers.shape[1]
+    np.testing.assert_array_equal(numbers, same)
+
+
+def test_noise_is_rounded_away() -> None:
+    head, rows = table(CartesianPendulum.model())
+    assert not rows[:, head.index("y")].any()  # it swings in the x-z plane
+
+
+class Collapse(Mechanism):
+    """Falls into the singularity at x = 0 within its experiment."""
+
+    x = Coordinate("m", "distance", start=1.0, above=0)
+    experiment = Experiment(stop_time=3.0)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.dot(self.x) ** 2 / 2
+
+    def potential_energy(self) -> ca.SX:
+        return -1 / self.x
+
+
+def test_experiment_that_cannot_be_integrated_is_left_out_and_said_so() -> None:
+    model = Collapse.model()
+    assert trajectory(model) is None
+    found = extra_members(model, "2")
+    assert not [name for name in found if name.endswith(".csv")]
+    assert b"<!-- No results" in found[f"{FOLDER}/fmi-ls-manifest.xml"]
+    assert "terminalsAndIcons/icon.png" in found
+
+
+@every_component
+def test_manifest_names_files_that_are_there(component) -> None:
+    found = extra_members(component.model(), "2")
+    root = ElementTree.fromstring(found[f"{FOLDER}/fmi-ls-manifest.xml"])
+    assert root.tag == "fmiReferences"
+    assert root.get("{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-name") == "org.fmi-standard.fmi-ls-ref"
+    related = {element.attrib["role"]: element.attrib["source"] for element in root.findall("Related")}
+    assert related["document"] == "../../documentation/index.html"
+    assert f"{FOLDER}/{related['result']}" in found
+
+
+# ---- all of it -----------------------------------------------------------------------------------------------------
+
+
+def test_members_of_both_versions() -> None:
+    two, three = (extra_members(pendulum(), fmi) for fmi in get_args(Fmi))
+    assert two.keys() - three.keys() == {"model.png"}
+    assert two["model.png"] == two["terminalsAndIcons/icon.png"]
+    assert {"documentation/index.html", "documentation/licenses/license.txt"} <= three.keys()
+    assert b"MIT License" in three["documentation/licenses/license.txt"]
+    assert extra_members(pendulum(), "3") == three
