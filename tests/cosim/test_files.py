@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -12,6 +13,7 @@ import fmpy
 import pytest
 
 from liaisons.cosim import System, simulate
+from liaisons.cosim.description import read
 from liaisons.errors import SimulationError
 
 FmuPaths = Callable[[str], Path]
@@ -71,15 +73,50 @@ def test_description_that_will_not_do(fmu: FmuPaths, tmp_path: Path, old: bytes,
     assert words in _message(_changed(fmu("Cubic"), tmp_path / "Changed.fmu", change))
 
 
-def test_fmi_3_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "Three.fmu"
+@pytest.mark.parametrize("version", ["1.0", "4.0"])
+def test_other_versions_are_named(tmp_path: Path, version: str) -> None:
+    path = tmp_path / "Other.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr(
             "modelDescription.xml",
-            '<fmiModelDescription fmiVersion="3.0" modelName="Three" instantiationToken="3">'
-            '<CoSimulation modelIdentifier="Three"/><ModelVariables/><ModelStructure/></fmiModelDescription>',
+            f'<fmiModelDescription fmiVersion="{version}" modelName="Other" guid="1"><ModelVariables/>'
+            "</fmiModelDescription>",
         )
-    assert "FMI 3.0; only FMI 2.0 co-simulation" in _message(path)
+    assert f"FMI {version}; only co-simulation FMUs of FMI 2.0 and 3.0" in _message(path)
+
+
+TWO = (
+    '<fmiModelDescription fmiVersion="2.0" modelName="x" {}><CoSimulation modelIdentifier="x"/>{}</fmiModelDescription>'
+)
+THREE = TWO.replace("2.0", "3.0")
+SCALAR = '<ModelVariables><ScalarVariable name="x" valueReference="one"><Real/></ScalarVariable></ModelVariables>'
+FLOAT = '<ModelVariables><Float64 valueReference="1"/></ModelVariables>'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<html/>", "its root is not fmiModelDescription"),
+        (TWO.format("", "<ModelVariables/>"), "fmiModelDescription has no 'guid'"),
+        (TWO.format('guid="1"', SCALAR), "invalid literal for int.*'one'"),
+        (THREE.format("", ""), "fmiModelDescription has no 'instantiationToken'"),
+        (THREE.format('instantiationToken="1"', FLOAT), "no attribute 'name'"),
+    ],
+)
+def test_description_with_a_gap(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "Gap.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", text)
+    assert re.search(f"modelDescription.xml cannot be read: .*{words}", _message(path))
+
+
+def test_file_is_read_again_when_it_has_changed(fmu: FmuPaths, tmp_path: Path) -> None:
+    path = tmp_path / "Changing.fmu"
+    shutil.copy(fmu("Cubic"), path)
+    assert "y" in read(path).variables
+    assert read(path) is read(path)
+    shutil.copy(fmu("Spring"), path)
+    assert "length" in read(path).variables
 
 
 def test_other_platform_says_what_is_inside_and_what_to_do(fmu: FmuPaths, tmp_path: Path) -> None:

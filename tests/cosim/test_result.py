@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,45 @@ def test_csv_gives_back_the_same_doubles(result: Result, tmp_path: Path) -> None
     assert [item.name for item in tmp_path.iterdir()] == ["swing.csv"]
 
 
+def test_parquet_gives_back_the_same_doubles_and_units(result: Result, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    path = tmp_path / "swing.parquet"
+    result.to_parquet(path)
+    again = Result.from_parquet(path)
+    np.testing.assert_array_equal(again.time, result.time)
+    np.testing.assert_array_equal(again.values, result.values)
+    assert (again.title, again.names, dict(again.units)) == (result.title, result.names, dict(result.units))
+    assert [item.name for item in tmp_path.iterdir()] == ["swing.parquet"]
+    with pytest.raises(SimulationError, match=r"none\.parquet: cannot be read as Parquet: No such file"):
+        Result.from_parquet(tmp_path / "none.parquet")
+    path.write_text("no parquet")
+    with pytest.raises(SimulationError, match=r"swing\.parquet: cannot be read as Parquet"):
+        Result.from_parquet(path)
+
+
+def test_parquet_without_pyarrow_says_what_to_install(
+    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(SimulationError, match=r"Parquet needs PyArrow; pip install 'liaisons\[parquet\]'"):
+        result.to_parquet(tmp_path / "swing.parquet")
+
+
+def test_extreme_doubles_survive_csv(tmp_path: Path) -> None:
+    values = np.array([[5e-324, -0.0, 1.7976931348623157e308, np.nan, -np.inf, 0.1 + 0.2]])
+    Result("extreme", np.arange(6.0), ("x",), values, {"x": ""}).to_csv(tmp_path / "x.csv")
+    again = Result.from_csv(tmp_path / "x.csv").values
+    assert again.tobytes() == values.tobytes()
+
+
+def test_csv_of_another_tool(tmp_path: Path) -> None:
+    path = tmp_path / "reference.csv"
+    path.write_text('"time","h","v"\n0,1,0\n0.5,0.5,-4.9\n')
+    result = Result.from_csv(path)
+    np.testing.assert_array_equal(result["v"], [0, -4.9])
+    assert dict(result.units) == {"h": "", "v": ""}
+
+
 def test_csv_is_readable_elsewhere(tmp_path: Path) -> None:
     path = tmp_path / "plain.csv"
     Result("plain", np.arange(3.0), ("x", "y"), np.arange(6.0).reshape(2, 3), {"x": "m", "y": ""}).to_csv(path)
@@ -84,7 +124,9 @@ def test_failure_in_mid_file_keeps_the_old_one(tmp_path: Path) -> None:
     assert [item.name for item in tmp_path.iterdir()] == ["old.csv"]
 
 
-@pytest.mark.parametrize("text", ["", "time,x\n", "time,x\n# s,m\n0,1,2\n", "time,x\n# s,m\n0,high\n"])
+@pytest.mark.parametrize(
+    "text", ["", "time,x\n", "time,x\n# s,m\n0,1,2\n", "time,x\n# s,m\n0,high\n", "time,x,x\n0,1,2\n", "x"]
+)
 def test_csv_of_another_kind_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "other.csv"
     path.write_text(text)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from ctypes import c_double
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
@@ -11,13 +13,14 @@ import numpy as np
 
 from liaisons.check import Verdict, table, verdict
 from liaisons.cli._command import command
-from liaisons.errors import SimulationError
 from liaisons.library import fmu_file
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
     from liaisons.cosim import Result
     from liaisons.cosim.description import Fmu
+    from liaisons.cosim.instance import Call
+    from liaisons.cosim.messages import Action
 
 
 def register(commands: Commands) -> None:
@@ -27,7 +30,7 @@ def register(commands: Commands) -> None:
         "check",
         _check,
         "put an FMU to the validators and to what must hold of its default experiment; exit status 1 when it fails",
-        "liaisons check fmus/Pendulum.fmu\nliaisons check Pendulum",
+        "liaisons check fmus/Pendulum.fmu\nliaisons check fmus/fmi3/Pendulum.fmu\nliaisons check Pendulum",
     )
     parser.add_argument("fmu", metavar="FMU|NAME|FILE.py", help="a file, or a component, which is built if need be")
 
@@ -91,37 +94,39 @@ def _relative_difference(coarse: Result, fine: Result) -> float:
 
 
 def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
-    """Largest difference between a step and its repetition; None if the FMU cannot restore its state."""
+    """Largest difference between two steps and their repetition; None if the FMU cannot restore its state."""
     import fmpy
-    from fmpy.fmi1 import FMICallException
-    from fmpy.fmi2 import FMU2Slave
 
-    description = fmpy.read_model_description(fmu.path, validate=False)
-    if description.coSimulation is None or not description.coSimulation.canGetAndSetFMUstate:
+    from liaisons.cosim.instances import make
+    from liaisons.cosim.messages import WARNING
+
+    outputs = [fmu.variables[name] for name in fmu.reals("output")]
+    if not (fmu.restores and outputs):
         return None
-    references = [fmu.variables[name].reference for name in fmu.reals("output")]
+    seen = (c_double * len(outputs))()
+    time, size = c_double(0.0), c_double(step_size)
+    results = []
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
         fmpy.extract(fmu.path, folder)
-        instance = FMU2Slave(
-            guid=fmu.guid, modelIdentifier=fmu.identifier, unzipDirectory=folder, libraryPath=f"{folder}/{fmu.binary}"
-        )
-        try:
-            instance.instantiate()
-            instance.setupExperiment(tolerance=tolerance, startTime=0.0)
-            instance.enterInitializationMode()
-            instance.exitInitializationMode()
-            instance.doStep(0.0, step_size)  # the history of solver and inputs has to come back, too
-            state = instance.getFMUstate()
-            results = []
+        with make(fmu.path.stem, fmu, Path(folder)) as instance:
+            instance.setup(tolerance, 0.0, 3 * step_size)
+            instance.enter_initialization()
+            instance.exit_initialization()
+            save, restore = instance.states()
+            step, get = instance.stepper(time, size), instance.getter(outputs, seen)
+
+            def perform(action: Action, call: Call) -> None:
+                status = call()
+                if status and status > WARNING:
+                    raise instance.failure(action, status, " in the roll-back")
+
+            perform("step", step)  # the history of solver and inputs has to come back, too
+            perform("save", save)
             for _ in range(2):
-                instance.setFMUstate(state)
-                instance.doStep(step_size, step_size)
-                instance.doStep(2 * step_size, step_size)
-                results.append(np.array(instance.getReal(references)))
-            instance.freeFMUstate(state)
-            instance.terminate()
-        except FMICallException as error:
-            raise SimulationError(f"{fmu.path}: roll-back: {error}") from error
-        finally:
-            instance.freeInstance()
-    return float(np.max(np.abs(results[0] - results[1]), initial=0.0))
+                perform("restore", restore)
+                for place in (1, 2):
+                    time.value = place * step_size
+                    perform("step", step)
+                perform("get", get)
+                results.append(np.array(seen))
+    return float(np.max(np.abs(results[0] - results[1])))

@@ -1,11 +1,14 @@
-"""``liaisons simulate``: one FMU, its signals as a table, a file, a picture."""
+"""``liaisons simulate``: an FMU or a system of them, its signals as a table, a file, a picture."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from liaisons.check import table
 from liaisons.cli._command import command
@@ -14,7 +17,10 @@ from liaisons.project import ProjectError
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
-    from liaisons.cosim import Result
+    from liaisons.cosim import Result, System
+
+_MOST_ROWS = 10
+"""An array with more elements is one row of the table."""
 
 
 def register(commands: Commands) -> None:
@@ -23,12 +29,13 @@ def register(commands: Commands) -> None:
         commands,
         "simulate",
         _simulate,
-        "simulate one FMU by co-simulation and show what its signals did",
+        "simulate an FMU or an SSP archive by co-simulation and show what its signals did",
         "liaisons simulate Pendulum --set theta_0=3 --stop 20 --plot\n"
         "liaisons simulate fmus/Pendulum.fmu --set length=2 --record theta,energy_balance --csv swing.csv\n"
+        "liaisons simulate system.ssp --set swing.theta_0=0.1 --step 0.01\n"
         "liaisons simulate my_component.py --step 0.1 --tolerance 1e-10",
     )
-    parser.add_argument("fmu", metavar="FMU|NAME|FILE.py", help="a file, or a component, which is built if need be")
+    parser.add_argument("fmu", metavar="FMU|SSP|NAME|FILE.py", help="a file, or a component, which is built if need be")
     parser.add_argument(
         "--set",
         action="append",
@@ -36,22 +43,25 @@ def register(commands: Commands) -> None:
         metavar="NAME=VALUE",
         type=_assignment,
         dest="starts",
-        help="start value of a parameter or input; may be given several times",
+        help="start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
     )
     parser.add_argument("--stop", type=float, metavar="T", help="end [s] (default: the FMU's)")
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s] (default: the FMU's)")
     parser.add_argument("--tolerance", type=float, metavar="R", help="relative tolerance (default: the FMU's)")
     parser.add_argument("--record", metavar="NAME,...", help="show only these signals (default: outputs and inputs)")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the signals to a file")
+    parser.add_argument("--parquet", type=Path, metavar="FILE", help="write the signals to a Parquet file")
     parser.add_argument("--plot", nargs="?", const=True, metavar="FILE", help="draw the signals (default: NAME.png)")
 
 
 def _simulate(arguments: argparse.Namespace) -> int:
-    result = _result(fmu_file(arguments.fmu), arguments)
-    print(table([_row(result, name) for name in result.names]))
-    if arguments.csv:
-        result.to_csv(arguments.csv)
-        print(f"signals: {arguments.csv}")
+    path = Path(arguments.fmu)
+    result = _of_system(path, arguments) if path.suffix == ".ssp" else _of_fmu(fmu_file(arguments.fmu), arguments)
+    print(table([row for name in result.entries for row in _rows(result, name)]))
+    for file, write in ((arguments.csv, result.to_csv), (arguments.parquet, result.to_parquet)):
+        if file:
+            write(file)
+            print(f"signals: {file}")
     if arguments.plot:
         figure = Path(f"{result.title}.png" if arguments.plot is True else arguments.plot)
         result.plot(path=figure)
@@ -59,31 +69,62 @@ def _simulate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _result(path: Path, arguments: argparse.Namespace) -> Result:
+def _of_fmu(path: Path, arguments: argparse.Namespace) -> Result:
     """A system of one: unlike keywords of ``simulate()``, its start values may have any name (``Ramp.start_time``)."""
     from liaisons.cosim import System
 
     name = path.stem.replace(".", "_")
     system = System(path.stem)
-    component = system.add(name, path, **dict(arguments.starts))
-    experiment = component.fmu.experiment
-    stop_time = experiment.stop_time if arguments.stop is None else arguments.stop
-    step_size = experiment.step_size if arguments.step is None else arguments.step
-    if stop_time is None or step_size is None:
-        raise ProjectError(f"{path.name} has no default experiment; add --stop and --step")
-    record = arguments.record and [f"{name}.{variable}" for variable in arguments.record.split(",")]
-    tolerance = experiment.tolerance if arguments.tolerance is None else arguments.tolerance
-    result = system.simulate(
-        stop_time, step_size, tolerance=tolerance, record=record, progress=stop_time > 1e4 * step_size
+    fmu = system.add(name, path, **dict(arguments.starts)).fmu
+    record = [f"{name}.{variable}" for variable in arguments.record.split(",")] if arguments.record else None
+    default = {"stop": fmu.experiment.stop_time, "step": fmu.experiment.step_size}
+    tolerance = fmu.experiment.tolerance if arguments.tolerance is None else arguments.tolerance
+    result = _run(system, arguments, path, default, record=record, tolerance=tolerance)
+    units = {signal: result.units[signal] for signal in result.names}
+    bare = {signal.removeprefix(f"{name}."): unit for signal, unit in units.items()}
+    return replace(result, names=tuple(bare), units=bare)
+
+
+def _of_system(path: Path, arguments: argparse.Namespace) -> Result:
+    from liaisons.cosim import System, ssp
+
+    archive = ssp.read(path, System, dict(arguments.starts))
+    record = arguments.record.split(",") if arguments.record else None
+    default = {"stop": archive.experiment.stop_time, "step": archive.experiment.step_size}
+    start_time = archive.experiment.start_time
+    tolerance = arguments.tolerance
+    return _run(archive.system, arguments, path, default, record=record, tolerance=tolerance, start_time=start_time)
+
+
+def _run(
+    system: System,
+    arguments: argparse.Namespace,
+    path: Path,
+    default: Mapping[str, float | None],
+    *,
+    record: list[str] | None,
+    tolerance: float | None,
+    start_time: float = 0.0,
+) -> Result:
+    stop, step = (
+        given if (given := getattr(arguments, name)) is not None else default[name] for name in ("stop", "step")
     )
-    units = {signal.removeprefix(f"{name}."): unit for signal, unit in result.units.items()}
-    return replace(result, names=tuple(units), units=units)
+    if stop is None or step is None:
+        raise ProjectError(f"{path.name} has no default experiment; add --stop and --step")
+    long = stop - start_time > 1e4 * step
+    return system.simulate(stop, step, start_time=start_time, tolerance=tolerance, record=record, progress=long)
 
 
-def _row(result: Result, name: str) -> dict[str, str]:
+def _rows(result: Result, name: str) -> list[dict[str, str]]:
+    """A row a signal; one for all elements of a long array."""
     values = result[name]
-    columns = {"start": values[0], "end": values[-1], "smallest": values.min(), "largest": values.max()}
-    return {"signal": name, "unit": result.units[name] or "-"} | {key: f"{value:.6g}" for key, value in columns.items()}
+    elements = [n for n in result.names if n == name or n.startswith(f"{name}[")]
+    if values.ndim > 1 and len(elements) <= _MOST_ROWS:
+        return [row for element in elements for row in _rows(result, element)]
+    columns = {"smallest": f"{np.min(values):.6g}", "largest": f"{np.max(values):.6g}"}
+    ends = {"start": f"{values[0]:.6g}", "end": f"{values[-1]:.6g}"} if values.ndim == 1 else {"start": "", "end": ""}
+    label = name if values.ndim == 1 else f"{name} ({'×'.join(map(str, values.shape[1:]))})"
+    return [{"signal": label, "unit": result.units[name] or "-"} | ends | columns]
 
 
 def _assignment(text: str) -> tuple[str, float | bool | str]:

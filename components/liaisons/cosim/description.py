@@ -2,47 +2,27 @@
 
 from __future__ import annotations
 
-import io
 import math
-import numbers
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import final
 from zipfile import BadZipFile, ZipFile
 
 import fmpy
 
+from liaisons.cosim.model_description import Description, Table, Unit, parse
+from liaisons.cosim.variables import Array, Shape, Variables, split
 from liaisons.errors import SimulationError, suggestion
 
-VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String"]
+LONGEST = 1000
+"""Arrays with more elements are recorded only on request: the default must not fill the memory."""
 
 _DESCRIPTION = "modelDescription.xml"
-_BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """One scalar variable; ``unit`` is empty where the FMU gives none."""
-
-    name: str
-    reference: int
-    type: VariableType
-    causality: str
-    settable: bool  # before and during initialization
-    start: str | None
-    unit: str
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """SI value = factor * value + offset; exponents of kg, m, s, A, K, mol, cd, rad."""
-
-    exponents: tuple[int, ...]
-    factor: float
-    offset: float
-
-
+@final
 @dataclass(frozen=True, slots=True)
 class Experiment:
     """The default experiment [s, s, 1]; None where the FMU gives none."""
@@ -52,43 +32,98 @@ class Experiment:
     tolerance: float | None
 
 
-@dataclass(frozen=True, slots=True)
+@final
+@dataclass(frozen=True, eq=False)
 class Fmu:
-    """An FMI 2.0 co-simulation FMU, read but not run; made by :func:`read`.
+    """An FMI 2.0 or 3.0 co-simulation FMU, read but not run; made by :func:`read`.
 
-    ``dependencies`` maps an output to the inputs that it depends on directly, ``initial_dependencies`` does so for
-    initialization; an output that is missing there depends on all inputs.
+    :param version: 2 or 3.
+    :param guid: GUID, or instantiation token.
+    :param binary: where the library for this platform lies in the archive.
+    :param variable_step: whether communication steps may differ in length.
+    :param restores: whether its state can be taken and set again.
+    :param differentiates: whether it gives directional derivatives.
+    :param input_derivatives: whether derivatives of inputs can be set within a step (FMI 2.0 only).
+    :param output_derivative_order: up to which order derivatives of outputs can be read.
+    :param only_one: whether a process can have one instance of it only.
+    :param tool: what has made it; empty where it does not say.
     """
 
     path: Path
+    version: int
     model_name: str
     identifier: str
     guid: str
     binary: str
     variable_step: bool
+    restores: bool
+    differentiates: bool
+    input_derivatives: bool
+    output_derivative_order: int
+    only_one: bool
+    tool: str
     log_categories: tuple[str, ...]
     experiment: Experiment
-    variables: Mapping[str, Variable]
+    variables: Variables
     units: Mapping[str, Unit]
-    dependencies: Mapping[str, frozenset[str]]
-    initial_dependencies: Mapping[str, frozenset[str]]
+    _outputs: Table = field(repr=False)
+    _initial: Table = field(repr=False)
 
-    def reals(self, *causalities: str) -> list[str]:
-        """Names of the real variables of these causalities, in the order of the file."""
-        return [v.name for v in self.variables.values() if v.type == "Real" and v.causality in causalities]
+    @property
+    def arrays(self) -> Mapping[str, Shape]:
+        """Name -> shape, of FMI 3.0's arrays and of ``x[1]``, ``x[2]``, ... in FMI 2.0."""
+        return self.variables.arrays
+
+    def elements(self, name: str) -> list[str]:
+        """Names of the elements of an array; of a scalar, its own.
+
+        :raises KeyError: if there is neither.
+        """
+        if name not in self.arrays and name not in self.variables:
+            raise KeyError(name)
+        return self.variables.elements(name)
+
+    def references(self, name: str) -> Iterable[int]:
+        """Value references that stand for a scalar or a whole array."""
+        entry = self.variables.entries.get(name)
+        return entry.references if isinstance(entry, Array) else [self.variables[name].reference]
+
+    def reals(self, *causalities: str, longest: float = math.inf) -> list[str]:
+        """Names of the real scalars of these causalities, in the order of the file.
+
+        :param longest: arrays with more elements are left out.
+        """
+        found: list[str] = []
+        for name, entry in self.variables.entries.items():
+            like, size = (entry.like, entry.size) if isinstance(entry, Array) else (entry, 1)
+            if like.type == "Real" and like.causality in causalities and size <= longest:
+                found += self.variables.elements(name)
+        return found
+
+    def recorded(self) -> list[str]:
+        """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`."""
+        return self.reals("output", "input", longest=LONGEST)
 
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
         """Whether an output depends directly on an input, while stepping or in initialization."""
-        known = (self.initial_dependencies if initially else self.dependencies).get(output)
-        return known is None or input_ in known
+        variable = self.variables[output]
+        known = (self._initial if initially else self._outputs).get(variable.index)
+        return known is None or self.variables[input_].index in known
 
     def unknown(self, name: str) -> str:
         """What to say of a variable that does not exist."""
-        return f"{self.path.name} has no variable {name!r}{suggestion(name, self.variables)}"
+        base, index = split(name)
+        if base in self.arrays:
+            shape = self.arrays[base]
+            bounds = f"{base}[{','.join('1' * len(shape))}] to {base}[{','.join(map(str, shape))}]"
+            return f"{self.path.name} has no variable {name!r}; the array has {bounds}"
+        entries = self.variables.entries
+        known = [f"{other}{name[len(base) :]}" if index and other in self.arrays else other for other in entries]
+        return f"{self.path.name} has no variable {name!r}{suggestion(name, known)}"
 
 
 def read(path: Path | str) -> Fmu:
-    """Read the description inside an FMU file.
+    """Read the description inside an FMU file; a file that has not changed is read once.
 
     :raises SimulationError: if the file is missing, truncated, no FMU, of another FMI version or kind, or has no
         binary for this platform.
@@ -97,87 +132,86 @@ def read(path: Path | str) -> Fmu:
     if not path.is_file():
         what = "is a directory, not an FMU" if path.is_dir() else "no such file"
         raise SimulationError(f"{path}: {what}; check the path, or build it with 'liaisons build'")
+    status = path.stat()
+    return _read(path, status.st_mtime_ns, status.st_size, status.st_ino)
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, *_identity: int) -> Fmu:
     try:
         with ZipFile(path) as archive:
             files = archive.namelist()
-            text = archive.read(_DESCRIPTION) if _DESCRIPTION in files else None
-    except BadZipFile:
-        raise SimulationError(f"{path}: truncated, or no FMU at all (no zip archive); build or copy it again") from None
+            if _DESCRIPTION not in files:
+                raise SimulationError(f"{path}: has no {_DESCRIPTION} inside, so it is no FMU")
+            with archive.open(_DESCRIPTION) as file:
+                description = parse(file)
+    except BadZipFile as error:
+        damage = f"damaged ({error})" if "CRC" in str(error) else "truncated, or no FMU at all (no zip archive)"
+        raise SimulationError(f"{path}: {damage}; build or copy it again") from None
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: {reason}") from error
     except OSError as error:
         raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
-    if text is None:
-        raise SimulationError(f"{path}: has no {_DESCRIPTION} inside, so it is no FMU")
-    description = _parsed(path, text)
-    if description.fmiVersion != "2.0":
-        raise SimulationError(f"{path}: FMI {description.fmiVersion}; only FMI 2.0 co-simulation FMUs can be simulated")
-    if description.coSimulation is None:
-        raise SimulationError(f"{path}: made for model exchange only; export it for co-simulation")
     return _fmu(path, files, description)
 
 
-def _parsed(path: Path, text: bytes) -> Any:
-    # An archive in memory: given the file, fmpy leaves it open when the XML is broken.
-    archive = io.BytesIO()
-    with ZipFile(archive, "w") as copy:
-        copy.writestr(_DESCRIPTION, text)
-    try:
-        return fmpy.read_model_description(archive, validate=False)
-    except Exception as error:  # fmpy and lxml raise whatever they stumble on
-        reason = " ".join(str(error).split())
-        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: {reason}") from error
-
-
-def _fmu(path: Path, files: list[str], description: Any) -> Fmu:
-    exact = [v.name for v in description.modelVariables if v.causality == "output" and v.initial == "exact"]
-    dependencies = _dependencies(description.outputs)
-    initial = dependencies | _dependencies(description.initialUnknowns) | dict.fromkeys(exact, frozenset[str]())
-    experiment = (getattr(description.defaultExperiment, name, None) for name in ("stopTime", "stepSize", "tolerance"))
+def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
+    root, kind = description.root, description.co_simulation
+    version = root["fmiVersion"]
+    if version[:2] not in {"2.", "3."}:
+        raise SimulationError(f"{path}: FMI {version}; only co-simulation FMUs of FMI 2.0 and 3.0 can be simulated")
+    if kind is None:
+        raise SimulationError(f"{path}: made for model exchange only; export it for co-simulation")
+    two = version.startswith("2.")
+    needed = ("modelName", "guid" if two else "instantiationToken")
+    for name in needed:
+        if name not in root:
+            raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: fmiModelDescription has no {name!r}")
+    if "modelIdentifier" not in kind:
+        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: CoSimulation has no 'modelIdentifier'")
+    initial = description.outputs | description.initial_unknowns
+    initial |= dict.fromkeys(description.exact, frozenset[int]())
     return Fmu(
         path=path,
-        model_name=description.modelName,
-        identifier=description.coSimulation.modelIdentifier,
-        guid=description.guid,
-        binary=_binary(path, files, description.coSimulation.modelIdentifier),
-        variable_step=description.coSimulation.canHandleVariableCommunicationStepSize,
-        log_categories=tuple(category.name for category in description.logCategories),
-        experiment=Experiment(*(None if text is None else float(text) for text in experiment)),
-        variables={v.name: _variable(v) for v in description.modelVariables},
-        units={unit.name: _unit(unit.baseUnit) for unit in description.unitDefinitions if unit.baseUnit},
-        dependencies=dependencies,
-        initial_dependencies=initial,
+        version=2 if two else 3,
+        model_name=root["modelName"],
+        identifier=kind["modelIdentifier"],
+        guid=root[needed[1]],
+        binary=_binary(path, files, kind["modelIdentifier"], two=two),
+        variable_step=_true(kind, "canHandleVariableCommunicationStepSize"),
+        restores=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
+        differentiates=_true(kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"),
+        input_derivatives=two and _true(kind, "canInterpolateInputs"),
+        output_derivative_order=int(kind.get("maxOutputDerivativeOrder", 0)),
+        only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
+        tool=root.get("generationTool", ""),
+        log_categories=tuple(description.log_categories),
+        experiment=_experiment(path, description.experiment),
+        variables=description.variables,
+        units=description.units,
+        _outputs=description.outputs,
+        _initial=initial,
     )
 
 
-def _variable(variable: Any) -> Variable:
-    free = variable.causality in {"parameter", "input"} or variable.initial in {"exact", "approx"}
-    return Variable(
-        name=variable.name,
-        reference=variable.valueReference,
-        type=variable.type,
-        causality=variable.causality,
-        settable=free and variable.variability != "constant",
-        start=variable.start,
-        unit=variable.unit or (variable.declaredType and variable.declaredType.unit) or "",
-    )
+def _true(attributes: Mapping[str, str], name: str) -> bool:
+    return attributes.get(name, "false") in {"true", "1"}
 
 
-def _unit(base: Any) -> Unit:
-    return Unit(tuple(getattr(base, name) for name in _BASE_UNITS), base.factor, base.offset)
+def _experiment(path: Path, attributes: Mapping[str, str]) -> Experiment:
+    try:
+        texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance"))
+        return Experiment(*(None if text is None else float(text) for text in texts))
+    except ValueError as error:
+        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
 
 
-def _dependencies(unknowns: list[Any]) -> dict[str, frozenset[str]]:
-    return {
-        unknown.variable.name: frozenset(known.name for known in unknown.dependencies if known.causality == "input")
-        for unknown in unknowns
-        if unknown.dependencies is not None
-    }
-
-
-def _binary(path: Path, files: list[str], identifier: str) -> str:
-    """Where this platform's library lies in the archive: FMI 2.0's folder names, and the tuples of FMI 2.0.4."""
+def _binary(path: Path, files: list[str], identifier: str, *, two: bool) -> str:
+    """Where this platform's library lies in the archive: FMI 2.0's folder names, or the tuples of 2.0.4 and 3.0."""
     library = identifier + fmpy.sharedLibraryExtension
     folders = [fmpy.platform_tuple]
-    if fmpy.architecture.startswith("x86") or fmpy.system == "darwin":  # fmpy.platform says linux64 on ARM, too
+    if two and (fmpy.architecture.startswith("x86") or fmpy.system == "darwin"):  # fmpy.platform says linux64 on ARM
         folders.append(fmpy.platform)
     for folder in folders:
         if f"binaries/{folder}/{library}" in files:
@@ -189,36 +223,3 @@ def _binary(path: Path, files: list[str], identifier: str) -> str:
         f"{', '.join(inside) or 'none'}; {'compile its sources here' if sources else 'export it for this platform'}"
         " (own components: 'liaisons build')"
     )
-
-
-def start_value(owner: str, fmu: Fmu, name: str, value: Any) -> float | int | bool | str:
-    """A start value as the type that its variable takes.
-
-    :param owner: name of the component, for messages.
-    :raises SimulationError: if there is no such variable, it cannot be set, or the value is of the wrong type or
-        not finite.
-    """
-    if name not in fmu.variables:
-        raise SimulationError(f"{owner}: {fmu.unknown(name)}")
-    variable = fmu.variables[name]
-    if not variable.settable:
-        settable = [v.name for v in fmu.variables.values() if v.settable]
-        raise SimulationError(
-            f"{owner}.{name} = {value!r}: causality {variable.causality!r}, so it is calculated and cannot be set"
-            f"{suggestion(name, settable)}"
-        )
-    takes, convert, words = _TAKES[variable.type]
-    if not isinstance(value, takes) or (isinstance(value, bool) and takes is not bool):
-        raise SimulationError(f"{owner}.{name} = {value!r}: expected {words}, got {type(value).__name__}")
-    if variable.type == "Real" and not math.isfinite(value):
-        raise SimulationError(f"{owner}.{name} = {value!r}: expected a finite number")
-    return convert(value)
-
-
-_TAKES: dict[VariableType, tuple[type, type, str]] = {
-    "Real": (numbers.Real, float, "a number"),
-    "Integer": (numbers.Integral, int, "an integer"),
-    "Enumeration": (numbers.Integral, int, "an integer"),
-    "Boolean": (bool, bool, "True or False"),
-    "String": (str, str, "a string"),
-}

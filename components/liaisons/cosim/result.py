@@ -1,19 +1,20 @@
-"""What a simulation gives back: time, and named signals with units."""
+"""What a simulation gives back: time, and named signals with units; in and out of files, and drawn."""
 
 from __future__ import annotations
 
 import csv
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.cosim.files import replacing
+from liaisons.cosim.variables import Shape, complete, split
 from liaisons.errors import SimulationError, suggestion
 
 if TYPE_CHECKING:
@@ -23,13 +24,16 @@ if TYPE_CHECKING:
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """Signals at the communication points; ``result["swing.theta"]`` is one of them, shape (n,), read-only.
+    """Signals at the communication points, read-only.
+
+    ``result["swing.theta"]`` is one of them, shape (n,).  Where ``chain.theta[1]`` to ``chain.theta[10]`` are there,
+    ``result["chain.theta"]`` is all of them, shape (n, 10).
 
     :param title: what was simulated.
     :param time: communication points [s], shape (n,).
-    :param names: names of the signals.
+    :param names: names of the signals, those of elements one by one.
     :param values: shape (len(names), n).
-    :param units: name -> unit; empty where the FMU gives none.
+    :param units: name -> unit, of whole arrays too; empty where the FMU gives none.
     """
 
     title: str
@@ -41,16 +45,50 @@ class Result:
     def __post_init__(self) -> None:
         self.time.flags.writeable = False
         self.values.flags.writeable = False
-        object.__setattr__(self, "units", MappingProxyType(dict(self.units)))
+        arrays = {name: self.units.get(self.names[rows[0]], "") for name, (rows, _) in self._arrays.items()}
+        object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """A signal by its name.
+        """A signal or an array of them by its name.
 
         :raises SimulationError: with the nearest name, if there is none of this name.
         """
-        if name not in self.units:
-            raise SimulationError(f"the result of {self.title} has no signal {name!r}{suggestion(name, self.names)}")
-        return self.values[self.names.index(name)]
+        if name in self._rows:
+            return self.values[self._rows[name]]
+        if name not in self._arrays:
+            raise SimulationError(
+                f"the result of {self.title} has no signal {name!r}{suggestion(name, self.entries)}"
+                "; what is not recorded by default has to be named in record=[...]"
+            )
+        rows, shape = self._arrays[name]
+        together = rows[-1] - rows[0] + 1 == len(rows)
+        values = self.values[rows[0] : rows[-1] + 1] if together else self.values[rows]
+        array = values.T.reshape(-1, *shape)
+        array.flags.writeable = False
+        return array
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Names, with those of whole arrays in place of their elements'."""
+        elements = {row: name for name, (rows, _) in self._arrays.items() for row in rows}
+        return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        return {name: row for row, name in enumerate(self.names)}
+
+    @cached_property
+    def _arrays(self) -> dict[str, tuple[list[int], Shape]]:
+        """Arrays of which every element is there, in order: rows of the values, and shape."""
+        found: dict[str, tuple[list[int], list[Shape]]] = {}
+        for row, name in enumerate(self.names):
+            base, index = split(name)
+            if index is not None and base not in self._rows:
+                rows, indices = found.setdefault(base, ([], []))
+                rows.append(row)
+                indices.append(index)
+        shapes = {base: (rows, complete(indices)) for base, (rows, indices) in found.items()}
+        return {base: (rows, shape) for base, (rows, shape) in shapes.items() if shape is not None}
 
     def to_csv(self, path: Path | str) -> None:
         """Write a file: names in its first line, units in the second after ``#``, then a line a communication point.
@@ -61,7 +99,7 @@ class Result:
 
         :raises SimulationError: if it cannot be written.
         """
-        with _replacing(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as file:
+        with replacing(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["time", *self.names])
             writer.writerow(["# s", *(self.units[name] for name in self.names)])
@@ -69,19 +107,64 @@ class Result:
 
     @classmethod
     def from_csv(cls, path: Path | str) -> Result:
-        """Read what :meth:`to_csv` has written.
+        """Read what :meth:`to_csv` has written, or another table of numbers with time first and names above.
 
         :raises SimulationError: if it cannot be read, or is not such a file.
         """
         try:
             with Path(path).open(encoding="utf-8", newline="") as file:
-                (_, *names), (_, *units), *rows = csv.reader(file)
+                (_, *names), *rows = csv.reader(file)
+            units = rows.pop(0)[1:] if rows and rows[0][:1] and rows[0][0].startswith("#") else [""] * len(names)
             values = np.array(rows, dtype=float).reshape(len(rows), 1 + len(names))
-        except (OSError, ValueError, csv.Error) as error:
+            described = dict(zip(names, units, strict=True))
+        except OSError as error:
+            raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
+        except (ValueError, csv.Error) as error:
             raise SimulationError(f"{path}: not a result that to_csv has written: {error}") from None
-        time, *signals = np.ascontiguousarray(values.T)
-        units = dict(zip(names, units, strict=True))
-        return cls(Path(path).stem, time, tuple(names), np.reshape(signals, (len(names), len(rows))), units)
+        if len(described) != len(names) or not len(values):
+            what = "has a name twice" if len(values) else "has no numbers"
+            raise SimulationError(f"{path}: not a result that to_csv has written: it {what}")
+        return cls._of_columns(Path(path).stem, values.T, described)
+
+    def to_parquet(self, path: Path | str) -> None:
+        """Write a Parquet file: a column of doubles a signal, ``time`` first, units in the columns' metadata.
+
+        Needs PyArrow (``pip install 'liaisons[parquet]'``); pandas, polars and DuckDB read it.  The file appears when
+        it is complete.
+
+        :raises SimulationError: if it cannot be written, or PyArrow is missing.
+        """
+        arrow, parquet = _pyarrow(path)
+        units = {"time": "s"} | {name: self.units[name] for name in self.names}
+        fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in units.items()]
+        schema = arrow.schema(fields, metadata={"title": self.title})
+        with replacing(Path(path)) as part:
+            parquet.write_table(arrow.table([self.time, *self.values], schema=schema), part)
+
+    @classmethod
+    def from_parquet(cls, path: Path | str) -> Result:
+        """Read what :meth:`to_parquet` has written, or other columns of numbers with time first.
+
+        :raises SimulationError: if it cannot be read, or PyArrow is missing.
+        """
+        arrow, parquet = _pyarrow(path)
+        try:
+            with Path(path).open("rb") as file:
+                table = parquet.ParquetFile(file).read()
+            values = np.array([column.to_numpy() for column in table.columns], dtype=float)
+        except (OSError, ValueError, arrow.ArrowException) as error:
+            reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+            raise SimulationError(f"{path}: cannot be read as Parquet: {reason}") from None
+        units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
+        if values.ndim != 2 or len(units) != len(values):
+            raise SimulationError(f"{path}: not a result that to_parquet has written: no columns, or a name twice")
+        title = (table.schema.metadata or {}).get(b"title", Path(path).stem.encode()).decode()
+        return cls._of_columns(title, values, dict(list(units.items())[1:]))
+
+    @classmethod
+    def _of_columns(cls, title: str, columns: NDArray[np.float64], units: Mapping[str, str]) -> Result:
+        values = np.ascontiguousarray(columns)
+        return cls(title, values[0].copy(), tuple(units), values[1:], units)
 
     def plot(self, *names: str, path: Path | str | None = None) -> Figure:
         """Draw signals over time, those of one unit in one diagram.
@@ -91,7 +174,7 @@ class Result:
         :raises SimulationError: if a name is unknown or the file cannot be written.
         """
         groups: dict[str, list[str]] = {}
-        signals = {name: self[name] for name in names or self.names}
+        signals = {name: self[name] for name in names or self.entries}
         for name in signals:
             groups.setdefault(self.units[name], []).append(name)
         size = (7.0, 1.0 + 2.0 * max(1, len(groups)))
@@ -103,7 +186,8 @@ class Result:
         diagrams = figure.subplots(max(1, len(groups)), sharex=True, squeeze=False)[:, 0]
         for diagram, (unit, members) in zip(diagrams, groups.items(), strict=False):
             for name in members:
-                diagram.plot(self.time, signals[name], label=name)
+                lines = diagram.plot(self.time, signals[name].reshape(len(self.time), -1))
+                lines[0].set_label(name)  # elements of an array share one entry
             label = f"[{unit}]" if unit else ""
             diagram.set_ylabel(f"{members[0]} {label}".strip() if len(members) == 1 else label)
             if len(members) > 1:
@@ -113,19 +197,23 @@ class Result:
         if path is not None:
             path = Path(path)
             try:
-                with _replacing(path) as part:
+                with replacing(path) as part:
                     figure.savefig(part, format=path.suffix[1:] or "png")
             except ValueError as error:
                 raise SimulationError(f"{path}: {error}") from None
         return figure
 
     def __repr__(self) -> str:
-        shown = [f"{name} [{self.units[name]}]" if self.units[name] else name for name in self.names[:8]]
-        rest = f", and {len(self.names) - 8} more" if len(self.names) > 8 else ""
+        shown = [self._shown(name) for name in self.entries[:8]]
+        rest = f", and {len(self.entries) - 8} more" if len(self.entries) > 8 else ""
         return (
             f"<Result of {self.title}: {len(self.time)} points, t = {self.time[0]:g} to {self.time[-1]:g} s, "
             f"{len(self.names)} signals: {', '.join(shown)}{rest}>"
         )
+
+    def _shown(self, name: str) -> str:
+        size = f" ({'×'.join(map(str, self._arrays[name][1]))})" if name in self._arrays else ""
+        return f"{name}{size} [{self.units[name]}]" if self.units[name] else f"{name}{size}"
 
 
 @final
@@ -149,15 +237,10 @@ class Interrupted(KeyboardInterrupt):
         self.result = result
 
 
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """A file to write in place of another; takes its place at the end, if nothing went wrong."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+def _pyarrow(path: Path | str) -> tuple[Any, Any]:
     try:
-        yield part
-        part.replace(path)
-    except OSError as error:
-        raise SimulationError(f"{path}: cannot be written: {error.strerror}; choose another path") from None
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise SimulationError(f"{path}: Parquet needs PyArrow; pip install 'liaisons[parquet]'") from None
+    return pyarrow, pyarrow.parquet

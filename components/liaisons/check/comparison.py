@@ -1,0 +1,218 @@
+"""Two results side by side: by how much each signal differs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, interp1d
+
+from liaisons.check.verdicts import table
+from liaisons.errors import ValidityError
+
+Method = Literal["same points", "Hermite", "linear"]
+
+_Numbers = NDArray[np.float64]
+
+
+class Signals(Protocol):
+    """What can be compared: a :class:`liaisons.Result`, for example."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def time(self) -> _Numbers: ...
+    @property
+    def entries(self) -> tuple[str, ...]: ...
+    @property
+    def units(self) -> Mapping[str, str]: ...
+    def __getitem__(self, name: str, /) -> _Numbers: ...
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """By how much one signal, or one array of signals, differs.
+
+    :param maximum: largest absolute difference, of all elements.
+    :param at: when that is [s].
+    :param rms: root of the mean square of the difference, over points and elements.
+    :param scale: largest absolute value of the first result.
+    :param method: how the values at common times were had.
+    """
+
+    name: str
+    unit: str
+    maximum: float
+    at: float
+    rms: float
+    scale: float
+    method: Method
+
+    @property
+    def relative(self) -> float:
+        """The largest difference beside the largest value; infinite if that is 0 and there is a difference."""
+        if self.scale > 0:
+            return self.maximum / self.scale
+        return 0.0 if self.maximum == 0 else float("inf")
+
+    def row(self) -> dict[str, str]:
+        """As a row of :func:`liaisons.check.table`."""
+        return {
+            "signal": self.name,
+            "unit": self.unit or "-",
+            "largest difference": f"{self.maximum:.3g}",
+            "at t [s]": f"{self.at:.6g}",
+            "rms": f"{self.rms:.3g}",
+            "beside the largest value": f"{self.relative:.2g}",
+            "values": self.method,
+        }
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """All differences of two results; prints as a table.
+
+    :param titles: of both results.
+    :param times: where they were compared [s], shape (m,).
+    :param differences: one a signal that both have, in the order of the first.
+    :param only_first: signals that only the first has.
+    :param only_second: signals that only the second has.
+    """
+
+    titles: tuple[str, str]
+    times: _Numbers
+    differences: tuple[Difference, ...]
+    only_first: tuple[str, ...]
+    only_second: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Difference:
+        """The difference of one signal.
+
+        :raises ValidityError: if there is none of this name.
+        """
+        for difference in self.differences:
+            if difference.name == name:
+                return difference
+        raise ValidityError(f"{name!r} was not compared; compared: {', '.join(d.name for d in self.differences)}")
+
+    @property
+    def relative(self) -> float:
+        """The worst of the differences beside the largest value of their signal."""
+        return max(difference.relative for difference in self.differences)
+
+    def __str__(self) -> str:
+        first, last = self.times[0], self.times[-1]
+        lines = [
+            f"{self.titles[0]} and {self.titles[1]} at {len(self.times)} points, t = {first:g} to {last:g} s",
+            table(difference.row() for difference in self.differences),
+        ]
+        if any(difference.method == "linear" for difference in self.differences):
+            lines.append("linear: interpolated by straight lines, since its rate was not recorded with it")
+        for title, names in zip(self.titles, (self.only_first, self.only_second), strict=True):
+            if names:
+                lines.append(f"only in {title}: {', '.join(names)}")
+        return "\n".join(lines)
+
+
+def compare(first: Signals, second: Signals) -> Comparison:
+    """Compare the signals that two results have in common, over the time that they have in common.
+
+    Where all points of one, within that time, are points of the other, the values stand there and are taken as they
+    are.  Else each result is interpolated at the points of the other: by cubic Hermite polynomials (error of fourth
+    order in the step) where the rate ``x_dot`` of a signal ``x`` was recorded with it, else by straight lines (second
+    order), since nothing better is known of a signal that may jump.
+
+    :raises ValidityError: if they have no signal or no time span in common, or a signal has different units or sizes.
+    """
+    names = [name for name in first.entries if name in second.entries]
+    if not names:
+        raise ValidityError(f"{first.title} and {second.title} have no signal in common")
+    for name in names:
+        _check(first, second, name)
+    times, exact = _times(first, second)
+    differences = []
+    for name in names:
+        (one, one_by), (other, other_by) = (_at(result, name, times, exact=exact) for result in (first, second))
+        error = np.abs(one - other).reshape(len(times), -1)
+        worst = np.max(error, axis=1)
+        place = int(np.argmax(np.where(np.isnan(worst), np.inf, worst)))
+        method: Method = "linear" if "linear" in {one_by, other_by} else one_by
+        differences.append(
+            Difference(
+                name,
+                first.units[name] or second.units[name],
+                maximum=float(worst[place]),
+                at=float(times[place]),
+                rms=float(np.sqrt(np.mean(error**2))),
+                scale=float(np.max(np.abs(one))),
+                method=method,
+            )
+        )
+    return Comparison(
+        (first.title, second.title),
+        times,
+        tuple(differences),
+        tuple(name for name in first.entries if name not in names),
+        tuple(name for name in second.entries if name not in names),
+    )
+
+
+def _check(first: Signals, second: Signals, name: str) -> None:
+    units = first.units[name], second.units[name]
+    if all(units) and units[0] != units[1]:
+        raise ValidityError(f"{name} is in {units[0]} in {first.title}, in {units[1]} in {second.title}; convert one")
+    shapes = first[name].shape[1:], second[name].shape[1:]
+    if shapes[0] != shapes[1]:
+        raise ValidityError(f"{name} has shape {shapes[0]} in {first.title}, {shapes[1]} in {second.title}")
+
+
+def _times(first: Signals, second: Signals) -> tuple[_Numbers, bool]:
+    """Where to compare [s], and whether both results have these very points."""
+    begin, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
+    if begin > end:
+        raise ValidityError(
+            f"{first.title} (t = {first.time[0]:g} to {first.time[-1]:g} s) and {second.title} "
+            f"({second.time[0]:g} to {second.time[-1]:g} s) have no time in common"
+        )
+    one, other = (r.time[(r.time >= begin) & (r.time <= end)] for r in (first, second))
+    few, many = sorted((one, other), key=len)
+    if np.all(np.abs(many[_nearest(many, few)] - few) <= _rounding(end)):
+        return few, True
+    return np.union1d(one, other), False
+
+
+def _nearest(points: _Numbers, wanted: _Numbers) -> NDArray[np.intp]:
+    """Of sorted points, which one is nearest to each wanted one."""
+    after = np.clip(np.searchsorted(points, wanted), 1, max(1, len(points) - 1))
+    if len(points) == 1:
+        return np.zeros(len(wanted), dtype=np.intp)
+    return np.where(wanted - points[after - 1] <= points[after] - wanted, after - 1, after)
+
+
+def _rounding(end: float) -> float:
+    """How far points may lie apart and be the same: sums of steps round, each by half a unit in the last place."""
+    return 1e-9 * max(1.0, abs(end))
+
+
+def _at(result: Signals, name: str, times: _Numbers, *, exact: bool) -> tuple[_Numbers, Method]:
+    values = result[name]
+    if values.ndim == 1 or values.shape[0] != len(result.time):
+        values = values.reshape(len(result.time), -1)
+    if exact:
+        return values[_nearest(result.time, times)], "same points"
+    rate = _rate(name)
+    if rate in result.entries and result[rate].shape == result[name].shape:
+        rates = result[rate].reshape(values.shape)
+        return CubicHermiteSpline(result.time, values, rates)(times), "Hermite"
+    return interp1d(result.time, values, axis=0)(times), "linear"
+
+
+def _rate(name: str) -> str:
+    """Name of the rate: before the index, if there is one."""
+    base, bracket, index = name.rpartition("[") if name.endswith("]") else (name, "", "")
+    return f"{base}_dot{bracket}{index}"

@@ -1,0 +1,352 @@
+"""``modelDescription.xml`` of FMI 2.0 and 3.0, read in one pass: time and memory stay small for a million variables."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import IO, final
+from xml.etree.ElementTree import ParseError, XMLParser
+
+from liaisons.cosim.variables import Array, Shape, Variable, Variables, VariableType, complete, split
+
+Attributes = Mapping[str, str]
+
+_BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_FMI_2: dict[str, VariableType] = {
+    "Real": "Real",
+    "Integer": "Integer",
+    "Enumeration": "Enumeration",
+    "Boolean": "Boolean",
+    "String": "String",
+}
+_FMI_3: dict[str, VariableType] = {
+    **{f"Float{bits}": "Real" for bits in (32, 64)},
+    **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
+    "Enumeration": "Enumeration",
+    "Boolean": "Boolean",
+    "String": "String",
+    "Binary": "Binary",
+    "Clock": "Clock",
+}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """SI value = factor * value + offset; exponents of kg, m, s, A, K, mol, cd, rad."""
+
+    exponents: tuple[int, ...]
+    factor: float
+    offset: float
+
+
+Table = dict[int, frozenset[int] | None]
+"""Index of an unknown -> indices of the inputs that it depends on directly; None: not said, so possibly all."""
+
+
+@final
+@dataclass
+class Description:
+    """What the file says; ``co_simulation`` is None where the FMU is made for something else only."""
+
+    root: Attributes = field(default_factory=dict)
+    co_simulation: Attributes | None = None
+    experiment: Attributes = field(default_factory=dict)
+    log_categories: list[str] = field(default_factory=list)
+    units: dict[str, Unit] = field(default_factory=dict)
+    variables: Variables = field(default_factory=lambda: Variables({}))
+    outputs: Table = field(default_factory=dict)
+    initial_unknowns: Table = field(default_factory=dict)
+    exact: set[int] = field(default_factory=set)  # outputs with a start value of their own
+
+
+def parse(file: IO[bytes]) -> Description:
+    """Read a model description.
+
+    :raises ValueError: if it is no well-formed XML, misses an attribute, or has a number that is none.
+    """
+    reader = _Reader()
+    parser = XMLParser(target=reader)
+    try:
+        while chunk := file.read(1 << 16):
+            parser.feed(chunk)
+        parser.close()
+    except ParseError as error:
+        raise ValueError(str(error)) from None
+    except KeyError as error:
+        raise ValueError(f"an element has no attribute {error}") from None
+    except OverflowError as error:
+        raise ValueError(f"a number is out of range: {error}") from None
+    return reader.finished()
+
+
+@dataclass(slots=True)
+class _Elements:
+    """FMI 2.0 scalars ``name[1]``, ``name[2]``, ... until it is known whether they are an array."""
+
+    like: Variable
+    references: array[int] = field(default_factory=lambda: array("L"))
+    indices: array[int] = field(default_factory=lambda: array("L"))
+    starts: list[str | None] = field(default_factory=list)
+    shapes: list[Shape] | None = None  # kept when the indices are not simply 1, 2, 3, ...
+
+    def add(self, variable: Variable, index: Shape) -> None:
+        count = len(self.references)
+        if self.shapes is None and index != (count + 1,):
+            self.shapes = [(k,) for k in range(1, count + 1)]
+        if self.shapes is not None:
+            self.shapes.append(index)
+        self.references.append(variable.reference)
+        self.indices.append(variable.index)
+        self.starts.append(variable.start)
+
+    def entries(self, *, free: bool) -> dict[str, Variable | Array]:
+        """The array; or its members one by one if some are missing, or its name is not free."""
+        count = len(self.references)
+        shape = (count,) if self.shapes is None else complete(self.shapes)
+        if shape is not None and free:
+            starts = self.starts if any(start is not None for start in self.starts) else ()
+            return {self.like.name: Array(self.like, shape, self.references, starts, self.indices, whole=False)}
+        shapes = self.shapes or [(k,) for k in range(1, count + 1)]
+        members = zip(shapes, self.references, self.starts, self.indices, strict=True)
+        return {
+            name: replace(self.like, name=name, reference=reference, start=start, index=place)
+            for index, reference, start, place in members
+            for name in [f"{self.like.name}[{','.join(map(str, index))}]"]
+        }
+
+
+@final
+class _Reader:
+    """Target of the XML parser: looks at start tags only, since the order of the sections is fixed."""
+
+    def __init__(self) -> None:
+        self.description = Description()
+        self._unit = ""
+        self._type = ""
+        self._type_units: dict[str, str] = {}
+        self._table: Table | None = None
+        self._entries: dict[str, Variable | _Elements | _Pending] = {}
+        self._scalar: Attributes | None = None  # FMI 2.0: waits for the child with its type
+        self._pending: _Pending | None = None  # FMI 3.0: waits for its dimensions
+        self._count = 0
+        self._inputs: set[int] = set()
+        self._index: dict[int, int] = {}  # FMI 3.0: value reference -> index
+        self._known: dict[str, frozenset[int]] = {}  # the same words again and again
+        self._handlers: dict[str, Callable[[Attributes], None]] = {
+            "fmiModelDescription": self._root,
+            "CoSimulation": self._co_simulation,
+            "Category": lambda a: self.description.log_categories.append(a["name"]),
+            "DefaultExperiment": self._experiment,
+            "Unit": self._open_unit,
+            "BaseUnit": self._base_unit,
+            "ModelVariables": self._open_variables,
+            "ModelStructure": self._close_variables,
+        }
+
+    def start(self, tag: str, attributes: Attributes) -> None:
+        """Called by the parser."""
+        handler = self._handlers.get(tag)
+        if handler is not None:
+            handler(attributes)
+
+    def finished(self) -> Description:
+        """Everything, after the last tag."""
+        self._close_variables({})
+        if not self.description.root:
+            raise ValueError("its root is not fmiModelDescription")
+        return self.description
+
+    # ---- header
+
+    def _root(self, attributes: Attributes) -> None:
+        self.description.root = dict(attributes)
+        version = attributes["fmiVersion"]
+        if version.startswith("2."):
+            self._handlers["SimpleType"] = self._open_type
+            self._handlers["Real"] = self._real_type
+        if version.startswith("3."):
+            self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._float_type)
+
+    def _co_simulation(self, attributes: Attributes) -> None:
+        self.description.co_simulation = dict(attributes)
+
+    def _experiment(self, attributes: Attributes) -> None:
+        self.description.experiment = dict(attributes)
+
+    def _open_unit(self, attributes: Attributes) -> None:
+        self._unit = attributes["name"]
+
+    def _base_unit(self, attributes: Attributes) -> None:
+        exponents = tuple(int(attributes.get(base, 0)) for base in _BASE_UNITS)
+        factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
+        self.description.units[self._unit] = Unit(exponents, factor, offset)
+
+    def _open_type(self, attributes: Attributes) -> None:
+        self._type = attributes["name"]
+
+    def _real_type(self, attributes: Attributes) -> None:
+        self._type_units[self._type] = attributes.get("unit", "")
+
+    def _float_type(self, attributes: Attributes) -> None:
+        self._type_units[attributes["name"]] = attributes.get("unit", "")
+
+    # ---- variables
+
+    def _open_variables(self, _: Attributes) -> None:
+        if self.description.root["fmiVersion"].startswith("2."):
+            self._handlers["ScalarVariable"] = self._open_scalar
+            self._handlers |= {tag: self._scalar_of(tag, kind) for tag, kind in _FMI_2.items()}
+            return
+        self._handlers |= {tag: self._variable_of(tag, kind) for tag, kind in _FMI_3.items()}
+        self._handlers |= {"Dimension": self._dimension, "Start": self._start, "Alias": self._alias}
+
+    def _open_scalar(self, attributes: Attributes) -> None:
+        self._scalar = attributes
+
+    def _scalar_of(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
+        base = "Integer" if tag == "Enumeration" else tag
+
+        def handle(attributes: Attributes) -> None:
+            if self._scalar is not None:  # else a tag of the same name elsewhere
+                self._add(self._variable(kind, base, self._scalar, attributes))
+                self._scalar = None
+
+        return handle
+
+    def _variable_of(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
+        base = "Int64" if tag == "Enumeration" else tag
+
+        def handle(attributes: Attributes) -> None:
+            variable = self._variable(kind, base, attributes, attributes)
+            self._index[variable.reference] = variable.index
+            self._pending = _Pending(variable)
+            self._entries[variable.name] = self._pending
+
+        return handle
+
+    def _variable(self, kind: VariableType, base: str, attributes: Attributes, typed: Attributes) -> Variable:
+        index = self._count
+        self._count += 1
+        causality = attributes.get("causality", "local")
+        initial, start = attributes.get("initial"), typed.get("start")
+        if causality == "input":
+            self._inputs.add(index)
+        if causality == "output" and initial == "exact":
+            self.description.exact.add(index)
+        free = causality in {"parameter", "input"} or initial in {"exact", "approx"}
+        return Variable(
+            name=attributes["name"],
+            reference=int(attributes["valueReference"]),
+            type=kind,
+            base=base,
+            causality=causality,
+            settable=free and attributes.get("variability") != "constant",
+            start=start,
+            unit=typed.get("unit") or self._type_units.get(typed.get("declaredType", ""), ""),
+            index=index,
+        )
+
+    def _add(self, variable: Variable) -> None:
+        base, index = split(variable.name)
+        if index is not None:
+            group = self._entries.get(f"{base}[")  # no variable has such a name
+            if group is None:
+                group = self._entries[f"{base}["] = _Elements(replace(variable, name=base))
+            if isinstance(group, _Elements) and _alike(group.like, variable):
+                group.add(variable, index)
+                return
+        self._entries[variable.name] = variable
+
+    def _dimension(self, attributes: Attributes) -> None:
+        if self._pending is not None:
+            self._pending.dimensions.append((attributes.get("start"), attributes.get("valueReference")))
+
+    def _start(self, attributes: Attributes) -> None:
+        if self._pending is not None:
+            self._pending.starts.append(attributes["value"])
+
+    def _alias(self, attributes: Attributes) -> None:
+        if self._pending is not None:
+            self._entries[attributes["name"]] = replace(
+                self._pending, variable=replace(self._pending.variable, name=attributes["name"])
+            )
+
+    # ---- structure
+
+    def _close_variables(self, _: Attributes) -> None:
+        """Put together what belongs together; from here on, tags have to do with dependencies."""
+        if "Unknown" in self._handlers or not self.description.root:
+            return
+        sizes = {
+            entry.variable.reference: int(entry.variable.start or 0)
+            for entry in self._entries.values()
+            if isinstance(entry, _Pending)
+            and entry.variable.causality == "structuralParameter"
+            and not entry.dimensions
+        }
+        entries: dict[str, Variable | Array] = {}
+        for name, entry in self._entries.items():
+            if isinstance(entry, _Elements):
+                entries |= entry.entries(free=entry.like.name not in self._entries)
+            else:
+                entries[name] = entry.entry(sizes) if isinstance(entry, _Pending) else entry
+        self.description.variables = Variables(entries)
+        self._entries, self._pending = {}, None
+        outputs, initial = self.description.outputs, self.description.initial_unknowns
+        for tag in (*_FMI_2, *_FMI_3, "Dimension", "Start", "Alias", "ScalarVariable"):
+            self._handlers.pop(tag, None)
+        self._handlers |= {
+            "Outputs": lambda _: self._choose(outputs),
+            "Derivatives": lambda _: self._choose(None),
+            "DiscreteStates": lambda _: self._choose(None),
+            "InitialUnknowns": lambda _: self._choose(initial),
+            "Unknown": lambda a: self._unknown(self._table, int(a["index"]) - 1, a),
+            "Output": lambda a: self._unknown(outputs, self._index.get(int(a["valueReference"]), -1), a),
+            "InitialUnknown": lambda a: self._unknown(initial, self._index.get(int(a["valueReference"]), -1), a),
+        }
+
+    def _choose(self, table: Table | None) -> None:
+        self._table = table
+
+    def _unknown(self, table: Table | None, index: int, attributes: Attributes) -> None:
+        words = attributes.get("dependencies")
+        if table is not None:
+            table[index] = None if words is None else self._inputs_of(words)
+
+    def _inputs_of(self, words: str) -> frozenset[int]:
+        if words not in self._known:
+            numbers = map(int, words.split())
+            places = (self._index.get(n, -1) for n in numbers) if self._index else (n - 1 for n in numbers)
+            self._known[words] = frozenset(place for place in places if place in self._inputs)
+        return self._known[words]
+
+
+@dataclass(slots=True)
+class _Pending:
+    """An FMI 3.0 variable whose dimensions and sizes are not known yet."""
+
+    variable: Variable
+    dimensions: list[tuple[str | None, str | None]] = field(default_factory=list)
+    starts: list[str] = field(default_factory=list)
+
+    def entry(self, sizes: Mapping[int, int]) -> Variable | Array:
+        variable = self.variable
+        starts = self.starts or ([] if variable.start is None else variable.start.split())
+        if not self.dimensions:
+            return replace(variable, start=starts[0]) if self.starts else variable
+        shape = tuple(
+            int(start) if start is not None else sizes[int(reference or 0)] for start, reference in self.dimensions
+        )
+        return Array(variable, shape, (variable.reference,), starts, (variable.index,), whole=True)
+
+
+def _alike(one: Variable, other: Variable) -> bool:
+    return (one.base, one.type, one.causality, one.settable, one.unit) == (
+        other.base,
+        other.type,
+        other.causality,
+        other.settable,
+        other.unit,
+    )

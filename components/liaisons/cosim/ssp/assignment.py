@@ -1,0 +1,125 @@
+"""From the parameters of a set to start values: names mapped, values transformed, units converted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import final
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from liaisons.cosim.description import Fmu
+from liaisons.cosim.model_description import Unit
+from liaisons.cosim.ssp.xml import BASE_UNITS, path, tag
+from liaisons.cosim.variables import Array
+from liaisons.errors import SimulationError
+
+Number = float | int | bool | str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of a set: its values (several: an array), and the unit that they are in, if it is defined."""
+
+    name: str
+    values: tuple[Number, ...]
+    unit: Unit | None = None
+
+
+def parameters(parameter_set: Element) -> list[Parameter]:
+    """The parameters of a set.
+
+    :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
+    """
+    units = _units(parameter_set)
+    return [
+        Parameter(name, _values(name, element), units.get(element.get("unit", "")))
+        for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
+        for name in [parameter.get("name", "")]
+        for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
+    ]
+
+
+def mapped(found: list[Parameter], entries: list[Element], *, prefix: str) -> Iterator[Parameter]:
+    """The parameters under the names of their targets; all of them under their own where there is no mapping."""
+    known = {f"{prefix}{parameter.name}": parameter for parameter in found}
+    if not entries:
+        yield from (replace(parameter, name=name) for name, parameter in known.items())
+    for entry in entries:
+        parameter = known.get(entry.get("source", ""))
+        if parameter is not None:
+            target = entry.get("target", "")
+            values = tuple(_transformed(target, value, entry) for value in parameter.values)
+            unit = None if entry.get("suppressUnitConversion") in {"true", "1"} else parameter.unit
+            yield Parameter(target, values, unit)
+
+
+def fitted(owner: str, fmu: Fmu, variable: str, parameter: Parameter) -> object:
+    """The value as the variable takes it, in its unit.
+
+    :raises SimulationError: if the units are of different kinds, or there is no such whole number.
+    """
+    entry = fmu.variables.entries.get(variable)
+    like = entry.like if isinstance(entry, Array) else fmu.variables[variable]
+    values = parameter.values
+    if like.type == "Real":
+        values = tuple(_converted(f"{owner}.{variable}", v, parameter.unit, fmu.units.get(like.unit)) for v in values)
+    elif like.type in {"Integer", "Enumeration"}:
+        values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
+    if isinstance(entry, Array) and len(values) == entry.size:
+        return np.array(values, dtype=object).reshape(entry.shape)
+    return values[0] if len(values) == 1 else values
+
+
+def _values(name: str, element: Element) -> tuple[Number, ...]:
+    kind, text = element.tag.rpartition("}")[2], element.get("value", "")
+    try:
+        if kind == "Real" or kind.startswith("Float"):
+            return tuple(map(float, text.split()))
+        if "Int" in kind:
+            return tuple(map(int, text.split()))
+        if kind == "Boolean":
+            return tuple({"true": True, "1": True, "false": False, "0": False}[word] for word in text.split())
+    except (KeyError, ValueError):
+        raise SimulationError(f"parameter {name} = {text!r}: that is no {kind}") from None
+    if kind == "String":
+        return (text,)
+    raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
+
+
+def _transformed(name: str, value: Number, entry: Element) -> Number:
+    for child in entry:
+        kind = child.tag.rpartition("}")[2]
+        if kind == "LinearTransformation" and not isinstance(value, str):
+            value = value * float(child.get("factor", 1)) + float(child.get("offset", 0))
+        elif kind in {"BooleanMappingTransformation", "IntegerMappingTransformation"}:
+            table = {item.get("source", ""): item.get("target", "") for item in child}
+            word = str(value).lower()
+            if word not in table:
+                raise SimulationError(f"parameter {name} = {value!r}: its {kind} has no entry for it")
+            value = table[word] == "true" if kind.startswith("Boolean") else int(table[word])
+        elif kind.endswith("Transformation"):
+            raise SimulationError(f"parameter {name} has an {kind}, which is not done here; give the number instead")
+    return value
+
+
+def _converted(label: str, value: Number, given: Unit | None, wanted: Unit | None) -> Number:
+    if isinstance(value, str) or given is None or wanted is None:
+        return value
+    if given.exponents != wanted.exponents:
+        raise SimulationError(f"{label} = {value!r}: the unit of the parameter is of another kind than the variable's")
+    if (given.factor, given.offset) == (wanted.factor, wanted.offset):
+        return value
+    return (value * given.factor + given.offset - wanted.offset) / wanted.factor
+
+
+def _units(parameter_set: Element) -> Mapping[str, Unit]:
+    found: dict[str, Unit] = {}
+    for unit in parameter_set.iterfind(path("ssv:Units", "ssc:Unit")):
+        base = unit.find(tag("ssc:BaseUnit"))
+        if base is not None:
+            exponents = tuple(int(base.get(name, 0)) for name in BASE_UNITS)
+            found[unit.get("name", "")] = Unit(exponents, float(base.get("factor", 1)), float(base.get("offset", 0)))
+    return found

@@ -1,0 +1,124 @@
+"""Connectors of components and of the system, their types and units."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal, final
+from xml.etree.ElementTree import Element, SubElement
+
+from liaisons.cosim.component import Component
+from liaisons.cosim.description import LONGEST
+from liaisons.cosim.model_description import Unit
+from liaisons.cosim.ports import Link
+from liaisons.cosim.ssp.xml import BASE_UNITS, tag
+from liaisons.cosim.variables import Array, Shape, Variable, split
+
+Form = Literal["portable", "full"]
+
+Units = Mapping[str, Unit]
+
+Place = tuple[str, str]
+"""Component and connector."""
+
+_PORTABLE = {"Enumeration": "Integer"}  # an enumeration of SSP needs the names of its values, which masters do not take
+_FULL = {"Real": "Float64", "Integer": "Int32"}  # what FMI 2.0 has; FMI 3.0 and SSP 2.0 call types alike
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Connector:
+    """A scalar, or an array of FMI 3.0."""
+
+    name: str
+    like: Variable
+    shape: Shape
+
+    @property
+    def kind(self) -> str:
+        return self.like.causality
+
+    def named(self, name: str) -> Connector:
+        """The same under another name."""
+        return Connector(name, self.like, self.shape)
+
+
+def connector(component: Component, variable: str) -> tuple[Connector, Shape]:
+    """The connector that a variable belongs to, and its index there; no index for the whole."""
+    array = component.fmu.variables.whole(variable)
+    if array is None:
+        return Connector(variable, component.fmu.variables[variable], ()), ()
+    _, index = split(variable) if variable != array.like.name else ("", None)
+    return Connector(array.like.name, array.like, array.shape), index or ()
+
+
+def inner(component: Component, links: Iterable[Link], shown: Iterable[Place]) -> list[Connector]:
+    """What a component needs: what is connected inside, and what the system shows."""
+    ends = (end for link in links for end in (link.source, link.target) if end.component is component)
+    names = [end.name for end in ends] + [name for owner, name in shown if owner == component.name]
+    found = (connector(component, name)[0] for name in names)
+    return list({c.name: c for c in found}.values())
+
+
+def outer(components: Iterable[Component], links: Collection[Link]) -> dict[Place, Connector]:
+    """What the system shows: outputs, and inputs that nothing inside feeds; no lists of thousands of scalars."""
+    fed = {(link.target.component.name, connector(link.target.component, link.target.name)[0].name) for link in links}
+    found: dict[Place, Connector] = {}
+    for component in components:
+        for name, entry in component.fmu.variables.entries.items():
+            like = entry.like if isinstance(entry, Array) else entry
+            if like.type != "Real" or like.causality not in {"input", "output"}:
+                continue
+            if isinstance(entry, Array) and not entry.whole and entry.size > LONGEST:
+                continue
+            names = entry.names() if isinstance(entry, Array) and not entry.whole else [name]
+            places = [(component.name, n) for n in names if (component.name, n) not in fed]
+            found |= {place: connector(component, place[1])[0].named("_".join(place)) for place in places}
+    return found
+
+
+def add_connectors(parent: Element, connectors: Collection[Connector], units: Units, form: Form) -> None:
+    """Add the connectors of an element, as its first child."""
+    if not connectors:
+        return
+    group = SubElement(parent, tag("ssd:Connectors"))
+    for c in connectors:
+        element = SubElement(group, tag("ssd:Connector"), name=c.name, kind=c.kind)
+        add_type(element, "ssc", c.like, units, form)
+        for size in c.shape:
+            SubElement(element, tag("ssc:Dimension"), size=str(size))
+
+
+def add_type(parent: Element, prefix: str, variable: Variable, units: Units, form: Form) -> Element:
+    """Add the type of a variable, with its unit if that is defined."""
+    name = (
+        _PORTABLE.get(variable.type, variable.type) if form == "portable" else _FULL.get(variable.base, variable.base)
+    )
+    unit = {"unit": variable.unit} if variable.type == "Real" and variable.unit in units else {}
+    return SubElement(parent, tag(f"{prefix}:{name}"), unit)
+
+
+def units_of(components: Iterable[Component]) -> dict[str, Unit]:
+    """The units that components define; one that two of them define differently is left out."""
+    found: dict[str, Unit] = {}
+    torn: set[str] = set()
+    for component in components:
+        for name, unit in component.fmu.units.items():
+            if found.setdefault(name, unit) != unit:
+                torn.add(name)
+    return {name: unit for name, unit in found.items() if name not in torn}
+
+
+def add_units(parent: Element, name: str, units: Units) -> None:
+    """Add a list of definitions under this name."""
+    if not units:
+        return
+    group = SubElement(parent, tag(name))
+    for unit, definition in units.items():
+        bases = zip(BASE_UNITS, definition.exponents, strict=True)
+        attributes = {base: str(exponent) for base, exponent in bases if exponent}
+        if definition.factor != 1.0:
+            attributes["factor"] = repr(definition.factor)
+        if definition.offset != 0.0:
+            attributes["offset"] = repr(definition.offset)
+        SubElement(SubElement(group, tag("ssc:Unit"), name=unit), tag("ssc:BaseUnit"), attributes)

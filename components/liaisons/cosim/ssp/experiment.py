@@ -1,0 +1,74 @@
+"""The default experiment of a system, with a step size, which SSP leaves to annotations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+from xml.etree.ElementTree import Element, SubElement
+
+from liaisons.cosim.ssp.xml import path, tag
+
+_TOLERANCE = 1e-4  # what OMSimulator takes by itself
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """Start, stop and communication step [s]; None where nothing is said."""
+
+    start_time: float = 0.0
+    stop_time: float | None = None
+    step_size: float | None = None
+
+
+def add_master(system: Element, experiment: Experiment) -> None:
+    """Tell OMSimulator the step size, as the last child of the system."""
+    if experiment.step_size is None:
+        return
+    annotation = _annotation(system, "org.openmodelica")
+    information = SubElement(SubElement(annotation, tag("oms:Annotations")), tag("oms:SimulationInformation"))
+    SubElement(
+        information,
+        tag("oms:FixedStepMaster"),
+        description="oms-ma",
+        stepSize=repr(experiment.step_size),
+        absoluteTolerance=repr(_TOLERANCE),
+        relativeTolerance=repr(_TOLERANCE),
+    )
+
+
+def add_experiment(root: Element, experiment: Experiment) -> None:
+    """Add the default experiment, with the step size for libcosim."""
+    times = {"startTime": experiment.start_time, "stopTime": experiment.stop_time}
+    given = {name: repr(float(value)) for name, value in times.items() if value is not None}
+    element = SubElement(root, tag("ssd:DefaultExperiment"), given)
+    if experiment.step_size is not None:
+        algorithm = SubElement(_annotation(element, "com.opensimulationplatform"), tag("osp:Algorithm"))
+        SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(experiment.step_size))
+
+
+def read_experiment(root: Element) -> Experiment:
+    """What a structure says of its experiment.
+
+    :raises ValueError: for a number that is none.
+    """
+    element = root.find(tag("ssd:DefaultExperiment"))
+    stop = None if element is None else element.get("stopTime")
+    steps = [
+        step
+        for name, attribute in (("osp:FixedStepAlgorithm", "baseStepSize"), ("oms:FixedStepMaster", "stepSize"))
+        for found in root.iter(tag(name))
+        if (step := found.get(attribute)) is not None
+    ]
+    return Experiment(
+        0.0 if element is None else float(element.get("startTime", 0.0)),
+        None if stop is None else float(stop),
+        float(steps[0]) if steps else None,
+    )
+
+
+def _annotation(parent: Element, kind: str) -> Element:
+    annotations = parent.find(path("ssd:Annotations"))
+    if annotations is None:
+        annotations = SubElement(parent, tag("ssd:Annotations"))
+    return SubElement(annotations, tag("ssc:Annotation"), type=kind)

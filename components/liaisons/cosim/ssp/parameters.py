@@ -1,0 +1,76 @@
+"""Start values as parameter sets (SSV) and mappings (SSM)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from xml.etree.ElementTree import Element, SubElement
+
+from liaisons.cosim.component import Component
+from liaisons.cosim.ssp.connectors import Form, Units, add_type, add_units
+from liaisons.cosim.ssp.xml import document, tag
+from liaisons.cosim.starts import Start, Value
+from liaisons.cosim.variables import offset, split
+
+Parameter = tuple[str, Component, str]
+"""Its name in the set, and the component and variable that it is for."""
+
+_INITIAL = "initialValues"  # the set that OSP's masters look for
+
+
+def start(component: Component, name: str) -> Value:
+    """The start value of a variable, an element or a whole array that has one."""
+    if name in component.starts:
+        return component.starts[name]
+    base, index = split(name)
+    whole, place = component.starts[base], offset(index or (), component.fmu.arrays[base])
+    assert isinstance(whole, tuple)
+    assert place is not None
+    return whole[place]
+
+
+def scalars(component: Component) -> list[str]:
+    """Names that have start values: elements of FMI 2.0's arrays one by one, arrays of FMI 3.0 as a whole."""
+    names: list[str] = []
+    for name in component.starts:
+        names += [name] if component.fmu.variables.whole(name) else component.fmu.elements(name)
+    return list(dict.fromkeys(names))
+
+
+def parameter_set(listed: Iterable[Parameter], units: Units, form: Form) -> bytes:
+    """The file of a parameter set."""
+    root = Element(tag("ssv:ParameterSet"), version="1.0" if form == "portable" else "2.0", name=_INITIAL)
+    group = SubElement(root, tag("ssv:Parameters"))
+    used: dict[str, None] = {}
+    for name, component, variable in listed:
+        parameter = SubElement(group, tag("ssv:Parameter"), name=name)
+        array = component.fmu.variables.whole(variable)
+        element = add_type(parameter, "ssv", array.like if array else component.fmu.variables[variable], units, form)
+        element.attrib = {"value": _text(start(component, variable)), **element.attrib}
+        used |= dict.fromkeys(filter(None, [element.get("unit")]))
+        for size in array.shape if array else ():
+            SubElement(parameter, tag("ssc:Dimension"), size=str(size))
+    add_units(root, "ssv:Units", {unit: units[unit] for unit in used})
+    return document(root)
+
+
+def mapping(listed: Iterable[Parameter]) -> bytes:
+    """The file that maps the parameters of a set to the variables of a system's components."""
+    root = Element(tag("ssm:ParameterMapping"), version="2.0")
+    for name, component, variable in listed:
+        SubElement(root, tag("ssm:MappingEntry"), source=name, target=f"{component.name}.{variable}")
+    return document(root)
+
+
+def bind(element: Element, values: str, names: str | None = None) -> None:
+    """Bind a parameter set, and a mapping, to a component or system."""
+    binding = SubElement(SubElement(element, tag("ssd:ParameterBindings")), tag("ssd:ParameterBinding"), source=values)
+    if names is not None:
+        SubElement(binding, tag("ssd:ParameterMapping"), source=names)
+
+
+def _text(value: Start | tuple[Start, ...]) -> str:
+    if isinstance(value, tuple):
+        return " ".join(map(_text, value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,180 @@
+"""What a system structure says, nested systems and signal dictionaries dissolved: FMUs, links, bindings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple, final
+from xml.etree.ElementTree import Element
+
+from liaisons.cosim.ssp.xml import path, tag
+from liaisons.cosim.variables import Shape
+from liaisons.errors import SimulationError
+
+Path = tuple[str, ...]
+"""Names of elements from the outermost system, which is (), inwards."""
+
+_FMU = "application/x-fmu-sharedlibrary"
+
+
+class Node(NamedTuple):
+    """A connector of an element; indices pick one element of an array."""
+
+    element: Path
+    connector: str
+    indices: Shape = ()
+
+    def __str__(self) -> str:
+        return ".".join((*self.element, self.connector))
+
+
+@final
+@dataclass(frozen=True)
+class Structure:
+    """A system without its nesting.
+
+    :param sources: component -> where its FMU lies in the archive.
+    :param bindings: parameter bindings of components and systems, those that count more behind the others.
+    :param edges: connections as they are written.
+    :param shown: connectors of systems.
+    """
+
+    name: str
+    sources: dict[Path, str] = field(default_factory=dict)
+    bindings: list[tuple[Path, Element]] = field(default_factory=list)
+    edges: list[tuple[Node, Node]] = field(default_factory=list)
+    shown: set[tuple[Path, str]] = field(default_factory=set)
+
+    def links(self) -> Iterator[tuple[Node, Node]]:
+        """From component to component, whatever lies between.
+
+        :raises SimulationError: if an input has several sources, or connections go round without a component.
+        """
+        into: dict[tuple[Path, str], list[tuple[Node, Node]]] = {}
+        for start, end in self.edges:
+            into.setdefault((end.element, end.connector), []).append((start, end))
+        for start, end in self.edges:
+            if end.element in self.sources:
+                source = self._origin(start, into)
+                if source is not None:
+                    yield source, end
+
+    def _origin(self, node: Node, into: dict[tuple[Path, str], list[tuple[Node, Node]]]) -> Node | None:
+        """The output of a component that a connector shows; None if nothing is connected with it."""
+        seen = {node}
+        while node.element not in self.sources:
+            edges = [e for e in into.get((node.element, node.connector), ()) if e[1].indices in {(), node.indices}]
+            if not edges:
+                return None
+            if len(edges) > 1:
+                raise SimulationError(f"{node} has several sources: {', '.join(str(start) for start, _ in edges)}")
+            start, end = edges[0]
+            node = start if end.indices or start.indices else start._replace(indices=node.indices)
+            if node in seen:
+                raise SimulationError(f"the connections of {node} go round in a circle without a component")
+            seen.add(node)
+        return node
+
+    def meant(self, system: Path, name: str) -> list[tuple[Path, str]]:
+        """Components and variables that a parameter of an element stands for; none if it fits nothing."""
+        if system in self.sources:
+            return [(system, name)]
+        if (system, name) in self.shown:
+            ends = [end for start, end in self.edges if (start.element, start.connector) == (system, name)]
+            return [place for end in ends for place in self.meant(end.element, end.connector)]
+        known = {p[: len(system) + 1] for p in self.sources if p[: len(system)] == system and p != system}
+        for child in sorted(known, key=lambda child: -len(child[-1])):
+            if name.startswith(f"{child[-1]}."):
+                return self.meant(child, name[len(child[-1]) + 1 :])
+        return []
+
+
+def read_structure(root: Element) -> Structure:
+    """Read a system structure description.
+
+    :raises SimulationError: for what cannot be simulated here, by its name.
+    """
+    system = root.find(tag("ssd:System"))
+    if system is None:
+        raise SimulationError("its structure has no System")
+    structure = Structure(root.get("name") or system.get("name") or "system")
+    _read_system(system, (), structure, {})
+    structure.bindings.sort(key=lambda binding: -len(binding[0]))  # what is bound further out counts more
+    return structure
+
+
+def _read_system(system: Element, here: Path, structure: Structure, dictionaries: dict[str, Path]) -> None:
+    structure.bindings.extend((here, binding) for binding in _bindings(system))
+    structure.shown.update((here, name) for name in _connectors(system))
+    own = {d.get("name", ""): (*here, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
+    dictionaries = dictionaries | own
+    inside: dict[str, Path] = {}
+    for element in system.iterfind(path("ssd:Elements") + "/*"):
+        name = _required(element, "name")
+        if name in inside:
+            raise SimulationError(f"two elements are called {'.'.join(inside[name])}; a name stands for one")
+        inside[name] = (*here, name)
+        if element.tag == tag("ssd:Component"):
+            structure.sources[inside[name]] = _source(element, inside[name])
+            structure.bindings.extend((inside[name], binding) for binding in _bindings(element))
+        elif element.tag == tag("ssd:System"):
+            _read_system(element, inside[name], structure, dictionaries)
+        elif element.tag == tag("ssd:SignalDictionaryReference"):  # all references of a dictionary are one element
+            wanted = element.get("dictionary", "")
+            if wanted not in dictionaries:
+                raise SimulationError(f"{name} refers to a signal dictionary {wanted!r}, which is not there")
+            inside[name] = dictionaries[wanted]
+    for connection in system.iterfind(path("ssd:Connections", "ssd:Connection")):
+        start, end = (_end(connection, role, here, inside) for role in ("start", "end"))
+        _check_plain(connection, start, end)
+        structure.edges.append((start, end))
+
+
+_DICTIONARIES = path("ssd:SignalDictionaries", "ssd:SignalDictionary")
+
+
+def _source(component: Element, here: Path) -> str:
+    name, kind, source = ".".join(here), component.get("type", _FMU), component.get("source")
+    if kind != _FMU:
+        raise SimulationError(f"component {name} is of type {kind!r}; only FMUs ({_FMU}) can be simulated")
+    if component.get("implementation", "any") not in {"any", "CoSimulation"}:
+        wanted = component.get("implementation")
+        raise SimulationError(f"component {name} asks for {wanted}; only co-simulation is there: export it for that")
+    if not source:
+        raise SimulationError(f"component {name} has no source: a sketch without an FMU cannot be simulated")
+    return source
+
+
+def _end(connection: Element, role: str, here: Path, inside: dict[str, Path]) -> Node:
+    element, connector = connection.get(f"{role}Element"), _required(connection, f"{role}Connector")
+    index = tuple(map(int, connection.get(f"{role}Indices", "").split()))
+    if not element:  # some tools write an empty name for the system itself
+        return Node(here, connector, index)
+    if element not in inside:
+        raise SimulationError(f"a connection names {element}.{connector}, but there is no element {element!r}")
+    return Node(inside[element], connector, index)
+
+
+def _check_plain(connection: Element, start: Node, end: Node) -> None:
+    for child in connection:
+        kind = child.tag.rpartition("}")[2]
+        identity = float(child.get("factor", 1)) == 1.0 and float(child.get("offset", 0)) == 0.0
+        if kind.endswith("Transformation") and not (kind == "LinearTransformation" and identity):
+            raise SimulationError(
+                f"the connection from {start} to {end} has a {kind}, which is not done here: let an FMU convert"
+            )
+
+
+def _bindings(element: Element) -> list[Element]:
+    return element.findall(path("ssd:ParameterBindings", "ssd:ParameterBinding"))
+
+
+def _connectors(element: Element) -> list[str]:
+    return [_required(c, "name") for c in element.iterfind(path("ssd:Connectors", "ssd:Connector"))]
+
+
+def _required(element: Element, attribute: str) -> str:
+    value = element.get(attribute)
+    if not value:
+        raise SimulationError(f"its structure has a {element.tag.rpartition('}')[2]} without {attribute}")
+    return value

@@ -1,0 +1,164 @@
+"""Variables of an FMU: scalars, and arrays whose elements are made when they are asked for.
+
+FMI 2.0 has scalars only and writes an array as ``theta[1]``, ``theta[2]``, ...; FMI 3.0 has one variable ``theta`` with
+dimensions.  Both look alike here: ``"theta"`` is an array and ``"theta[2]"`` a scalar.  A million elements cost some
+bytes each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Literal, TypeVar, final
+
+VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "Binary", "Clock"]
+
+Shape = tuple[int, ...]
+
+_T = TypeVar("_T")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One scalar variable; ``unit`` is empty where the FMU gives none.
+
+    :param reference: value reference; elements of an FMI 3.0 array share that of the array.
+    :param base: the type in the names of FMI's functions: ``Real``, ``Float64``, ``UInt8``, ...
+    :param settable: whether it can be set before and during initialization.
+    :param index: place in the model description, from 0.
+    :param position: place within an FMI 3.0 array, from 0, the last index running fastest.
+    """
+
+    name: str
+    reference: int
+    type: VariableType
+    base: str
+    causality: str
+    settable: bool
+    start: str | None
+    unit: str
+    index: int = 0
+    position: int = 0
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Array:
+    """Variables under one name; ``like`` is what they have in common.
+
+    :param references: one an element (FMI 2.0), or one for all (FMI 3.0).
+    :param starts: one an element, one for all, or none.
+    :param indices: place of each in the model description, or one for all.
+    :param whole: whether it is one variable of FMI 3.0, which is read and set as a whole.
+    """
+
+    like: Variable
+    shape: Shape
+    references: Sequence[int]
+    starts: Sequence[str | None]
+    indices: Sequence[int]
+    whole: bool
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return math.prod(self.shape)
+
+    def names(self) -> Iterator[str]:
+        """Names of its elements, the last index running fastest."""
+        return (f"{self.like.name}[{index}]" for index in indices(self.shape))
+
+    def element(self, name: str, position: int) -> Variable:
+        """The scalar at a position."""
+        return replace(
+            self.like,
+            name=name,
+            reference=_at(self.references, position),
+            start=_at(self.starts, position) if self.starts else None,
+            index=_at(self.indices, position),
+            position=position if self.whole else 0,
+        )
+
+
+@final
+class Variables(Mapping[str, Variable]):
+    """All scalars by name, elements of arrays among them, in the order of the file (arrays where they begin)."""
+
+    def __init__(self, entries: Mapping[str, Variable | Array]) -> None:
+        self.entries = entries
+        self.arrays: Mapping[str, Shape] = {n: entry.shape for n, entry in entries.items() if isinstance(entry, Array)}
+
+    def __getitem__(self, name: str) -> Variable:
+        entry = self.entries.get(name)
+        if isinstance(entry, Variable):
+            return entry
+        base, index = split(name)
+        array = self.entries.get(base)
+        if index is None or not isinstance(array, Array):
+            raise KeyError(name)
+        position = offset(index, array.shape)
+        if position is None:
+            raise KeyError(name)
+        return array.element(name, position)
+
+    def __iter__(self) -> Iterator[str]:
+        for name in self.entries:
+            yield from self.elements(name)
+
+    def __len__(self) -> int:
+        return sum(entry.size if isinstance(entry, Array) else 1 for entry in self.entries.values())
+
+    def elements(self, name: str) -> list[str]:
+        """The scalars that a name stands for: those of an array, or the scalar itself."""
+        entry = self.entries.get(name)
+        return list(entry.names()) if isinstance(entry, Array) else [name]
+
+    def whole(self, name: str) -> Array | None:
+        """The array of FMI 3.0 of this name or with this element; None if there is none, or it is a list of scalars."""
+        entry = self.entries.get(name) or self.entries.get(split(name)[0])
+        return entry if isinstance(entry, Array) and entry.whole else None
+
+
+def indices(shape: Shape) -> Iterator[str]:
+    """``"1"``, ``"2"``, ... or ``"1,1"``, ``"1,2"``, ..., the last index running fastest."""
+    if len(shape) == 1:
+        return map(str, range(1, shape[0] + 1))
+    return (",".join(map(str, index)) for index in product(*(range(1, n + 1) for n in shape)))
+
+
+def split(name: str) -> tuple[str, Shape | None]:
+    """``"theta[3]"`` is ``("theta", (3,))``; a name without an index at its end is itself and None."""
+    if not name.endswith("]"):
+        return name, None
+    base, bracket, index = name[:-1].rpartition("[")
+    numbers = index.split(",")
+    if not (base and bracket and all(n.isascii() and n.isdigit() and str(int(n)) == n for n in numbers)):
+        return name, None
+    return base, tuple(map(int, numbers))
+
+
+def offset(index: Shape, shape: Shape) -> int | None:
+    """Place of an element, from 0, the last index running fastest; None if there is no such element."""
+    if len(index) != len(shape):
+        return None
+    place = 0
+    for i, n in zip(index, shape, strict=True):
+        if not 1 <= i <= n:
+            return None
+        place = place * n + i - 1
+    return place
+
+
+def complete(found: Sequence[Shape]) -> Shape | None:
+    """The shape whose indices these are, all of them and in order; None if they are no such thing."""
+    shape = found[-1]
+    if math.prod(shape) != len(found) or any(len(index) != len(shape) for index in found):
+        return None
+    return shape if all(offset(index, shape) == place for place, index in enumerate(found)) else None
+
+
+def _at(values: Sequence[_T], position: int) -> _T:
+    return values[position if len(values) > 1 else 0]

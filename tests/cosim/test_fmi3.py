@@ -1,0 +1,193 @@
+"""FMUs of FMI 3.0: arrays, other number types, roll-back, derivatives."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import zipfile
+from collections.abc import Iterator
+from ctypes import Array, c_double
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+from liaisons.cosim import IncompleteError, System, simulate
+from liaisons.cosim.description import read
+from liaisons.cosim.instance3 import Instance3
+from liaisons.cosim.variables import Variable
+from liaisons.errors import ConnectionError, SimulationError  # noqa: A004 - the field's word for it
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="module")
+def row(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The FMU of row.c."""
+    if COMPILER is None:
+        pytest.skip("no C compiler")
+    directory = tmp_path_factory.mktemp("fmi3")
+    library = directory / f"Row{fmpy.sharedLibraryExtension}"
+    headers, source = Path(fmpy.__file__).parent / "c-code", HERE / "row.c"
+    warnings = ["-Wall", "-Wextra", "-std=c99"]
+    subprocess.run(
+        [COMPILER, "-shared", "-fPIC", *warnings, f"-I{headers}", str(source), "-o", str(library), "-lm"], check=True
+    )
+    path = directory / "Row.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(HERE / "row.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{fmpy.platform_tuple}/{library.name}")
+    return path
+
+
+def _numbers(*values: float) -> Array[c_double]:
+    return (c_double * len(values))(*values)
+
+
+@pytest.fixture
+def instance(row: Path, tmp_path: Path) -> Iterator[Instance3]:
+    fmu = read(row)
+    fmpy.extract(row, tmp_path)
+    with Instance3("row", fmu, tmp_path) as made:
+        made.setup(1e-6, 0.0, 1.0)
+        yield made
+
+
+def _variables(row: Path, *names: str) -> list[Variable]:
+    fmu = read(row)
+    return [fmu.variables[name] for name in names]
+
+
+def test_description(row: Path) -> None:
+    fmu = read(row)
+    assert (fmu.version, fmu.guid, fmu.restores, fmu.differentiates, fmu.output_derivative_order) == (
+        3,
+        "{row}",
+        True,
+        True,
+        1,
+    )
+    assert fmu.arrays == dict.fromkeys(("gain", "u", "y", "s"), (3,))
+    assert fmu.reals("output") == ["y[1]", "y[2]", "y[3]", "s[1]", "s[2]", "s[3]", "single", "also_single", "calls"]
+    assert [fmu.variables[f"gain[{i}]"].start for i in (1, 2, 3)] == ["1", "2", "3"]
+    assert fmu.variables["u[2]"].unit == "m/s"  # from its type
+    assert fmu.variables["label"].start == "none"
+    assert (fmu.variables["u[3]"].reference, fmu.variables["u[3]"].position) == (2, 2)
+    assert fmu.depends("y[1]", "u[1]")
+    assert not fmu.depends("s[1]", "u[1]")
+    assert fmu.depends("calls", "u[1]")  # it does not say
+    assert not fmu.depends("s[2]", "u[2]", initially=True)  # it has a start value of its own
+
+
+def test_whole_arrays_go_through_as_they_are(instance: Instance3, row: Path) -> None:
+    instance.enter_initialization()
+    instance.exit_initialization()
+    given, seen = _numbers(1, 2, 3), _numbers(*[0] * 4)
+    assert instance.setter(_variables(row, "u[1]", "u[2]", "u[3]"), given)() == 0
+    assert instance.getter(_variables(row, "y[1]", "y[2]", "y[3]", "calls"), seen)() == 0
+    assert list(seen) == [1, 4, 9, 1]
+
+
+def test_elements_in_any_order_and_single_precision(instance: Instance3, row: Path) -> None:
+    instance.enter_initialization()
+    instance.exit_initialization()
+    set_two = instance.setter(_variables(row, "u[3]", "u[1]"), given := _numbers(5, 7))
+    seen = _numbers(0, 0, 0, 0)
+    get = instance.getter(_variables(row, "y[3]", "single", "u[2]", "y[1]"), seen)
+    set_one = instance.setter(_variables(row, "u[2]"), _numbers(11))
+    assert (set_two(), set_one()) == (0, 0)
+    time, size = c_double(0), c_double(0.5)
+    assert instance.stepper(time, size)() == 0
+    assert get() == 0
+    assert list(seen) == [15, 3.5, 11, 7]
+    given[0] = 1
+    assert (set_two(), get()) == (0, 0)
+    assert list(seen) == [3, 3.5, 11, 7]  # what is not named keeps its value
+
+
+def test_roll_back(instance: Instance3, row: Path) -> None:
+    instance.enter_initialization()
+    instance.exit_initialization()
+    save, restore = instance.states()
+    instance.setter(_variables(row, "u[1]"), _numbers(2))()
+    step, seen = instance.stepper(c_double(0), c_double(0.5)), _numbers(0)
+    get = instance.getter(_variables(row, "s[1]"), seen)
+    assert [call() for call in (save, step, step, restore, step, get)] == [0] * 6
+    assert list(seen) == [1]
+
+
+def test_derivatives(instance: Instance3, row: Path) -> None:
+    instance.enter_initialization()
+    instance.exit_initialization()
+    seed, product = _numbers(10, 1), _numbers(0, 0)
+    unknowns, knowns = _variables(row, "y[3]", "y[2]"), _variables(row, "u[2]", "u[3]")
+    assert instance.directional(unknowns, knowns, seed, product)() == 0
+    assert list(product) == [3, 20]
+    instance.setter(_variables(row, "u[2]"), _numbers(4))()
+    slopes = _numbers(0, 0)
+    assert instance.output_derivatives(_variables(row, "s[2]", "s[1]"), [1, 1], slopes)() == 0
+    assert list(slopes) == [8, 0]
+
+
+@pytest.mark.parametrize("given", [{"gain": [4, 5, 6]}, {"gain": 4.0, "gain[2]": 5.0, "gain[3]": 6.0}])
+def test_start_values_of_arrays(row: Path, given: dict[str, object]) -> None:
+    result = simulate(row, **given, u=1.0)  # type: ignore[arg-type]
+    assert result["s"].shape == (5, 3)
+    np.testing.assert_array_equal(result["s"], np.outer(result.time, [4, 5, 6]))
+    np.testing.assert_array_equal(result["s[2]"], 5 * result.time)
+
+
+def test_other_types_reach_the_fmu(row: Path) -> None:
+    with pytest.raises(SimulationError, match=r"fmi3ExitInitializationMode returned Error: flag is set, count = -7"):
+        simulate(row, flag=True, count=-7, label="a")
+    with pytest.raises(SimulationError, match=r"label = two words$"):
+        simulate(row, flag=True, label="two words")
+
+
+def test_arrays_connect_whole_and_by_element(row: Path) -> None:
+    system = System("rows")
+    one, two = system.add("one", row, u=1.0), system.add("two", row)
+    system.connect(one["y"], two["u"])
+    result = system.simulate(1.0, 0.25)
+    np.testing.assert_array_equal(result["two.s"], np.outer(result.time, [1, 4, 9]))
+    assert result.units["two.s[1]"] == "m"
+    other = System("elements")
+    one, two = other.add("one", row, u=1.0), other.add("two", row, u=[0.0, 0.0, 7.0])
+    other.connect(one["y[3]"], two["u[1]"])
+    np.testing.assert_array_equal(other.simulate(1.0, 0.25)["two.y"][-1], [3, 0, 21])
+    with pytest.raises(ConnectionError, match=r"one\.y.*two\.u\[2\]"):
+        other.connect(one["y"], two["u[2]"])
+
+
+def test_fmu_that_ends_the_simulation_keeps_what_there_is(row: Path) -> None:
+    with pytest.raises(
+        IncompleteError, match=r"Row: fmi3DoStep from t = 0\.5 s to t = 0\.75 s .*end the simulation"
+    ) as e:
+        simulate(row, limit=0.6)
+    assert e.value.result.time[-1] == 0.5
+
+
+def test_failing_step_says_why(row: Path) -> None:
+    with pytest.raises(IncompleteError, match=r"fmi3DoStep .* returned Error: t = 1024 is too late"):
+        simulate(row, stop_time=1024, step_size=512)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"gain": [1.0, 2.0]}, r"Row\.gain = \[1\.0, 2\.0\]: 2 values, but the array has 3"),
+        ({"gain": [1.0, 2.0, np.nan]}, r"Row\.gain\[3\] = nan: expected a finite number"),
+        ({"gain": [1.0, 2.0, "x"]}, r"Row\.gain\[3\] = 'x': expected a number, got str"),
+        ({"gain[4]": 1.0}, r"Row\.fmu has no variable 'gain\[4\]'; the array has gain\[1\] to gain\[3\]"),
+        ({"gian": 1.0}, r"did you mean 'gain'"),
+        ({"gian[2]": 1.0}, r"did you mean 'gain\[2\]'"),
+        ({"n": 4}, r"Row\.n = 4: causality 'structuralParameter', so it is fixed and cannot be set"),
+        ({"bytes": "a"}, r"Row\.bytes = 'a': Binary variables cannot be set"),
+        ({"count": 70000}, r"Row\.count = 70000: outside Int16"),
+    ],
+)
+def test_start_values_that_will_not_do(row: Path, given: dict[str, object], words: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        simulate(row, **given)  # type: ignore[arg-type]

@@ -1,0 +1,192 @@
+"""Systems written as SSP archives and read again."""
+
+from __future__ import annotations
+
+import gc
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from liaisons.cosim import System, ssp
+from liaisons.cosim.description import read
+from liaisons.errors import SimulationError
+
+FmuPaths = Callable[[str], Path]
+Form = Literal["portable", "full"]
+
+FORMS: tuple[Form, ...] = ("portable", "full")
+H = 0.25
+
+
+@pytest.fixture
+def system(fmu: FmuPaths) -> System:
+    """A mass on a spring, both ways; a probe of one variable that is part of a port; all types of start values."""
+    made = System('mass & "spring"')
+    mass = made.add("the mass", fmu("Mass"), mass=2 / 3, q_0=0.1, q_dot_0=1e-300, input_reconstruction=0)
+    spring = made.add("spring", fmu("Spring"), stiffness=np.float64(1 / 3), length_ddot=0.7)
+    faulty = made.add("faulty", fmu("Faulty"), label="a <name>", flag=False, status=3)
+    probe = made.add("probe", fmu("Probe"), u=0.3)
+    made.add("alone", fmu("Probe"))
+    made.connect(mass["q"], spring["length"])
+    made.connect(spring["seen_dot"], probe["u"])
+    assert faulty.starts == {"label": "a <name>", "flag": False, "status": 3}
+    return made
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_round_trip_gives_the_same_bits(system: System, tmp_path: Path, form: Form) -> None:
+    system.write_ssp(tmp_path / "system.ssp", form=form)
+    again = System.from_ssp(tmp_path / "system.ssp")
+    assert repr(again) == repr(system)  # components, start values, connections
+    for coupling in ("jacobi", "gauss-seidel"):
+        first, second = (s.simulate(2.0, H, coupling=coupling) for s in (system, again))
+        assert (second.names, dict(second.units)) == (first.names, dict(first.units))
+        np.testing.assert_array_equal(second.values, first.values)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_both_ways_of_a_port_are_known_again(system: System, tmp_path: Path, form: Form) -> None:
+    system.write_ssp(tmp_path / "system.ssp", form=form)
+    again = System.from_ssp(tmp_path / "system.ssp")
+    assert [link.back for link in again._links.values()] == [link.back for link in system._links.values()]
+    assert sum(link.back for link in again._links.values()) == 1
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_experiment_is_kept(system: System, tmp_path: Path, form: Form) -> None:
+    path = tmp_path / "system.ssp"
+    system.write_ssp(path, form=form, start_time=0.1, stop_time=2.1, step_size=0.05)
+    assert ssp.read(path, System).experiment == ssp.Experiment(0.1, 2.1, 0.05)
+    system.write_ssp(path, form=form)
+    assert ssp.read(path, System).experiment == ssp.Experiment(0.0, None, None)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_archives_pass_the_schemas(system: System, tmp_path: Path, form: Form) -> None:
+    standard = pytest.importorskip("pyssp_standard")
+    from pyssp_standard.ssd import SSD
+    from pyssp_standard.ssm import SSM
+    from pyssp_standard.ssv import SSV
+
+    assert standard
+    system.write_ssp(tmp_path / "system.ssp", form=form, stop_time=2.0, step_size=H)
+    with zipfile.ZipFile(tmp_path / "system.ssp") as archive:
+        archive.extractall(tmp_path)
+    kinds = {".ssd": SSD, ".ssv": SSV, ".ssm": SSM}
+    files = [file for file in tmp_path.rglob("*") if file.suffix in kinds]
+    assert len(files) == (5 if form == "portable" else 3)
+    for file in files:
+        with kinds[file.suffix](file) as read:
+            assert read.identifier.startswith(file.suffix[1:] + ("2" if form == "full" else ""))
+            read.__check_compliance__()
+
+
+def test_portable_is_what_old_readers_take(system: System, tmp_path: Path) -> None:
+    system.write_ssp(tmp_path / "system.ssp", step_size=H)
+    with zipfile.ZipFile(tmp_path / "system.ssp") as archive:
+        text = archive.read("SystemStructure.ssd").decode()
+        values = archive.read("resources/the_mass.ssv").decode()
+        names = archive.namelist()
+    root = ElementTree.fromstring(text)
+    assert root.get("version") == "1.0"
+    # prefixes are literal, connections from element to element, no connectors of the system, no mapping
+    assert all(f"<{tag}" in text for tag in ("ssd:System", "ssd:Component", "ssc:Real", "osp:FixedStepAlgorithm"))
+    assert all(word in values for word in ("<ssv:ParameterSet", 'name="initialValues"', "<ssv:Real value="))
+    connections = [element for element in root.iter() if element.tag.endswith("}Connection")]
+    assert len(connections) == 5
+    assert all(c.get("startElement") and c.get("endElement") for c in connections)
+    (outer,) = (element for element in root if element.tag.endswith("}System"))
+    assert not any(child.tag.endswith("}Connectors") for child in outer)
+    assert not any(name.endswith(".ssm") for name in names)
+    # an input that nothing feeds is no connector: importers would set it to 0
+    assert 'name="q_force"' not in text
+
+
+def test_full_has_what_ssp_2_offers(system: System, tmp_path: Path) -> None:
+    system.write_ssp(tmp_path / "system.ssp", form="full", stop_time=3.0)
+    with zipfile.ZipFile(tmp_path / "system.ssp") as archive:
+        text = archive.read("SystemStructure.ssd").decode()
+        page = archive.read("documentation/index.html").decode()
+        assert {"resources/parameters.ssv", "resources/parameters.ssm"} <= set(archive.namelist())
+    assert 'version="2.0"' in text
+    assert "ssc:Float64" in text
+    assert 'startConnector="the mass_q_force" endElement="the mass" endConnector="q_force"' in text
+    assert 'source="documentation/index.html"' in text
+    assert "mass &amp; &quot;spring&quot;" in page
+    assert "<td>spring.length_force</td><td>the mass.q_load</td><td>N</td>" in page
+
+
+def test_equal_systems_are_equal_files(system: System, tmp_path: Path) -> None:
+    for name in ("one.ssp", "two.ssp"):
+        system.write_ssp(tmp_path / name)
+    assert (tmp_path / "one.ssp").read_bytes() == (tmp_path / "two.ssp").read_bytes()
+
+
+def test_one_fmu_is_stored_once_and_two_of_one_name_apart(fmu: FmuPaths, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    other = tmp_path / "other" / "Cubic.fmu"
+    other.write_bytes(fmu("Spring").read_bytes())
+    made = System("names")
+    for name, path in (("a", fmu("Cubic")), ("b", fmu("Cubic")), ("c", other)):
+        made.add(name, path)
+    made.write_ssp(tmp_path / "names.ssp")
+    with zipfile.ZipFile(tmp_path / "names.ssp") as archive:
+        fmus = [name for name in archive.namelist() if name.endswith(".fmu")]
+    assert fmus == ["resources/Cubic.fmu", "resources/Cubic_2.fmu"]
+    assert "length_force" in repr(System.from_ssp(tmp_path / "names.ssp")._components["c"].fmu.reals("output"))
+
+
+def test_unpacked_files_go_with_the_system(system: System, tmp_path: Path) -> None:
+    system.write_ssp(tmp_path / "system.ssp")
+    again = System.from_ssp(tmp_path / "system.ssp")
+    path = again._components["spring"].fmu.path
+    assert path.exists()
+    del again
+    gc.collect()
+    assert not path.exists()
+
+
+def test_start_values_go_into_fmus_that_take_them(fmu: FmuPaths, tmp_path: Path) -> None:
+    marked = tmp_path / "Spring.fmu"
+    with zipfile.ZipFile(fmu("Spring")) as old, zipfile.ZipFile(marked, "w") as new:
+        for name in old.namelist():  # as if the library knew the file with start values
+            new.writestr(name, old.read(name) + (b"starts.txt" if name.startswith("binaries/") else b""))
+    made = System("baked")
+    made.add("spring", marked, stiffness=0.1 + 0.2, input_reconstruction=2)
+    made.add("plain", marked)
+    made.add("other", fmu("Spring"), stiffness=3.0)
+    made.write_ssp(tmp_path / "baked.ssp")
+    with zipfile.ZipFile(tmp_path / "baked.ssp") as archive:
+        archive.extractall(tmp_path / "baked")
+    resources = tmp_path / "baked" / "resources"
+    assert {file.name for file in resources.glob("*.fmu")} == {"spring.fmu", "Spring.fmu", "Spring_2.fmu"}
+    with zipfile.ZipFile(resources / "spring.fmu") as baked:
+        lines = baked.read("resources/starts.txt").decode().splitlines()
+    reference, bits, name = lines[0].split()
+    assert (read(marked).variables["stiffness"].reference, name) == (int(reference), "stiffness")
+    assert struct.unpack(">d", bytes.fromhex(bits)) == (0.1 + 0.2,)
+    assert lines[1].split()[1:] == ["0000000000000002", "input_reconstruction"]
+    variables = read(resources / "spring.fmu").variables
+    assert [variables[name].start for name in ("stiffness", "input_reconstruction", "length")] == [
+        "0.30000000000000004",
+        "2",
+        "0.0",
+    ]
+    # what cannot take them, or needs none, is the file itself
+    assert (resources / "Spring.fmu").read_bytes() == marked.read_bytes()
+    assert (resources / "Spring_2.fmu").read_bytes() == fmu("Spring").read_bytes()
+    assert repr(System.from_ssp(tmp_path / "baked.ssp")).count("stiffness=0.30000000000000004") == 1
+
+
+def test_failed_writing_leaves_nothing(system: System, tmp_path: Path) -> None:
+    with pytest.raises(SimulationError, match=r"no/where\.ssp: cannot be written"):
+        system.write_ssp(tmp_path / "no" / "where.ssp")
+    with pytest.raises(SimulationError, match="form = 'tiny': choose one of 'portable', 'full'"):
+        system.write_ssp(tmp_path / "system.ssp", form="tiny")  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
