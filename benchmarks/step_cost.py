@@ -37,19 +37,19 @@ def main() -> None:
     arguments = options.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        native = _load(build(Pendulum.model(), folder, backend="native"))
-        by_hand = _instantiate(FMU2Slave, _compile_by_hand(folder / "by_hand"), "pendulum", "by hand")
-        python = _load(build(Pendulum.model(), folder, backend="python"))
-        plain = _load(FmuBuilder.build_FMU(HERE / "by_hand" / "plain_python_pendulum.py", dest=folder))
-        _report("native / C by hand", native, by_hand, arguments.rounds, arguments.steps)
-        _report("Python back end / plain Python", python, plain, arguments.rounds, arguments.steps // 10)
+        native = load(build(Pendulum.model(), folder, backend="native"))
+        by_hand = load_by_hand("pendulum", folder / "by_hand")
+        python = load(build(Pendulum.model(), folder, backend="python"))
+        plain = load(FmuBuilder.build_FMU(HERE / "by_hand" / "plain_python_pendulum.py", dest=folder))
+        report("native / C by hand", native, by_hand, arguments.rounds, arguments.steps)
+        report("Python back end / plain Python", python, plain, arguments.rounds, arguments.steps // 10)
         for slave in (native, by_hand, python, plain):
             slave.terminate()
             slave.freeInstance()
 
 
-def _report(title: str, ours: FMU2Slave, yardstick: FMU2Slave, rounds: int, steps: int) -> None:
-    step_ours, step_yardstick = _stepper(ours), _stepper(yardstick)
+def report(title: str, ours: FMU2Slave, yardstick: FMU2Slave, rounds: int, steps: int) -> None:
+    step_ours, step_yardstick = stepper(ours), stepper(yardstick)
     step_ours(steps), step_yardstick(steps)  # warm up
     pairs = [(step_ours(steps), step_yardstick(steps)) for _ in range(rounds)]
     ratios = [a / b for a, b in pairs]
@@ -60,7 +60,7 @@ def _report(title: str, ours: FMU2Slave, yardstick: FMU2Slave, rounds: int, step
     )
 
 
-def _stepper(slave: FMU2Slave) -> Callable[[int], float]:
+def stepper(slave: FMU2Slave) -> Callable[[int], float]:
     """A function that makes n steps and returns seconds a step; the time goes on from call to call."""
     state = {"i": 0}
 
@@ -75,14 +75,14 @@ def _stepper(slave: FMU2Slave) -> Callable[[int], float]:
     return run
 
 
-def _load(fmu: Path) -> FMU2Slave:
+def load(fmu: Path) -> FMU2Slave:
     description = fmpy.read_model_description(str(fmu), validate=False)
     folder = fmpy.extract(str(fmu), unzipdir=str(fmu.with_suffix("")))
     identifier = fmu.stem  # of our FMUs, and of pythonfmu's
-    return _instantiate(FMU2Slave, Path(folder), identifier, description.guid or "")
+    return instantiate(FMU2Slave, Path(folder), identifier, description.guid or "")
 
 
-def _instantiate(kind: type[FMU2Slave], folder: Path, identifier: str, guid: str) -> FMU2Slave:
+def instantiate(kind: type[FMU2Slave], folder: Path, identifier: str, guid: str) -> FMU2Slave:
     slave = kind(
         guid=guid,
         modelIdentifier=identifier,
@@ -97,18 +97,25 @@ def _instantiate(kind: type[FMU2Slave], folder: Path, identifier: str, guid: str
     return slave
 
 
-def _compile_by_hand(folder: Path) -> Path:
+def load_by_hand(name: str, folder: Path) -> FMU2Slave:
+    """An instance of ``by_hand/NAME.c``, which is compiled into the folder."""
+    compile_by_hand(name, folder)
+    return instantiate(FMU2Slave, folder, name, "by hand")
+
+
+def compile_by_hand(name: str, folder: Path, *flags: str | Path) -> Path:
+    """The library of ``by_hand/NAME.c``, where an FMU that is unpacked in the folder has it; flags for the compiler."""
     compiler = shutil.which("cc")
     if compiler is None:
-        sys.exit("step_cost: the hand-written yardstick needs a C compiler called cc")
+        sys.exit("the hand-written yardstick needs a C compiler called cc")
     binaries = folder / "binaries" / fmpy.platform
     binaries.mkdir(parents=True)
-    library = binaries / f"pendulum{fmpy.sharedLibraryExtension}"
+    library = binaries / f"{name}{fmpy.sharedLibraryExtension}"
     headers = Path(fmpy.__file__).parent / "c-code"
-    sources = [str(HERE / "by_hand" / name) for name in ("pendulum.c", "unused.c")]
-    flags = ["-std=c99", "-O2", "-fPIC", "-shared", f"-I{headers}"]
-    subprocess.run([compiler, *flags, *sources, "-o", str(library), "-lm"], check=True)
-    return folder
+    sources = [HERE / "by_hand" / f"{name}.c", HERE / "by_hand" / "unused.c"]
+    command = [compiler, "-std=c99", "-O2", "-fPIC", "-shared", f"-I{headers}", *sources, *flags]
+    subprocess.run([*command, "-o", library, "-lm"], check=True)
+    return library
 
 
 if __name__ == "__main__":

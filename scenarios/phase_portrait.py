@@ -8,6 +8,7 @@ along, and by the determinant of the Jacobi matrix from the variational equation
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -24,9 +25,15 @@ DURATION, FRICTION = 8.0, 0.15
 FRICTIONS = (0.0, FRICTION)
 
 
+@cache
+def pendulum() -> Path:
+    """Looked up once, not for every point of a rim."""
+    return fmu_path("Pendulum")
+
+
 def run(theta: float, theta_dot: float = 0.0, stop_time: float = DURATION, friction: float = 0.0) -> Result:
     return simulate(
-        fmu_path("Pendulum"),
+        pendulum(),
         stop_time=stop_time,
         step_size=0.1,
         tolerance=1e-10,

@@ -14,8 +14,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from liaisons import Result, Verdict, analysis, fmu_path, max_error, run_scenario, simulate, verdict
-from liaisons.mechanics import Mechanism
+from liaisons import Mechanism, Result, Verdict, analysis, fmu_path, max_error, run_scenario, simulate, verdict
 from liaisons.models import FreeParticle, KeplerOrbit, PlanarOscillator
 
 RATIO = 3.0  # λ

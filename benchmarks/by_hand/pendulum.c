@@ -1,7 +1,8 @@
 /* The yardstick: a pendulum of variable length on a moving pivot, as one would write it by hand as an FMI 2.0
  * co-simulation FMU.  Same state as the generated one (theta, p, work, dissipated), same inputs, three classical
  * Runge-Kutta steps a communication step: 12 right-hand sides, as many as one step of order 8 takes.
- * No error control, no checks: this is the floor. */
+ * No error control, no checks: this is the floor.
+ * With SAME_METHOD it is the solver of the generated FMUs, at their default tolerance, and no checks either. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,7 +11,7 @@
 enum { MASS, GRAVITY, FRICTION, LENGTH, LENGTH_DOT, LENGTH_DDOT, X, X_DOT, X_DDOT, Z, Z_DOT, Z_DDOT, FORCE,
        THETA, MOMENTUM, WORK, DISSIPATED, COUNT };
 
-typedef struct { double v[COUNT]; } Pendulum;
+typedef struct { double v[COUNT], low[4], step; } Pendulum;
 
 static void rates(const double *y, const double *v, double *f) {
     const double s = sin(y[0]), c = cos(y[0]), m = v[MASS], g = v[GRAVITY], l = v[LENGTH], ld = v[LENGTH_DOT];
@@ -30,6 +31,24 @@ static void rates(const double *y, const double *v, double *f) {
     f[3] = eta * m * (vx * vx + vz * vz);
 }
 
+#ifdef SAME_METHOD
+
+#include "solver.h"
+
+static Signal solver_rates(void *v, double t, const double y[], double f[]) { (void)t; rates(y, v, f); return GO_ON; }
+static Signal solver_accept(void *v, double t, double y[]) { (void)v; (void)t; (void)y; return GO_ON; }
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real H, fmi2Boolean keep) {
+    static const double size[4] = {1, 1, 9.81, 9.81};
+    Pendulum *it = c;
+    double work[SOLVER_COLUMNS * 4], from = 0;
+    const Problem problem = {4, 0.02 * 1e-8, size, solver_rates, solver_accept, it->v};
+    (void)t; (void)keep;
+    return solver_advance(&problem, &from, H, it->v + THETA, it->low, &it->step, work) == REACHED ? fmi2OK : fmi2Error;
+}
+
+#else
+
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real H, fmi2Boolean keep) {
     double *v = ((Pendulum *)c)->v, *y = v + THETA, h = H / 3, k1[4], k2[4], k3[4], k4[4], x[4];
     (void)t; (void)keep;
@@ -46,12 +65,16 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real H, fmi2Boolean keep)
     return fmi2OK;
 }
 
+#endif
+
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
     static const double start[COUNT] = {[MASS] = 1, [GRAVITY] = 9.81, [LENGTH] = 1, [THETA] = 0.1};
     Pendulum *pendulum = malloc(sizeof *pendulum);
     (void)name; (void)type; (void)guid; (void)resources; (void)functions; (void)visible; (void)logging;
-    if (pendulum) memcpy(pendulum->v, start, sizeof start);
+    if (pendulum == NULL) return NULL;
+    memset(pendulum, 0, sizeof *pendulum);
+    memcpy(pendulum->v, start, sizeof start);
     return pendulum;
 }
 void fmi2FreeInstance(fmi2Component c) { free(c); }

@@ -10,21 +10,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from liaisons.check import Verdict, max_error, slope, table, verdict
+    from liaisons.check import Verdict, compare, max_error, slope, table, verdict
     from liaisons.cosim import Result, System, simulate
+    from liaisons.ensembles import ensemble
     from liaisons.errors import LiaisonsError
+    from liaisons.flattening import flatten
     from liaisons.fmu import build
     from liaisons.library import fmu_path
     from liaisons.mechanics import (
         ActiveCoordinate,
+        Chain,
         Coordinate,
         Experiment,
         Input,
         InternalState,
+        Joint,
         Mechanism,
         Operator,
         Orientation,
         Parameter,
+        Size,
         analysis,
         calculated,
         condition,
@@ -36,38 +41,48 @@ if TYPE_CHECKING:
         submersion,
     )
     from liaisons.scenario import run_scenario
+    from liaisons.sweeps import grid, sample, sweep
 
 __version__ = "0.1.0"
 
 __all__ = [
     "ActiveCoordinate",
+    "Chain",
     "Coordinate",
     "Experiment",
     "Input",
     "InternalState",
+    "Joint",
     "LiaisonsError",
     "Mechanism",
     "Operator",
     "Orientation",
     "Parameter",
     "Result",
+    "Size",
     "System",
     "Verdict",
     "analysis",
     "build",
     "calculated",
+    "compare",
     "condition",
     "constraint",
     "derive",
+    "ensemble",
+    "flatten",
     "fmu_path",
+    "grid",
     "max_error",
     "non_holonomic",
     "output",
     "point",
     "run_scenario",
+    "sample",
     "simulate",
     "slope",
     "submersion",
+    "sweep",
     "table",
     "verdict",
 ]
@@ -75,10 +90,13 @@ __all__ = [
 _HOME = {
     "LiaisonsError": "errors",
     "build": "fmu",
+    "ensemble": "ensembles",
+    "flatten": "flattening",
     "fmu_path": "library",
     "run_scenario": "scenario",
     **dict.fromkeys(("Result", "System", "simulate"), "cosim"),
-    **dict.fromkeys(("Verdict", "max_error", "slope", "table", "verdict"), "check"),
+    **dict.fromkeys(("grid", "sample", "sweep"), "sweeps"),
+    **dict.fromkeys(("Verdict", "compare", "max_error", "slope", "table", "verdict"), "check"),
 }
 
 

@@ -88,12 +88,16 @@ def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
 
 def _starts(part: Part, found: Model) -> dict[str, float]:
     """Start values of parameters and inputs: those of the system, else those that the file has."""
-    values: dict[str, float] = {}
-    for variable in (*found.parameters, *found.inputs):
-        value: Any = part.starts.get(variable.name, part.fmu.variables[variable.name].start)
-        if value is not None:
-            values[variable.name] = float(value)
-    return values
+    given = {
+        element: value
+        for name, values in part.starts.items()
+        for element, value in zip(
+            part.fmu.elements(name), values if isinstance(values, tuple) else (values,), strict=True
+        )
+    }
+    found_in_file = {v.name: part.fmu.variables[v.name].start for v in (*found.parameters, *found.inputs)}
+    starts: dict[str, Any] = {name: given.get(name, start) for name, start in found_in_file.items()}
+    return {name: float(start) for name, start in starts.items() if start is not None}
 
 
 def _identifier(name: str) -> str:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 Backend = Literal["auto", "native", "python"]
 
+_built: dict[tuple[type[Component], Backend, Path], tuple[Path, tuple[int, ...]]] = {}
+"""FMUs that this process has seen to be up to date, and the files that these were."""
+
 
 def catalogue() -> dict[str, type[Component]]:
     """The components of :mod:`liaisons.models`, by name."""
@@ -77,8 +80,21 @@ def fmu_path(target: str, backend: Backend = "auto", **sizes: object) -> Path:
     if len(found) > 1:
         choices = ", ".join(f"{target}:{component.__name__}" for component in found)
         raise ProjectError(f"{target} defines several components; name one: {choices}")
-    folder = "-".join(f"{name}={size}" for name, size in sizes.items())
-    return build(model(found[0], **sizes), fmus_directory() / folder, backend=backend)
+    folder = fmus_directory() / "-".join(f"{name}={size}" for name, size in sizes.items())
+    key = (found[0], backend, folder)
+    path, seen = _built.get(key, (None, None))
+    if path is None or seen != _identity(path):
+        path = build(model(found[0], **sizes), folder, backend=backend)
+        _built[key] = (path, _identity(path))
+    return path
+
+
+def _identity(path: Path) -> tuple[int, ...]:
+    """What changes with a file's content; nothing if there is none."""
+    if not path.is_file():
+        return ()
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def fmu_file(target: str) -> Path:

@@ -31,6 +31,15 @@ def test_all_components_of_a_file_go_where_output_says(liaisons: Cli, bead: Path
     assert len(list((tmp_path / "out").rglob("*.fmu"))) == 2
 
 
+def test_both_versions(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
+    reply = liaisons("build", f"{bead}:Bead", "--backend", "native", "--fmi", "both")
+    fmus = [tmp_path / "fmus" / "Bead.fmu", tmp_path / "fmus" / "fmi3" / "Bead.fmu"]
+    assert reply.status == 0, reply.err
+    assert [Path(line) for line in reply.out.splitlines()] == fmus
+    assert [read_model_description(fmu).fmiVersion for fmu in fmus] == ["2.0", "3.0"]
+    assert is_misuse(liaisons("build", f"{bead}:Bead", "--backend", "python", "--fmi", "3"), "FMI 2.0", "native")
+
+
 def test_no_name_builds_what_is_declared(liaisons: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The declaration file of a project without a clone is ``fmus/fmus.toml`` of the working directory."""
     monkeypatch.setattr("liaisons.project._root", Path)

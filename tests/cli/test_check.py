@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 from pythonfmu.builder import FmuBuilder
 
+from liaisons.fmu import build
+from liaisons.models import Oscillator
+
 from .conftest import Cli, is_misuse
 
 DECAY = '''\
@@ -42,6 +45,15 @@ def test_our_fmus_hold(liaisons: Cli, tmp_path: Path, name: str, backend: str) -
     assert set(verdicts(reply.out).values()) == {"pass"}
     assert ("energy =" in verdicts(reply.out)) == (name == "Oscillator")
     assert "a step" in verdicts(reply.out) or backend == "python"
+
+
+def test_our_fmus_of_fmi_3_hold(liaisons: Cli, tmp_path: Path) -> None:
+    path = build(Oscillator.model(), tmp_path, backend="native", fmi="3")
+    reply = liaisons("check", path)
+    assert reply.status == 0, reply.out + reply.err
+    assert verdicts(reply.out) == dict.fromkeys(
+        ("fmpy's validator", "all signals", "communication steps", "energy =", "a step"), "pass"
+    )
 
 
 @pytest.mark.parametrize(

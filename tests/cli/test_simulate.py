@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from liaisons.cosim import Result
+from liaisons.cosim import Result, System
 from liaisons.models import Pendulum
 
 from .conftest import Cli, is_misuse
@@ -58,6 +58,24 @@ def test_a_file_of_a_user(liaisons: Cli, bead: Path) -> None:
     reply = liaisons("simulate", f"{bead}:Bead", "--stop", "1.25", "--step", "0.25")
     assert reply.status == 0, reply.err
     assert float(rows(reply.out)["x"][2]) == pytest.approx(1.25, rel=1e-6)  # six digits are printed
+
+
+def test_an_archive(liaisons: Cli, fmus: Path, tmp_path: Path) -> None:
+    liaisons("build", "Pendulum", "Sinusoid")
+    system = System("pumped")
+    swing = system.add("swing", next(fmus.rglob("Pendulum.fmu")), theta_0=0.5)
+    motor = system.add("motor", next(fmus.rglob("Sinusoid.fmu")), offset=1.0, amplitude=0.1)
+    system.connect(motor["y"], swing["length"])
+    system.write_ssp(tmp_path / "pumped.ssp", stop_time=1.0, step_size=0.1)
+    words = ("--set", "swing.theta_0=0.25", "--record", "swing.theta,swing.length", "--csv", "pumped.csv")
+    reply = liaisons("simulate", "pumped.ssp", *words)
+    assert reply.status == 0, reply.err
+    assert list(rows(reply.out))[:2] == ["swing.theta", "swing.length"]
+    result = Result.from_csv(tmp_path / "pumped.csv")
+    assert (result["swing.theta"][0], result.time[-1], len(result.time)) == (0.25, 1.0, 11)
+    unknown = liaisons("simulate", "pumped.ssp", "--set", "swin.theta_0=1")
+    assert is_misuse(unknown, "swin.theta_0", "did you mean 'swing'")
+    assert is_misuse(liaisons("simulate", "nowhere.ssp"), "nowhere.ssp", "no such file")
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,16 @@ import shutil
 import subprocess
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import fmpy
 import pytest
+
+from liaisons.fmu import build
+from liaisons.library import catalogue
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
@@ -49,6 +53,7 @@ class Source:
     instantiate: str = ""
     options: str = 'canHandleVariableCommunicationStepSize="true"'
     experiment: str = ""
+    code: str = ""
 
 
 CUBIC = Source(
@@ -89,6 +94,18 @@ MASS = Source(
     step="double a = (q_force - q_load) / mass; "
     "memory[0] += (q_dot_0 + memory[1]) * h + a * h * h / 2; memory[1] += a * h;",
 )
+
+GOES_BACK = 'canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true"'
+
+# the same two from another maker: inputs are held over a step, it can go back, and gives no derivatives
+CART = replace(MASS, variables=MASS.variables[:-1], options=GOES_BACK)
+BUFFER = replace(SPRING, variables=SPRING.variables[:-1], options=GOES_BACK)
+
+CRASHING = Source(
+    (V("x", "output"),), outputs="x = 0;", code="__attribute__((constructor)) static void crash(void) { abort(); }"
+)
+
+UNFED = Source((V("u", "input"), V("x", "output", needs=("u",))), outputs="x = u;")
 
 # an FMU of another make: what it is given, and what its last step began with
 PROBE = Source(
@@ -241,9 +258,19 @@ REFUSES(fmi2Reset, fmi2Component c)
 REFUSES(fmi2GetInteger, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Integer value[])
 REFUSES(fmi2GetBoolean, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Boolean value[])
 REFUSES(fmi2GetString, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2String value[])
-REFUSES(fmi2GetFMUstate, fmi2Component c, fmi2FMUstate *state)
-REFUSES(fmi2SetFMUstate, fmi2Component c, fmi2FMUstate state)
-REFUSES(fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *state)
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
+    if (!*state) *state = malloc(sizeof(M));
+    memcpy(*state, c, sizeof(M));
+    trace(c, "save");
+    return 0;
+}
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) { memcpy(c, state, sizeof(M)); return 0; }
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
+    trace(c, "forget");
+    free(*state);
+    *state = NULL;
+    return 0;
+}
 REFUSES(fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size)
 REFUSES(fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 REFUSES(fmi2DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
@@ -259,6 +286,8 @@ REFUSES(fmi2GetRealStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Real 
 REFUSES(fmi2GetIntegerStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
 REFUSES(fmi2GetBooleanStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 REFUSES(fmi2GetStringStatus, fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
+
+@code@
 
 // the model; last, since its variables are macros
 @defines@
@@ -304,6 +333,7 @@ def _build(directory: Path, name: str, source: Source) -> Path:
             for k, v in enumerate(source.variables)
             if v.name.isidentifier()
         ),
+        "code": source.code,
         "starts": " ".join(f"m->v[{k}] = {start};" for k, start in starts if start is not None),
         "outputs": source.outputs,
         "step": source.step,
@@ -350,3 +380,19 @@ def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[
     file = tmp_path / "trace.txt"
     monkeypatch.setenv("FMU_TRACE", str(file))
     return lambda: file.read_text().splitlines() if file.exists() else []
+
+
+Components = Callable[[str], Path]
+
+
+@pytest.fixture(scope="session")
+def component(tmp_path_factory: pytest.TempPathFactory) -> Components:
+    """FMU of a component: native where there is a compiler, ``"python/..."`` in any case by the Python back end."""
+    directory = tmp_path_factory.mktemp("components")
+
+    @cache
+    def path(name: str) -> Path:
+        plain = name.removeprefix("python/")
+        return build(catalogue()[plain].model(), directory, backend="auto" if plain == name else "python")
+
+    return path

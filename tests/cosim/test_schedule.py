@@ -91,6 +91,7 @@ def test_component_may_feed_itself() -> None:
 
 
 def test_late_inputs_are_those_of_the_same_cycle_and_with_jacobi_all() -> None:
-    assert schedule.late_inputs(["a", "b"], RING, "a", "gauss-seidel") == [("a", "u")]
-    assert schedule.late_inputs(["a", "b"], RING, "b", "gauss-seidel") == []
-    assert schedule.late_inputs(["a", "b", "c"], CHAIN, "c", "jacobi") == [("c", "u")]
+    assert schedule.late_inputs(["a", "b"], RING, "gauss-seidel") == [("a", "u")]
+    assert schedule.late_inputs(["a", "b", "c"], CHAIN, "gauss-seidel") == []
+    assert schedule.late_inputs(["a", "b", "c"], CHAIN, "jacobi") == [("b", "u"), ("c", "u")]
+    assert schedule.late_inputs(["a", "b"], RING, "implicit") == []

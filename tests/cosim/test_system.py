@@ -340,7 +340,7 @@ def test_interrupt_ends_at_a_communication_point(
     def bar(*_: object) -> Callable[[float], None]:
         return lambda t: signal.raise_signal(signal.SIGINT) if t == 0.5 else None
 
-    monkeypatch.setattr(execution, "_progress_bar", bar)
+    monkeypatch.setattr(execution, "progress_bar", bar)
     usual = signal.getsignal(signal.SIGINT)
     with pytest.raises(Interrupted, match=r"driven: interrupted at t = 0\.5 of 1 s") as caught:
         _driven(fmu, 1).simulate(1.0, H, progress=True)

@@ -10,7 +10,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))  # handmade.py and driver.py are no tests, but theirs
 
 from driver import Library
-from handmade import fall, kick, pendulum
+from driver3 import Library3
+from handmade import fall, kick, pendulum, ring
 
 from liaisons.fmu import build
 
@@ -38,3 +39,28 @@ def fall_library(folder) -> Library:
 @pytest.fixture(scope="session")
 def kick_library(folder) -> Library:
     return Library(build(kick(), folder, backend="native"))
+
+
+@pytest.fixture(scope="session")
+def pendulum3(folder) -> Library3:
+    return Library3(build(pendulum(), folder, backend="native", fmi="3"))
+
+
+@pytest.fixture(scope="session")
+def fall3(folder) -> Library3:
+    return Library3(build(fall(), folder, backend="native", fmi="3"))
+
+
+@pytest.fixture(scope="session")
+def kick3(folder) -> Library3:
+    return Library3(build(kick(), folder, backend="native", fmi="3"))
+
+
+@pytest.fixture(scope="session")
+def ring_library(folder) -> Library:
+    return Library(build(ring(3), folder, backend="native"))
+
+
+@pytest.fixture(scope="session")
+def ring3(folder) -> Library3:
+    return Library3(build(ring(3), folder, backend="native", fmi="3"))

@@ -7,7 +7,8 @@ Pendulum of variable length, M 8.1 with one point mass::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from liaisons.mechanics.model import ActiveInput, Causality, Experiment, Model, State, Variable
+from liaisons.mechanics.model import ActiveInput, Causality, Dimension, Experiment, Model, State, Variable
 
 GRAVITY = 9.81
 NOTHING = ca.SX(0, 1)
@@ -114,24 +115,89 @@ def kick() -> Model:
     )
 
 
+def ring(n: int) -> Model:
+    """Masses in a ring, each drawn to an anchor of its own that an operator moves, neighbours bound by springs.
+
+    ::
+
+        x' = p/m,   p' = k sin(a - x) + s - s_right + f  with s = c (x_left - x),   λ = k sin(a - x) + m a''/2
+
+    Arrays of n: x_0, the bonds c to the left, the anchors a with their rates, the forces f, x, p and their rates, λ.
+    """
+    size = Dimension("n", n, "number of masses")
+    y, u, k = ca.MX.sym("y", 2 * n + 1), ca.MX.sym("u", 4 * n), ca.MX.sym("k", 2 + 2 * n)
+    t, m = ca.MX.sym("t"), ca.MX.sym("m")
+    x, p, work = ca.vertsplit(y, [0, n, 2 * n, 2 * n + 1])
+    anchor, anchor_dot, anchor_ddot, force = ca.vertsplit(u, n)
+    mass, stiffness, x_0, bond = ca.vertsplit(k, [0, 1, 2, 2 + n, 2 + 2 * n])
+    spring = bond * ((ca.vertcat(x[-1], x[:-1]) if n > 1 else x) - x)
+    x_dot = p / mass
+    p_dot = stiffness * ca.sin(anchor - x) + spring - (ca.vertcat(spring[1:], spring[0]) if n > 1 else spring) + force
+    operator = stiffness * ca.sin(anchor - x) + mass / 2 * anchor_ddot
+    kinetic = ca.dot(p, p) / (2 * mass) + mass / 2 * ca.dot(anchor_dot, anchor_dot)
+    power = ca.dot(operator, anchor_dot) + ca.dot(force, x_dot)
+    z: dict[str, tuple[str, Causality, ca.MX]] = {
+        "x": ("m", "output", x),
+        "x_dot": ("m/s", "output", x_dot),
+        "p": ("kg.m/s", "output", p),
+        "p_dot": ("N", "local", p_dot),
+        "anchor_force": ("N", "output", operator),
+        "kinetic_energy": ("J", "output", kinetic),
+        "work": ("J", "output", work + kinetic - m),
+        "power": ("W", "local", power),
+        "weights": ("N", "calculatedParameter", GRAVITY * mass * (1 + bond)),
+    }
+    model = _model(
+        "HandRing",
+        (t, y, u, k, m),
+        z,
+        parameters=(
+            _parameter("mass", "kg", 1.0, minimum=0.0, strict=True),
+            _parameter("stiffness", "N", 2.0, tunable=True),
+            replace(_parameter("x_0", "m", 0.0), start=(0.5, -0.25)[:n], dimension=size),
+            replace(_parameter("bond", "N/m", 0.75, minimum=0.0), dimension=size),
+        ),
+        inputs=tuple(
+            Variable(name, unit, name, "input", "continuous", start=start, maximum=limit, dimension=size)
+            for name, unit, start, limit in (
+                ("anchor", "m", 0.125, 10.0),
+                ("anchor_dot", "m/s", 0.0, None),
+                ("anchor_ddot", "m/s2", 0.0, None),
+                ("force", "N", 0.0, None),
+            )
+        ),
+        derivatives={"x_dot": "x", "p_dot": "p", "power": "work"},
+        memory=("kinetic_booked",),
+        start=[ca.vertcat(x_0, ca.MX.zeros(n), 0), mass / 2 * ca.dot(anchor_dot, anchor_dot)],
+        rates=ca.vertcat(x_dot, p_dot, power),
+        jump=ca.vertcat(x, p, work + kinetic - m),
+        remember=kinetic,
+        nominals=ca.MX.ones(2 * n + 1),
+        active=(ActiveInput("anchor", "anchor_dot", "anchor_ddot"),),
+    )
+    of_size = ("x", "x_dot", "p", "p_dot", "anchor_force", "weights")
+    outputs = tuple(replace(v, dimension=size) if v.name in of_size else v for v in model.outputs)
+    return replace(model, outputs=outputs, dimensions=(size,))
+
+
 def _parameter(name: str, unit: str, start: float, *, tunable: bool = False, **domain: Any) -> Variable:
     return Variable(name, unit, name, "parameter", "tunable" if tunable else "fixed", start=start, **domain)
 
 
 def _model(
     name: str,
-    vectors: tuple[ca.SX, ...],
-    z: Mapping[str, tuple[str, Causality, ca.SX]],
+    vectors: tuple[Any, ...],
+    z: Mapping[str, tuple[str, Causality, Any]],
     *,
     parameters: tuple[Variable, ...],
     derivatives: Mapping[str, str],
-    start: list[ca.SX],
-    rates: ca.SX,
+    start: Sequence[Any],
+    rates: Any,
     inputs: tuple[Variable, ...] = (),
     memory: tuple[str, ...] = (),
-    jump: ca.SX | None = None,
-    remember: ca.SX = NOTHING,
-    nominals: ca.SX | None = None,
+    jump: Any = None,
+    remember: Any = NOTHING,
+    nominals: Any = None,
     conditions: Mapping[str, ca.SX] | None = None,
     events: ca.SX = NOTHING,
     active: tuple[ActiveInput, ...] = (),
@@ -140,8 +206,11 @@ def _model(
     point = [t, y, u, k]
     conditions = conditions or {}
 
-    def function(title: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
-        return ca.Function(title, arguments, [ca.densify(ca.SX(result)) for result in results])
+    kind = type(y)
+
+    def function(title: str, arguments: list[Any], *results: Any) -> ca.Function:
+        dense = [kind.zeros(0, 1) if result is NOTHING else ca.densify(kind(result)) for result in results]
+        return ca.Function(title, arguments, dense)
 
     outputs = tuple(
         Variable(
@@ -168,7 +237,7 @@ def _model(
         outputs_function=function("outputs", [*point, m], ca.vertcat(*(e for _, _, e in z.values()))),
         jump=function("jump", [*point, m], y if jump is None else jump),
         remember=function("remember", [*point, m], remember),
-        nominals=function("nominals", point, ca.SX.ones(y.shape) if nominals is None else nominals),
+        nominals=function("nominals", point, kind.ones(y.shape) if nominals is None else nominals),
         conditions=function("conditions", point, ca.vertcat(*conditions.values()) if conditions else NOTHING),
         condition_texts=tuple(conditions),
         events=function("events", [k], events),

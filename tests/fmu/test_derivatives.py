@@ -111,7 +111,7 @@ def test_contributions_add_up(pendulum_library) -> None:
 @pytest.mark.parametrize(
     ("unknown", "known", "message"),
     [
-        ("theta", "mass", "mass is not among the known variables now; they are inputs, states, tunable parameters"),
+        ("theta", "theta_dot", "theta_dot is not among the known variables now; they are parameters, inputs, states"),
         ("length", "length", "length is not an unknown variable: it is set, not calculated"),
     ],
 )

@@ -16,7 +16,7 @@ import fmpy
 import numpy as np
 import pytest
 from handmade import fall, pendulum
-from lxml import etree
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without stubs
 
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import SIZE, icons

@@ -134,7 +134,7 @@ def _patched(content: bytes, offset: int, replacement: bytes) -> bytes:
 
 
 def test_foreign_and_damaged_states_are_refused(pendulum_library, fall_library) -> None:
-    """Header: 8 bytes of magic, byte order, version (4 each), size (8), guid (40)."""
+    """Header: 8 bytes of magic, byte order, version (4 each), size, checksum (8 each), guid (40)."""
     instance = pendulum_library.start(theta_0=0.7)
     content = instance.serialize()
     order = struct.unpack_from("=I", content, 8)[0]
@@ -145,7 +145,8 @@ def test_foreign_and_damaged_states_are_refused(pendulum_library, fall_library) 
         content + b"12345678": f"the saved state has {size + 8} bytes instead of {size}: it is cut off or damaged",
         _patched(content, 0, b"nonsense"): "these bytes are no saved state of such an FMU",
         _patched(content, 8, order.to_bytes(4, "big")): "the saved state comes from a machine with another byte order",
-        _patched(content, 12, struct.pack("=I", 99)): "the saved state has version 99, this FMU reads version 1",
+        _patched(content, 12, struct.pack("=I", 99)): "the saved state has version 99, this FMU reads version 2",
+        _patched(content, size - 20, b"####"): "the saved state is damaged: its checksum is wrong",
         fall_library.start().serialize(): f"belongs to another FMU, with guid {fall_library.description.guid}",
     }
     before = instance.get(*OUTPUTS)

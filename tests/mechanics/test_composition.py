@@ -104,7 +104,7 @@ def test_an_operator_drives_from_inside() -> None:
     assert [v.name for v in model.inputs] == ["mass.x_force", "mass.x_load"]
     assert model.active == ()
     assert {port.name for port in model.ports} == {"mass.x", "shaker.y"}
-    k = [v.start for v in model.parameters]
+    k = [v.starts[0] for v in model.parameters]
     y_0, _ = model.start(0, [0, 0], k)
     run = solve_ivp(
         lambda t, y: model.derivatives(t, y, [0, 0], k).full().ravel(),

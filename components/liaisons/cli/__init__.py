@@ -1,4 +1,4 @@
-"""The command line: ``liaisons list | build | simulate | run | check``."""
+"""The command line: ``liaisons list | build | simulate | sweep | compare | run | check``."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ examples:
   liaisons build Pendulum                         writes fmus/Pendulum.fmu
   liaisons build my_component.py                  ... from a file of yours
   liaisons simulate Pendulum --set theta_0=3 --stop 20 --plot
+  liaisons sweep Pendulum --over theta_0=0.1:3:50 --keep theta:max
+  liaisons compare mine.csv theirs.csv            differences, signal by signal
   liaisons check fmus/Pendulum.fmu                validators and invariants, for any FMU
 
 'liaisons COMMAND --help' shows more. Tab completion: eval "$(liaisons --completions)"
@@ -72,14 +74,14 @@ class _Completions(argparse.Action):
         from liaisons.library import catalogue
         from liaisons.scenario import names
 
-        words = ["list", "build", "simulate", "run", "check", *catalogue(), *names()]
+        words = ["list", "build", "simulate", "sweep", "compare", "run", "check", *catalogue(), *names()]
         print(f"complete -o default -W '{' '.join(words)}' liaisons")
         parser.exit()
 
 
 def _parser() -> argparse.ArgumentParser:
     # Imported here, where an interrupt is caught: NumPy takes a while.
-    from liaisons.cli import check, components, run, simulate
+    from liaisons.cli import check, compare, components, run, simulate, sweep
 
     parser = _Parser(
         prog="liaisons",
@@ -91,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--debug", action="store_true", help="show where an error comes from")
     parser.add_argument("--completions", action=_Completions, nargs=0, help="print the tab completion for bash")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for module in (components, simulate, run, check):
+    for module in (components, simulate, sweep, compare, run, check):
         module.register(commands)
     return parser
 

@@ -14,6 +14,7 @@ from liaisons.project import declared_components, fmus_directory
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
+    from liaisons.fmu.layout import Fmi
     from liaisons.mechanics import Component
 
 
@@ -34,6 +35,7 @@ def register(commands: Commands) -> None:
         "build FMUs",
         "liaisons build\n"
         "liaisons build Pendulum Sinusoid --backend python\n"
+        "liaisons build Pendulum --fmi both\n"
         "liaisons build OscillatorChain --size n=1000\n"
         "liaisons build my_component.py --output /tmp/fmus --platforms all",
     )
@@ -53,6 +55,12 @@ def register(commands: Commands) -> None:
         help="binaries inside a native FMU: for this machine (default), or for Linux, Windows and macOS",
     )
     build.add_argument(
+        "--fmi",
+        choices=("2", "3", "both"),
+        default="2",
+        help="version: FMI 2.0 (default), FMI 3.0, which goes to fmi3/ and is native, or both",
+    )
+    build.add_argument(
         "--size", type=_size, metavar="n=NUMBER", help="how many links a chain has (default: as it declares)"
     )
     build.add_argument("--output", type=Path, metavar="DIR", help="where they go (default: fmus/)")
@@ -69,10 +77,13 @@ def _build(arguments: argparse.Namespace) -> int:
 
     # All are found before the first is built: a misspelt name must not cost a compilation.
     found = [component for target in arguments.targets or declared_components() for component in find(target)]
+    output = arguments.output or fmus_directory()
+    versions: tuple[Fmi, ...] = ("2", "3") if arguments.fmi == "both" else (arguments.fmi,)
     for component in found:
-        output = arguments.output or fmus_directory()
         sized = model(component, **dict([arguments.size] if arguments.size else []))
-        print(build(sized, output, backend=arguments.backend, platforms=arguments.platforms), flush=True)
+        for fmi in versions:
+            fmu = build(sized, output, backend=arguments.backend, platforms=arguments.platforms, fmi=fmi)
+            print(fmu, flush=True)
     return 0
 
 

@@ -41,7 +41,7 @@ def register(commands: Commands) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        type=_assignment,
+        type=assignment,
         dest="starts",
         help="start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
     )
@@ -127,7 +127,8 @@ def _rows(result: Result, name: str) -> list[dict[str, str]]:
     return [{"signal": label, "unit": result.units[name] or "-"} | ends | columns]
 
 
-def _assignment(text: str) -> tuple[str, float | bool | str]:
+def assignment(text: str) -> tuple[str, float | bool | str]:
+    """``name=value`` of a command line; numbers and truth values as such."""
     name, equals, value = text.partition("=")
     if not (name and equals and value):
         raise argparse.ArgumentTypeError(f"{text!r}: write NAME=VALUE, e.g. --set theta_0=0.5")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
-from liaisons.cosim.description import Fmu, Variable, read, start_value
+from liaisons.cosim.description import Fmu, read
+from liaisons.cosim.starts import Value, start_values
+from liaisons.cosim.variables import Variable
 from liaisons.errors import ConnectionError  # noqa: A004 - the field's word for it
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
@@ -26,34 +28,39 @@ class Component:
 
     name: str
     fmu: Fmu
-    starts: Mapping[str, float | int | bool | str]
+    starts: Mapping[str, Value]
 
     def __getitem__(self, name: str) -> End:
-        """A variable, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
+        """A variable, an array, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
 
         :raises ConnectionError: with the nearest name, if there is nothing of that name.
         """
         end = End(self, name)
-        if name not in self.fmu.variables and not end.axes():
+        if not end.exists and not end.axes():
             raise ConnectionError(f"{self.name}: {self.fmu.unknown(name)}")
         return end
 
     @property
+    def reconstruction(self) -> int | None:
+        """What its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate; None for an FMU of another make."""
+        variable = self.fmu.variables.get(INPUT_RECONSTRUCTION)
+        if variable is None or variable.type != "Integer":
+            return None
+        return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
+
+    @property
     def interpolates(self) -> bool:
         """Whether it takes the inputs that are set before a step for those at its end."""
-        return self._reconstruction == 2
+        return self.reconstruction == 2
 
     @property
     def takes_newest(self) -> bool:
         """Whether it is to be given the newest inputs before a step: it interpolates, or it is of another make."""
-        return self._reconstruction in {None, 2}
+        return self.reconstruction in {None, 2}
 
-    @property
-    def _reconstruction(self) -> int | None:
-        variable = self.fmu.variables.get(INPUT_RECONSTRUCTION)
-        if variable is None or variable.type != "Integer":
-            return None
-        return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))
+    def interpolating(self) -> Component:
+        """The same, but that it interpolates its inputs."""
+        return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
     def __repr__(self) -> str:
         starts = "".join(f", {name}={value!r}" for name, value in self.starts.items())
@@ -66,13 +73,13 @@ def component(name: str, path: Path | str, starts: Mapping[str, object]) -> Comp
     :raises SimulationError: if the file cannot be used here, or a start value does not fit.
     """
     fmu = read(path)
-    return Component(name, fmu, {variable: start_value(name, fmu, variable, v) for variable, v in starts.items()})
+    return Component(name, fmu, start_values(name, fmu, starts))
 
 
 @final
 @dataclass(frozen=True)
 class End:
-    """A variable, port or point of one component, to be connected with another."""
+    """A variable, array, port or point of one component, to be connected with another."""
 
     component: Component
     name: str
@@ -87,23 +94,55 @@ class End:
         """Names of component and variable."""
         return self.component.name, self.name
 
+    @property
+    def is_array(self) -> bool:
+        """Whether it stands for all elements of an array."""
+        return self.name in self.component.fmu.arrays
+
+    @property
+    def exists(self) -> bool:
+        """Whether it is a variable or an array; a point is none."""
+        return self.is_array or self.name in self.component.fmu.variables
+
+    def elements(self) -> list[End]:
+        """The scalars of an array; of a scalar, itself."""
+        return [End(self.component, name) for name in self.component.fmu.elements(self.name)]
+
     def beside(self, suffix: str) -> End | None:
         """The end whose name has this suffix more, before the index if there is one; None if there is none.
 
         ``theta[3]`` with ``_dot`` is ``theta_dot[3]``.
         """
-        base, bracket, index = self.name.rpartition("[") if self.name.endswith("]") else (self.name, "", "")
-        name = f"{base}{suffix}{bracket}{index}"
-        return End(self.component, name) if name in self.component.fmu.variables else None
+        base, index = self._parts()
+        end = End(self.component, f"{base}{suffix}{index}")
+        return end if end.exists else None
+
+    def without(self, suffix: str) -> End | None:
+        """The end whose name has this suffix less; None if there is none."""
+        base, index = self._parts()
+        end = End(self.component, f"{base.removesuffix(suffix)}{index}")
+        return end if base.endswith(suffix) and end.exists else None
+
+    def _parts(self) -> tuple[str, str]:
+        base, bracket, index = self.name.partition("[") if self.name.endswith("]") else (self.name, "", "")
+        return base, f"{bracket}{index}"
 
     def port(self) -> tuple[End, End, End] | None:
         """Value, rate and acceleration, where all three exist and are real inputs or real outputs; else None."""
         rate, acceleration = self.beside("_dot"), self.beside("_ddot")
-        if self.name not in self.component.fmu.variables or rate is None or acceleration is None:
+        if not self.exists or self.is_array or rate is None or acceleration is None:
             return None
         triple = (self, rate, acceleration)
         kinds = {(end.variable.type, end.variable.causality) for end in triple}
         return triple if kinds in ({("Real", "input")}, {("Real", "output")}) else None
+
+    def curve(self) -> tuple[tuple[End, End, End] | None, int]:
+        """The port that this is a part of, and as which derivative of it; (None, 0) if of none."""
+        for order, suffix in enumerate(("", "_dot", "_ddot")):
+            port = value.port() if (value := self.without(suffix)) else None
+            if port is not None:
+                return port, order
+        return None, 0
 
     def axes(self) -> dict[str, End]:
         """The components of the point of this name that are ports."""

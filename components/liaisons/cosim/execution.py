@@ -7,19 +7,12 @@ communication points makes no list and looks nothing up, so that a step costs li
 
 from __future__ import annotations
 
-import signal
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from ctypes import Array, c_double
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FrameType
 from typing import final
 
 import fmpy
@@ -27,70 +20,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim import schedule
+from liaisons.cosim.adaptive import Adaptive
+from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.component import Component
-from liaisons.cosim.instance import WARNING, Call, Instance
-from liaisons.cosim.schedule import Coupling, Feeds, Operation, Place
+from liaisons.cosim.coupling.coupled import Coupled
+from liaisons.cosim.coupling.signals import watched
+from liaisons.cosim.drive import SIGNALS, Signal
+from liaisons.cosim.explicit import Explicit
+from liaisons.cosim.instance import Call
+from liaisons.cosim.instances import AnyInstance, make
+from liaisons.cosim.messages import DISCARD, WARNING, Action
+from liaisons.cosim.probe import try_to_load
+from liaisons.cosim.progress import deferred_interrupts, progress_bar
+from liaisons.cosim.refusal import RefusedError
+from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.errors import SimulationError
-
-SIGNALS = ""
-"""Stands for the functions of time that feed inputs, where the name of a component is expected."""
-
-
-Function = Callable[[float], float | Sequence[float]]
-"""A function of time [s]."""
 
 
 @final
 @dataclass(frozen=True)
-class Signal:
-    """A function of time [s] that feeds inputs of one component: a number, or one for each of them."""
+class Settings:
+    """How a system is run.
 
-    function: Function
-    inputs: tuple[Place, ...]
-
-    @property
-    def places(self) -> list[Place]:
-        """Where its values stand on the bus."""
-        return [(SIGNALS, f"{component}.{variable}") for component, variable in self.inputs]
-
-    def __call__(self, t: float) -> NDArray[np.float64]:
-        """Its values, shape (inputs,).
-
-        :raises SimulationError: if the function raises, or returns something else than so many finite numbers.
-        """
-        name = self.inputs[0][1]
-        values = evaluate(self.function, name, t)
-        if values.size != len(self.inputs) or not np.isfinite(values).all():
-            raise SimulationError(
-                f"input {name!r}: its function returns {values.tolist()} at t = {t:.10g} s, "
-                f"expected {len(self.inputs)} finite number{'s' * (len(self.inputs) > 1)}"
-            )
-        return values.reshape(-1)
-
-
-def evaluate(function: Function, name: str, t: float) -> NDArray[np.float64]:
-    """What a function of time returns.
-
-    :param name: the input that it is for.
-    :raises SimulationError: if it raises, or returns no numbers.
+    :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
+    :param interface_tolerance: how well what FMUs hand each other has to fit, relative to its size.
+    :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
+    :param progress: title of the progress bar; none when empty.
     """
-    try:
-        return np.asarray(function(t), dtype=float)
-    except Exception as error:
-        raise SimulationError(f"input {name!r}: its function fails at t = {t:.10g} s: {error!r}") from error
+
+    tolerance: float | None
+    coupling: Coupling
+    interface_tolerance: float
+    error_tolerance: float | None
+    progress: str
 
 
 @final
 class Execution:
-    """One run; :attr:`count` and :attr:`values` say how far it came, after an exception too.
+    """One run; :attr:`times` and :attr:`values` say how far it came, after an exception too.
 
     :param components: by name, in the order of addition.
     :param links: input -> output.
     :param signals: functions of time that feed further inputs.
     :param recorded: the real variables to record.
-    :param times: communication points [s].
-    :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
-    :param progress: title of the progress bar; none when empty.
+    :param times: communication points [s]; with steps of adapted size the begin, the end of the first step, the end.
     """
 
     def __init__(
@@ -99,35 +72,39 @@ class Execution:
         links: Feeds,
         signals: Sequence[Signal],
         recorded: Sequence[Place],
-        times: Sequence[float],
         *,
-        tolerance: float | None,
-        coupling: Coupling,
-        progress: str,
+        times: Sequence[float],
+        settings: Settings,
     ) -> None:
         self._components = components
         self._signals = signals
         self._recorded = recorded
-        self._times = times
-        self._tolerance = tolerance
-        self._coupling: Coupling = coupling
-        self._progress = progress
+        self._planned = times
+        self._settings = settings
+        self._iterates = settings.coupling in {"implicit", "waveform"}
 
         driven = {place: source for s in signals for place, source in zip(s.inputs, s.places, strict=True)}
         self._feeds = driven | dict(links)
         self._order = schedule.order([SIGNALS, *components], self._feeds)
-        self._bus = _Bus(self._order, self._feeds, recorded)
+        also = watched(components, self._feeds) if self._iterates else []
+        self._bus = Bus(self._order, self._feeds, also, recorded)
         self._rows = np.empty((len(times), self._bus.values.size))
-        self.count = 0
+        self._points: list[float] = []
 
-        self._start, self._size, self._end = c_double(), c_double(), times[0]
-        self._instances: dict[str, Instance] = {}
-        self._owners: dict[Call, Operation] = {}
+        self._clock = Clock(times[0])
+        self._instances: dict[str, AnyInstance] = {}
+        self._owners: dict[Call, tuple[Action, str]] = {}
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """The communication points that were reached [s]."""
+        return np.array(self._points)
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """What was recorded so far, shape (len(recorded), count)."""
-        return np.ascontiguousarray(self._rows[: self.count].T[[self._bus.index[place] for place in self._recorded]])
+        """What was recorded so far, shape (len(recorded), len(times))."""
+        places = [self._bus.index[place] for place in self._recorded]
+        return np.ascontiguousarray(self._rows[: len(self._points)].T[places])
 
     def run(self) -> None:
         """Everything from extraction to release.
@@ -142,47 +119,129 @@ class Execution:
                 path = component.fmu.path
                 if path not in folders:
                     folders[path] = _extract(path, directory / str(len(folders)))
-                self._instances[name] = stack.enter_context(Instance(name, component.fmu, folders[path]))
-            self._initialize()
-            self._advance(stack.enter_context(_deferred_interrupts()))
+                    try_to_load(name, component.fmu, folders[path])
+                self._instances[name] = stack.enter_context(make(name, component.fmu, folders[path]))
+            calls = self._initialize()
+            show = self._progress_bar()
+            interrupts = stack.enter_context(deferred_interrupts())
+            if self._settings.error_tolerance is None:
+                self._advance(calls, show, interrupts)
+            else:
+                self._adapt(calls, show, interrupts)
 
-    def _initialize(self) -> None:
+    def _initialize(self) -> list[Call]:
+        """Bring everything to the begin; returns the calls of a communication step."""
+        begin, end = self._planned[0], self._planned[-1]
+        self._clock.set(begin, begin)
         for name, instance in self._instances.items():
-            component = self._components[name]
-            instance.setup(self._tolerance, self._times[0], self._times[-1])
-            for variable, value in component.starts.items():
-                instance.assign(component.fmu.variables[variable], value)
+            instance.setup(self._settings.tolerance, begin, end)
+            for variable, value in self._components[name].starts.items():
+                instance.assign(variable, value)
             instance.enter_initialization()
-        program = schedule.consistent(self._order, self._feeds, self._depends_initially)
-        self._perform(self._prepared(program, initial=True))
+        calls = self._settle_iterating(begin) if self._iterates else self._settle_explicitly()
+        self._record(begin)
+        return calls
+
+    def _settle_explicitly(self) -> list[Call]:
+        explicit = Explicit(
+            self._components,
+            self._instances,
+            self._feeds,
+            self._bus,
+            order=self._order,
+            signals=self._signals,
+            clock=self._clock,
+        )
+        self._owners = explicit.owners
+        self._perform(explicit.consistent(self._depends_initially, initial=True))
         for instance in self._instances.values():
             instance.exit_initialization()
-        self._perform(self._prepared(schedule.consistent(self._order, self._feeds, self._depends)))
-        self._rows[0] = self._bus.values
-        self.count = 1
+        self._perform(explicit.consistent(self._depends, initial=False))
+        return explicit.step(self._depends, self._settings.coupling)
 
-    def _advance(self, interrupts: list[int]) -> None:
+    def _settle_iterating(self, begin: float) -> list[Call]:
+        self._coupled = coupled = Coupled(
+            self._components,
+            self._instances,
+            self._feeds,
+            self._bus,
+            newton=self._settings.coupling == "implicit",
+            depends=self._depends,
+            depends_initially=self._depends_initially,
+            tolerance=self._settings.interface_tolerance,
+            judge=self._fail,
+            clock=self._clock,
+        )
+        coupled.settle(begin, initial=True)
+        for instance in self._instances.values():
+            instance.exit_initialization()
+        coupled.settle(begin, initial=False)
+        others = [call for name in self._components for call in self._other_readings(name)]
+        self._perform(others)
+        return [coupled.step, *others]
+
+    def _other_readings(self, name: str) -> list[Call]:
+        places = self._bus.others(name)
+        if not places:
+            return []
+        variables = self._components[name].fmu.variables
+        call = self._instances[name].getter([variables[v] for _, v in places], self._bus.buffer(places))
+        self._owners[call] = ("get", name)
+        return [call]
+
+    def _advance(self, calls: Sequence[Call], show: Callable[[float], None] | None, interrupts: list[int]) -> None:
         """The loop over the communication points."""
-        newest = {name for name, component in self._components.items() if component.takes_newest}
-        calls = self._prepared(schedule.step(self._order, self._feeds, self._depends, self._coupling, newest))
         bus, rows, width = self._bus.values.data, self._rows.reshape(-1).data, self._bus.values.size
-        start, size = self._start, self._size
-        show = _progress_bar(self._progress, self._times) if self._progress else None
+        clock, points = self._clock, self._points
+        start, size = clock.start, clock.size
         place = width
-        for now, then in pairwise(self._times):
-            start.value = now
+        for now, then in pairwise(self._planned):
+            start.value = now  # Clock.set and _perform written out: two Python calls less a step
             size.value = then - now
-            self._end = then
-            for call in calls:  # _perform written out: one Python call less a step
+            clock.end = then
+            for call in calls:
                 if status := call():
                     self._judge(call, status)
             rows[place : place + width] = bus
             place += width
-            self.count += 1
+            points.append(then)
             if show is not None:
                 show(then)
             if interrupts:
                 raise KeyboardInterrupt
+
+    def _adapt(self, calls: Sequence[Call], show: Callable[[float], None] | None, interrupts: list[int]) -> None:
+        """The same, with steps as long as their error allows."""
+        begin, first, end = self._planned[0], self._planned[1], self._planned[-1]
+        tolerance = self._settings.error_tolerance
+        assert tolerance is not None
+        adaptive = Adaptive(
+            self._components,
+            self._instances,
+            self._bus,
+            signals=self._coupled.signals if self._iterates else None,
+            perform=lambda start, stop: self._step(calls, start, stop),
+            judge=self._fail,
+            tolerance=tolerance,
+            order=self._coupled.order if self._iterates else 1,
+        )
+        for time, values in adaptive.points(begin, end, first - begin):
+            self._record(time, values)
+            if show is not None:
+                show(time)
+            if interrupts:
+                raise KeyboardInterrupt
+
+    def _step(self, calls: Iterable[Call], start: float, end: float) -> None:
+        self._clock.set(start, end)
+        self._perform(calls)
+
+    def _record(self, time: float, values: NDArray[np.float64] | None = None) -> None:
+        count = len(self._points)
+        if count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[count] = self._bus.values if values is None else values
+        self._points.append(time)
 
     def _perform(self, calls: Iterable[Call]) -> None:
         for call in calls:
@@ -190,11 +249,14 @@ class Execution:
                 self._judge(call, status)
 
     def _judge(self, call: Call, status: int) -> None:
-        if status == WARNING:
-            return
-        action, name = self._owners[call]
-        since = f"from t = {self._start.value:.10g} s to" if action == "step" else "at"
-        raise self._instances[name].failure(action, status, f" {since} t = {self._end:.10g} s")
+        if status != WARNING:
+            action, name = self._owners[call]
+            self._fail(name, action, status)
+
+    def _fail(self, name: str, action: Action, status: int) -> None:
+        since = f"from t = {self._clock.start.value:.10g} s to" if action == "step" else "at"
+        error = self._instances[name].failure(action, status, f" {since} t = {self._clock.end:.10g} s")
+        raise RefusedError(str(error)) if status == DISCARD else error
 
     def _depends(self, output: Place, input_: Place) -> bool:
         return self._components[output[0]].fmu.depends(output[1], input_[1])
@@ -202,85 +264,9 @@ class Execution:
     def _depends_initially(self, output: Place, input_: Place) -> bool:
         return self._components[output[0]].fmu.depends(output[1], input_[1], initially=True)
 
-    def _prepared(self, program: Iterable[Operation], *, initial: bool = False) -> list[Call]:
-        """The calls that perform a program; in initialization, only what is connected is read."""
-        return [call for operation in program for call in self._lowered(operation, initial)]
-
-    def _lowered(self, operation: Operation, initial: bool) -> Iterator[Call]:
-        action, name = operation
-        bus = self._bus
-        if name == SIGNALS:
-            if action == "get":
-                yield from (partial(self._evaluate, s, bus.part(s.places)) for s in self._signals)
-            return
-        instance, variables = self._instances[name], self._components[name].fmu.variables
-        if action == "step":
-            call = instance.stepper(self._start, self._size)
-        else:
-            places = bus.inputs[name] if action == "set" else bus.outputs(name, every=not initial)
-            if not places:
-                return
-            if action == "set":
-                yield from bus.copies(places)
-            prepare = instance.setter if action == "set" else instance.getter
-            call = prepare([variables[variable].reference for _, variable in places], bus.buffer(places))
-        self._owners[call] = operation
-        yield call
-
-    def _evaluate(self, source: Signal, part: NDArray[np.float64]) -> None:
-        part[:] = source(self._end)
-
-
-@final
-class _Bus:
-    """All connected and recorded reals, those of one call side by side.
-
-    :param order: components, :data:`SIGNALS` among them.
-    :param feeds: input -> output.
-    :param recorded: further variables that are wanted.
-    """
-
-    def __init__(self, order: Sequence[str], feeds: Feeds, recorded: Iterable[Place]) -> None:
-        sources = dict.fromkeys(feeds.values())
-        self._feeds = feeds
-        self._connected = _by_component(order, sources)
-        self._others = _by_component(order, [p for p in dict.fromkeys(recorded) if p not in feeds and p not in sources])
-        self.inputs = _by_component(order, feeds)
-        places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
-        self.index = {place: k for k, place in enumerate(places)}
-        self.values = np.zeros(len(places))
-
-    def outputs(self, name: str, *, every: bool = True) -> list[Place]:
-        """What is read from a component: what feeds something, and ``every`` other thing that is recorded."""
-        return [*self._connected[name], *(self._others[name] if every else ())]
-
-    def part(self, places: Sequence[Place]) -> NDArray[np.float64]:
-        """View of places that lie side by side."""
-        first = self.index[places[0]]
-        return self.values[first : first + len(places)]
-
-    def buffer(self, places: Sequence[Place]) -> Array[c_double]:
-        """The same for foreign functions."""
-        return (c_double * len(places)).from_buffer(self.part(places).data)
-
-    def copies(self, inputs: Sequence[Place]) -> list[Call]:
-        """Calls that copy to inputs what feeds them, neighbours at once."""
-        runs: list[tuple[int, int, int]] = []
-        for place in inputs:
-            target, source = self.index[place], self.index[self._feeds[place]]
-            if runs and (target, source) == (runs[-1][0] + runs[-1][2], runs[-1][1] + runs[-1][2]):
-                runs[-1] = (*runs[-1][:2], runs[-1][2] + 1)
-            else:
-                runs.append((target, source, 1))
-        bus = self.values.data
-        return [partial(bus[t : t + n].__setitem__, slice(None), bus[s : s + n]) for t, s, n in runs]
-
-
-def _by_component(names: Iterable[str], places: Iterable[Place]) -> dict[str, list[Place]]:
-    grouped: dict[str, list[Place]] = {name: [] for name in names}
-    for place in places:
-        grouped[place[0]].append(place)
-    return grouped
+    def _progress_bar(self) -> Callable[[float], None] | None:
+        title = self._settings.progress
+        return progress_bar(title, self._planned[0], self._planned[-1]) if title else None
 
 
 def _extract(path: Path, folder: Path) -> Path:
@@ -289,46 +275,3 @@ def _extract(path: Path, folder: Path) -> Path:
     except Exception as error:  # fmpy raises the base class; zipfile and zlib their own
         raise SimulationError(f"{path}: cannot be extracted: {error}; build or copy it again") from error
     return folder
-
-
-@contextmanager
-def _deferred_interrupts() -> Iterator[list[int]]:
-    """A list into which an interrupt from the keyboard goes; a second one acts at once.
-
-    A communication step is not broken off in its middle, where an FMU of Python code would take it for its own error.
-    """
-    interrupts: list[int] = []
-    usual = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or usual is not signal.default_int_handler:
-        yield interrupts
-        return
-
-    def defer(number: int, _frame: FrameType | None) -> None:
-        interrupts.append(number)
-        signal.signal(signal.SIGINT, usual)
-
-    signal.signal(signal.SIGINT, defer)
-    try:
-        yield interrupts
-    finally:
-        signal.signal(signal.SIGINT, usual)
-
-
-def _progress_bar(title: str, times: Sequence[float]) -> Callable[[float], None]:
-    """A function that is told the time reached [s]; it writes to stderr ten times a second, and at the end."""
-    begin = shown = time.monotonic()
-    first, last = times[0], times[-1]
-
-    def show(t: float) -> None:
-        nonlocal shown
-        now = time.monotonic()
-        if now - shown < 0.1 and t < last:
-            return
-        shown = now
-        part = (t - first) / (last - first)
-        rest = (now - begin) * (1 / part - 1)
-        bar = f"[{'#' * int(30 * part):30}]"
-        sys.stderr.write(f"\r{title} {bar} t = {t:.6g} of {last:.6g} s, {rest:.0f} s left " + "\n" * (t == last))
-        sys.stderr.flush()
-
-    return show

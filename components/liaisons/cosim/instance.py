@@ -1,21 +1,19 @@
 """One running FMU on fmpy: from instantiation to release, with calls that cost little more than the call.
 
-The run of a system (:mod:`liaisons.cosim.execution`) uses the public methods of :class:`Instance` only, so an
-instance of another FMI version can stand in its place.
+The run of a system uses the public methods of :class:`Instance` only, so an instance of another FMI version can stand
+in its place.  An instance is asked only for what its :class:`Fmu` says it can.
 """
 
 from __future__ import annotations
 
-import logging
 import os
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from ctypes import Array, byref, c_double, c_int, c_size_t, c_uint, c_void_p
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any, Literal, final
+from typing import Any, final
 
 import fmpy
 from fmpy.fmi1 import FMICallException
@@ -29,21 +27,26 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-from liaisons.cosim.description import Fmu, Variable
+from liaisons.cosim.description import Fmu
+from liaisons.cosim.messages import COMPLAINTS, ERROR, FATAL, Action, Messages, logger
+from liaisons.cosim.variables import Array as Elements
+from liaisons.cosim.variables import Variable
 from liaisons.errors import SimulationError
 
 Call = Callable[[], int | None]
 """A prepared call without arguments; returns an FMI status, or None where there can be none."""
 
-Action = Literal["set", "step", "get"]
+_FUNCTION: dict[Action, str] = {
+    "set": "fmi2SetReal",
+    "step": "fmi2DoStep",
+    "get": "fmi2GetReal",
+    "save": "fmi2GetFMUstate",
+    "restore": "fmi2SetFMUstate",
+    "derive": "fmi2GetDirectionalDerivative",
+    "shape": "fmi2SetRealInputDerivatives",
+    "slope": "fmi2GetRealOutputDerivatives",
+}
 
-WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
-
-_STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-_FUNCTION: dict[Action, str] = {"set": "fmi2SetReal", "step": "fmi2DoStep", "get": "fmi2GetReal"}
-_COMPLAINTS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
-
-_logger = logging.getLogger("liaisons.cosim")
 _handles = count(1)
 _instances: dict[int, Instance] = {}
 
@@ -60,9 +63,10 @@ class Instance:
 
     def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
         self.name = name
-        self._messages: deque[tuple[int, str]] = deque(maxlen=20)
+        self.messages = Messages(name)
+        self._fmu = fmu
         self._initialized = False
-        self._worst = 0
+        self._saved: list[c_void_p] = []
         self._slave = _load(name, fmu, directory)
         self._handle = next(_handles)
         _instances[self._handle] = self
@@ -70,9 +74,9 @@ class Instance:
             self._slave.instantiate(callbacks=_callbacks(self._handle), loggingOn=True)
         except Exception as error:  # fmpy raises the base class
             self.close()
-            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._words()}") from error
+            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self.messages.words()}") from error
         # loggingOn asks for everything; only what comes with a status is of use
-        categories = [category for category in _COMPLAINTS if category in fmu.log_categories]
+        categories = [category for category in COMPLAINTS if category in fmu.log_categories]
         with suppress(FMICallException):
             self._slave.setDebugLogging(True, categories)
 
@@ -86,10 +90,14 @@ class Instance:
         """Announce tolerance (None: the FMU's own), start and stop time [s]."""
         self._call("setupExperiment", tolerance, start_time, stop_time)
 
-    def assign(self, variable: Variable, value: Any) -> None:
-        """Set a start value, of the type that :func:`liaisons.cosim.description.start_value` returns."""
-        kind = "Integer" if variable.type == "Enumeration" else variable.type
-        self._call(f"set{kind}", [variable.reference], [value], about=f" of {variable.name} = {value}")
+    def assign(self, name: str, value: Any) -> None:
+        """Set a start value as :func:`liaisons.cosim.description.start_values` returned it."""
+        references = list(self._fmu.references(name))
+        entry = self._fmu.variables.entries.get(name)
+        base = entry.like.base if isinstance(entry, Elements) else self._fmu.variables[name].base
+        values = list(value) if isinstance(value, tuple) else [value]
+        shown = f" of {name} = {value}" if len(values) == 1 else f" of {name} ({len(values)} values)"
+        self._call(f"set{base}", references, values, about=shown)
 
     def enter_initialization(self) -> None:
         self._call("enterInitializationMode")
@@ -98,26 +106,41 @@ class Instance:
         self._call("exitInitializationMode")
         self._initialized = True
 
-    def getter(self, references: Iterable[int], values: Array[c_double]) -> Call:
+    def getter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
         """A call that reads these reals into a buffer of as many values."""
-        return self._transfer(_FUNCTION["get"], references, values)
+        return self._prepared("get", *_references(variables), values)
 
-    def setter(self, references: Iterable[int], values: Array[c_double]) -> Call:
+    def setter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
         """A call that sets these reals from a buffer of as many values."""
-        return self._transfer(_FUNCTION["set"], references, values)
+        return self._prepared("set", *_references(variables), values)
 
     def stepper(self, time: c_double, size: c_double) -> Call:
         """A call that steps by the size from the time that stand in the two buffers then [s]."""
-        return partial(self._function(_FUNCTION["step"]), self._pointer(), time, size, c_int(fmi2True))
+        return self._prepared("step", time, size, c_int(fmi2True))
+
+    def states(self) -> tuple[Call, Call]:
+        """Two calls, one that saves the state of the FMU, and one that brings this state back, as often as wanted."""
+        state = c_void_p()
+        self._saved.append(state)
+        return self._prepared("save", byref(state)), self._prepared("restore", state)
+
+    def directional(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Array[c_double], values: Array[c_double]
+    ) -> Call:
+        """A call that calculates how the unknowns change with the knowns, which change like the seed."""
+        return self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
+
+    def input_derivatives(self, variables: Sequence[Variable], orders: Sequence[int], values: Array[c_double]) -> Call:
+        """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values."""
+        return self._prepared("shape", *_references(variables), (c_int * len(orders))(*orders), values)
+
+    def output_derivatives(self, variables: Sequence[Variable], orders: Sequence[int], values: Array[c_double]) -> Call:
+        """A call that reads derivatives of outputs into a buffer of as many values."""
+        return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
         """The error that says which prepared call failed and when, with the FMU's own words."""
-        return self._failure(_FUNCTION[action], status, when)
-
-    def _failure(self, function: str, status: int, about: str) -> SimulationError:
-        self._worst = max(self._worst, status)
-        label = _STATUS[status] if status in range(len(_STATUS)) else str(status)
-        return SimulationError(f"{self.name}: {function}{about} returned {label}{self._words()}")
+        return self.messages.failure(_FUNCTION[action], status, when)
 
     def close(self) -> None:
         """Terminate, free and unload, as far as the state of the instance allows; safe to repeat."""
@@ -127,33 +150,29 @@ class Instance:
             # pythonfmu 0.7 stays loaded, and at the end of the process frees its interpreter twice, unless it has let
             # go of it before; it takes hold of it again when it is needed
             self._slave.dll.finalizePythonInterpreter()
-        if self._worst == FATAL:  # then FMI forbids every call, the release included
+        if self.messages.worst == FATAL:  # then FMI forbids every call, the release included
             return
-        if self._initialized and self._worst < ERROR:
+        if self._initialized and self.messages.worst < ERROR:
             try:
                 self._slave.terminate()
             except FMICallException as error:
-                _logger.warning("%s: %s", self.name, error)
+                logger.warning("%s: %s", self.name, error)
         if self._slave.component is None:
             self._slave.freeLibrary()
-        else:
-            self._slave.freeInstance()
-
-    def note(self, status: int, message: str) -> None:
-        """Keep what the FMU logs; a new warning goes to the ``logging`` channel ``liaisons.cosim``, too."""
-        if (status, message) not in self._messages:
-            self._messages.append((status, message))
-            _logger.log(logging.WARNING if status == WARNING else logging.DEBUG, "%s: %s", self.name, message)
+            return
+        for state in self._saved:
+            if state:
+                self._function("fmi2FreeFMUstate")(self._pointer(), byref(state))
+        self._slave.freeInstance()
 
     def _call(self, method: str, *arguments: object, about: str = "") -> None:
         try:
             getattr(self._slave, method)(*arguments)
         except FMICallException as error:
-            raise self._failure(error.function, error.status, about) from None
+            raise self.messages.failure(error.function, error.status, about) from None
 
-    def _transfer(self, function: str, references: Iterable[int], values: Array[c_double]) -> Call:
-        size = len(values)
-        return partial(self._function(function), self._pointer(), (c_uint * size)(*references), c_size_t(size), values)
+    def _prepared(self, action: Action, *arguments: object) -> Call:
+        return partial(self._function(_FUNCTION[action]), self._pointer(), *arguments)
 
     def _function(self, name: str) -> Callable[..., int]:
         # a function object of our own: fmpy declares argument types on its, which makes every call convert them
@@ -163,11 +182,10 @@ class Instance:
         address: Any = self._slave.component  # an int, whatever fmpy declares
         return c_void_p(address)
 
-    def _words(self) -> str:
-        """The FMU's complaints, else the last thing it said."""
-        complaints = dict.fromkeys(message for status, message in self._messages if status >= DISCARD)
-        said = list(complaints) or [message for _, message in self._messages][-1:]
-        return f": {'; '.join(said)}" if said else " without a message"
+
+def _references(variables: Sequence[Variable]) -> tuple[Array[c_uint], c_size_t]:
+    size = len(variables)
+    return (c_uint * size)(*(variable.reference for variable in variables)), c_size_t(size)
 
 
 def _load(name: str, fmu: Fmu, directory: Path) -> FMU2Slave:
@@ -192,7 +210,7 @@ def _log(environment: int | None, name: bytes | None, status: int, _category: by
     if instance is None:  # an FMU that does not hand the environment back
         instance = next((i for i in _instances.values() if i.name.encode() == name), None)
     if instance is not None:
-        instance.note(status, (message or b"").decode(errors="replace").strip())
+        instance.messages.note(status, message)
 
 
 _allocate = fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)

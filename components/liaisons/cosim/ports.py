@@ -14,17 +14,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import final
 
 from liaisons.cosim.component import End
 from liaisons.errors import ConnectionError  # noqa: A004 - the field's word for it
 
 
+@final
 @dataclass(frozen=True, slots=True)
 class Link:
     """One scalar connection: an output feeds an input."""
 
     source: End
     target: End
+
+    @property
+    def back(self) -> bool:
+        """Whether it takes the force of a moved mechanism back to what moves it, so that the port goes two ways."""
+        moved, mover = self.source.without("_force"), self.target.without("_load")
+        return moved is not None and mover is not None and bool(moved.port() and mover.port())
 
     def opposite(self, place: tuple[str, str]) -> list[End]:
         """The other end, if the variable of this component and name is one of the two."""
@@ -37,9 +45,10 @@ def links(first: End, second: End) -> list[Link]:
 
     :raises ConnectionError: if they do not fit; the message names both.
     """
-    known = [end.name in end.component.fmu.variables for end in (first, second)]
-    if not all(known):
+    if not (first.exists and second.exists):
         return _point_links(first, second)
+    if first.is_array or second.is_array:
+        return _array_links(first, second)
     if (first.variable.causality, second.variable.causality) == ("input", "output"):
         first, second = second, first
     source, target = first.port(), second.port()
@@ -50,6 +59,16 @@ def links(first: End, second: End) -> list[Link]:
     if load is not None and force is not None:
         joined.append(_link(force, load))
     return joined
+
+
+def _array_links(first: End, second: End) -> list[Link]:
+    one, other = first.elements(), second.elements()
+    if len(one) != len(other):
+        raise ConnectionError(
+            f"{first} has {len(one)} elements, {second} has {len(other)}: connect single elements, "
+            f"for example '{(one if first.is_array else other)[0].name}'"
+        )
+    return [link for pair in zip(one, other, strict=True) for link in links(*pair)]
 
 
 def _point_links(first: End, second: End) -> list[Link]:

@@ -21,10 +21,11 @@ acceleration-force loop), one sweep in that order stands for the solution.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Literal, final
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from heapq import heappop, heappush
+from typing import Literal, TypeVar, final
 
-Coupling = Literal["gauss-seidel", "jacobi"]
+Coupling = Literal["gauss-seidel", "jacobi", "implicit", "waveform"]
 Action = Literal["set", "step", "get"]
 Operation = tuple[Action, str]
 """Set all connected inputs of a component, step it, or read its outputs."""
@@ -38,26 +39,35 @@ Feeds = Mapping[Place, Place]
 Depends = Callable[[Place, Place], bool]
 """Whether an output depends directly on an input of the same component."""
 
+_Node = TypeVar("_Node", bound=Hashable)
+
 
 def groups(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
     """Sources before what they feed; each cycle is one group, its components as they were added.
 
     Where connections say nothing, the order of addition stays.  (Kosaraju's algorithm.)
     """
-    number = {name: k for k, name in enumerate(names)}
-    sources: dict[str, list[str]] = {name: [] for name in number}
-    targets: dict[str, list[str]] = {name: [] for name in number}
-    for (target, _), (source, _) in feeds.items():
-        sources[target].append(source)
+    targets: dict[str, list[str]] = {name: [] for name in names}
+    for target, source in dict.fromkeys((target, source) for (target, _), (source, _) in feeds.items()):
         targets[source].append(target)
-    seen: set[str] = set()
-    found = [_reached([name], targets, seen) for name in reversed(_reached(number, sources, set())) if name not in seen]
+    return _strong(targets)
+
+
+def _strong(edges: Mapping[_Node, list[_Node]]) -> list[list[_Node]]:
+    """Nodes that lead to each other, grouped; groups before what they lead to, nodes as they are listed."""
+    number = {node: k for k, node in enumerate(edges)}
+    back: dict[_Node, list[_Node]] = {node: [] for node in edges}
+    for node, others in edges.items():
+        for other in others:
+            back[other].append(node)
+    seen: set[_Node] = set()
+    found = [_reached([node], edges, seen) for node in reversed(_reached(number, back, set())) if node not in seen]
     return [sorted(group, key=number.__getitem__) for group in reversed(found)]
 
 
-def _reached(roots: Iterable[str], edges: Mapping[str, list[str]], seen: set[str]) -> list[str]:
+def _reached(roots: Iterable[_Node], edges: Mapping[_Node, list[_Node]], seen: set[_Node]) -> list[_Node]:
     """What can be reached, each after what it leads to, and put into ``seen``."""
-    finished: list[str] = []
+    finished: list[_Node] = []
     for root in roots:
         path = [] if root in seen else [(root, iter(edges[root]))]
         seen.add(root)
@@ -73,15 +83,50 @@ def _reached(roots: Iterable[str], edges: Mapping[str, list[str]], seen: set[str
     return finished
 
 
+def algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[Place]]:
+    """Cycles in which every output depends directly on the input before it; of entangled ones, one.
+
+    :returns: of each, outputs and the inputs that they feed in turn, the first one again at the end.
+    """
+    inputs: dict[str, list[Place]] = {}
+    for place in feeds:
+        inputs.setdefault(place[0], []).append(place)
+    nodes = dict.fromkeys([*feeds.values(), *feeds])
+    edges: dict[Place, list[Place]] = {node: [] for node in nodes}
+    for target, source in feeds.items():
+        edges[source].append(target)
+    for source in dict.fromkeys(feeds.values()):
+        for place in inputs.get(source[0], ()):
+            if depends(source, place):
+                edges[place].append(source)
+    return [_round(group[0], set(group), edges) for group in _strong(edges) if len(group) > 1]
+
+
+def _round(start: _Node, group: Collection[_Node], edges: Mapping[_Node, list[_Node]]) -> list[_Node]:
+    """A shortest way from a node back to itself, breadth first."""
+    came: dict[_Node, _Node] = {}
+    front = [start]
+    while start not in came:
+        following = [(other, node) for node in front for other in edges[node] if other in group and other not in came]
+        came.update(reversed(following))
+        front = list(dict.fromkeys(other for other, _ in following))
+    way = [start, came[start]]
+    while way[-1] != start:
+        way.append(came[way[-1]])
+    return way[::-1]
+
+
 def order(names: Iterable[str], feeds: Feeds) -> list[str]:
     """Sources before what they feed; as added where nothing else is said, and within a cycle."""
     return [name for group in groups(names, feeds) for name in group]
 
 
-def late_inputs(ordered: Sequence[str], feeds: Feeds, name: str, coupling: Coupling) -> list[Place]:
-    """Connected inputs of a component whose value at the end of a step is not known when it is stepped."""
-    earlier = set(ordered[: ordered.index(name)]) if coupling == "gauss-seidel" else set()
-    return [place for place, (source, _) in feeds.items() if place[0] == name and source not in earlier]
+def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> list[Place]:
+    """Connected inputs whose value at the end of a step is not known when their component is stepped."""
+    if coupling != "gauss-seidel":
+        return list(feeds) if coupling == "jacobi" else []
+    turn = {name: k for k, name in enumerate(ordered)}
+    return [place for place, (source, _) in feeds.items() if turn[source] >= turn[place[0]]]
 
 
 def consistent(ordered: Sequence[str], feeds: Feeds, depends: Depends) -> list[Operation]:
@@ -124,12 +169,18 @@ class _Program:
         self._depends = depends
         self._inputs: dict[str, list[Place]] = {name: [] for name in ordered}
         self._outputs: dict[str, list[Place]] = {name: [] for name in ordered}
+        self._targets: dict[Place, list[Place]] = {}
         for place, source in feeds.items():
             self._inputs[place[0]].append(place)
             self._outputs[source[0]].append(source)
+            self._targets.setdefault(source, []).append(place)
         self._operations: list[Operation] = []
         self._new: set[Place] = set()
-        self._waiting: dict[str, list[Place]] = {}  # inputs that are still old, of components that were read
+        self._waiting: dict[str, set[Place]] = {}  # inputs that are still old, of components that were read
+        self._missing: dict[str, int] = {}  # how many of them are fed by outputs that are old, too
+        self._turn = {name: k for k, name in enumerate(ordered)}
+        self._ready: list[tuple[int, str]] = []  # components that may have all of these new, as a heap
+        self._partly: list[tuple[int, str]] = []  # components that may have some of these new
 
     def set(self, name: str) -> None:
         self._operations.append(("set", name))
@@ -140,35 +191,57 @@ class _Program:
 
     def get(self, name: str) -> None:
         self._operations.append(("get", name))
-        old = [place for place in self._inputs[name] if place not in self._new]
-        self._new.update(o for o in self._outputs[name] if not any(self._depends(o, place) for place in old))
+        old = {place for place in self._inputs[name] if place not in self._new}
+        self._waiting.pop(name, None)
         if old:
             self._waiting[name] = old
-        else:
-            self._waiting.pop(name, None)
+            self._missing[name] = sum(self._feeds[place] not in self._new for place in old)
+            if self._missing[name] < len(old):
+                heappush(self._partly, (self._turn[name], name))
+            if self._missing[name] == 0:
+                heappush(self._ready, (self._turn[name], name))
+        self._renew(o for o in self._outputs[name] if not any(self._depends(o, place) for place in old))
+
+    def _renew(self, outputs: Iterable[Place]) -> None:
+        """These outputs belong to the new instant."""
+        for output in outputs:
+            if output in self._new:
+                continue
+            self._new.add(output)
+            for place in self._targets[output]:
+                name = place[0]
+                if place in self._waiting.get(name, ()):
+                    self._missing[name] -= 1
+                    heappush(self._partly, (self._turn[name], name))
+                    if self._missing[name] == 0:
+                        heappush(self._ready, (self._turn[name], name))
 
     def refresh(self) -> None:
         """Hand new outputs on to the components that were read and can have all their inputs new."""
-        while (ready := self._first(all)) is not None:
-            self._visit(ready)
+        while self._ready:
+            _, name = heappop(self._ready)
+            if name in self._waiting and self._missing[name] == 0:
+                self._visit(name)
 
     def finish(self) -> list[Operation]:
         """Refresh everything, going round cycles once, and drop readings that nobody looks at."""
         self.refresh()
         while self._waiting:
-            partly = self._first(any)
+            partly = self._next_partly()
             if partly is not None:
                 self._visit(partly)
             else:  # outputs depend directly on inputs all the way round: begin with what there is
-                first = next(iter(self._waiting.values()))
-                self._new.update(self._feeds[place] for place in first)
+                first = min(self._waiting, key=self._turn.__getitem__)
+                self._renew([self._feeds[place] for place in self._inputs[first] if place in self._waiting[first]])
             self.refresh()
         return self._useful()
 
-    def _first(self, quantity: Callable[[Iterable[bool]], bool]) -> str | None:
-        """The first component of whose old inputs all, or any, are fed by new outputs."""
-        waiting = self._waiting.items()
-        return next((name for name, old in waiting if quantity(self._feeds[place] in self._new for place in old)), None)
+    def _next_partly(self) -> str | None:
+        while self._partly:
+            _, name = heappop(self._partly)
+            if self._missing.get(name, 0) < len(self._waiting.get(name, ())):
+                return name
+        return None
 
     def _visit(self, name: str) -> None:
         self.set(name)

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.cosim import schedule
-from liaisons.cosim.component import INPUT_RECONSTRUCTION, Component, component
-from liaisons.cosim.execution import Execution, Function, Signal, evaluate
+from liaisons.cosim import checks
+from liaisons.cosim.component import Component, component
+from liaisons.cosim.drive import Function, Signal, evaluate
+from liaisons.cosim.execution import Execution, Settings
 from liaisons.cosim.ports import Link
 from liaisons.cosim.result import IncompleteError, Interrupted, Result
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.errors import SimulationError
 
-_logger = logging.getLogger("liaisons.cosim")
+_DEFAULT_TOLERANCE = 1e-8
+"""That of our FMUs, where neither the user nor anything else says more."""
+_INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
+"""What FMUs hand each other has to fit within this part of the tolerance, but not better than rounding allows."""
 
 
 def simulate(
@@ -34,7 +36,7 @@ def simulate(
     tolerance: float | None = None,
     record: Iterable[str] | None = None,
     inputs: Mapping[str, Function] | None = None,
-    **starts: float | bool | str,
+    **starts: ArrayLike,
 ) -> Result:
     """Simulate one FMU; what is not given is taken from its default experiment.
 
@@ -62,11 +64,11 @@ def simulate(
             missing = "stop_time" if stop_time is None else "step_size"
             raise SimulationError(f"{path.name} has no default {missing}: give simulate() one")
     points = communication_points(start_time, stop_time, step_size, times)
-    names = single.fmu.reals("output", "input") if record is None else record
+    names = single.fmu.recorded() if record is None else record
     return run(
         path.stem,
         {path.stem: single},
-        recorded={name: real(single, name) for name in names},
+        recorded={element: place for name in names for element, place in reals(single, name).items()},
         times=points,
         signals=_signals(single, inputs or {}, points[0]),
         tolerance=experiment.tolerance if tolerance is None else tolerance,
@@ -82,7 +84,8 @@ def run(
     links: Sequence[Link] = (),
     signals: Sequence[Signal] = (),
     tolerance: float | None = None,
-    coupling: Coupling = "gauss-seidel",
+    coupling: Coupling | None = None,
+    error_tolerance: float | None = None,
     progress: bool = False,
 ) -> Result:
     """Simulate what is connected; see :meth:`liaisons.cosim.System.simulate`.
@@ -90,30 +93,38 @@ def run(
     :param recorded: name in the result -> variable.
     """
     feeds = {link.target.place: link.source.place for link in links}
-    _check(components, feeds, times, tolerance, coupling)
+    _check_numbers(tolerance, error_tolerance)
+    chosen = checks.coupling(components, links, coupling)
+    components = checks.prepared(components, feeds, chosen)
+    checks.steps(components, feeds, times, chosen, adaptive=error_tolerance is not None)
+    checks.inputs(components, feeds, [place for s in signals for place in s.inputs])
     execution = Execution(
         components,
         feeds,
         signals,
         list(recorded.values()),
-        times,
-        tolerance=tolerance,
-        coupling=coupling,
-        progress=title if progress else "",
+        times=times,
+        settings=Settings(
+            tolerance=tolerance,
+            coupling=chosen,
+            interface_tolerance=max(_INTERFACE * (tolerance or _DEFAULT_TOLERANCE), _FINEST_INTERFACE),
+            error_tolerance=error_tolerance,
+            progress=title if progress else "",
+        ),
     )
     units = {name: _unit(components, links, place) for name, place in recorded.items()}
 
     def result() -> Result:
-        return Result(title, np.array(times[: execution.count]), tuple(recorded), execution.values, units)
+        return Result(title, execution.times, tuple(recorded), execution.values, units)
 
     try:
         execution.run()
     except (SimulationError, KeyboardInterrupt) as error:
-        if execution.count == 0:
+        if not execution.times.size:
             raise
         if isinstance(error, SimulationError):
             raise IncompleteError(str(error), result()) from error
-        reached = f"{title}: interrupted at t = {times[execution.count - 1]:.10g} of {times[-1]:.10g} s"
+        reached = f"{title}: interrupted at t = {execution.times[-1]:.10g} of {times[-1]:.10g} s"
         raise Interrupted(f"{reached}; .result of this exception has what there is", result()) from None
     return result()
 
@@ -155,6 +166,15 @@ def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_si
     return points.tolist()
 
 
+def reals(owner: Component, name: str) -> dict[str, Place]:
+    """The places of a real variable, or of the elements of an array, by their names.
+
+    :raises SimulationError: if there is none of this name, or it is of another type.
+    """
+    names = owner.fmu.elements(name) if name in owner.fmu.arrays else [name]
+    return {element: real(owner, element) for element in names}
+
+
 def real(owner: Component, name: str) -> Place:
     """The place of a real variable.
 
@@ -189,45 +209,12 @@ def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float
     return signals
 
 
-def _check(
-    components: Mapping[str, Component],
-    feeds: Mapping[Place, Place],
-    times: Sequence[float],
-    tolerance: float | None,
-    coupling: Coupling,
-) -> None:
-    if tolerance is not None:
-        _finite("tolerance", tolerance)
-        if tolerance <= 0:
-            raise SimulationError(f"tolerance = {tolerance!r}: must be > 0")
-    if coupling not in get_args(Coupling):
-        raise SimulationError(f"coupling = {coupling!r}: choose one of {', '.join(map(repr, get_args(Coupling)))}")
-    groups = schedule.groups(components, feeds)
-    for group in groups:
-        if len(group) > 1:
-            _logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
-    order = [name for group in groups for name in group]
-    first, odd = times[1] - times[0], _odd_step(times)
-    for name, owner in components.items():
-        late = schedule.late_inputs(order, feeds, name, coupling) if owner.interpolates else []
-        if late:
-            cure = ", or coupling='gauss-seidel'" if coupling == "jacobi" else "; the connections go round in a cycle"
-            raise SimulationError(
-                f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs inputs at the end of a step, but "
-                f"{'.'.join(feeds[late[0]])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
-            )
-        if odd is not None and not owner.fmu.variable_step:
-            raise SimulationError(
-                f"{name}: takes steps of one size only, {first:.10g} s, and one would be {odd:.10g} s: "
-                "choose a step_size that divides stop_time - start_time, or even times"
-            )
-
-
-def _odd_step(times: Sequence[float]) -> float | None:
-    """A step that is not as long as the first one, up to the rounding that communication_points allows."""
-    steps = np.diff(times)
-    odd = steps[~np.isclose(steps, steps[0], rtol=2e-6, atol=0)]
-    return float(odd[-1]) if odd.size else None
+def _check_numbers(tolerance: float | None, error_tolerance: float | None) -> None:
+    for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
+        if value is not None:
+            _finite(name, value)
+            if value <= 0:
+                raise SimulationError(f"{name} = {value!r}: must be > 0")
 
 
 def _unit(components: Mapping[str, Component], links: Sequence[Link], place: Place) -> str:

@@ -12,17 +12,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from numpy.typing import ArrayLike
 
+from liaisons.cosim import ssp
 from liaisons.cosim.component import Component, End, component
 from liaisons.cosim.ports import Link, links
 from liaisons.cosim.result import Result
 from liaisons.cosim.schedule import Coupling, Place
-from liaisons.cosim.simulation import communication_points, real, run
+from liaisons.cosim.simulation import communication_points, reals, run
 from liaisons.errors import ConnectionError, SimulationError, suggestion  # noqa: A004 - the field's word for it
 
 
@@ -38,7 +40,7 @@ class System:
         self._components: dict[str, Component] = {}
         self._links: dict[Place, Link] = {}
 
-    def add(self, name: str, fmu: Path | str, /, **starts: float | bool | str) -> Component:
+    def add(self, name: str, fmu: Path | str, /, **starts: ArrayLike) -> Component:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
@@ -71,15 +73,51 @@ class System:
         for end in (source, target):
             if self._components.get(end.component.name) is not end.component:
                 raise ConnectionError(f"{end} is no component of {self.name}; connect what its add() has returned")
-        joined = links(source, target)
-        for link in joined:
-            taken = self._links.get(link.target.place)
-            if taken is not None:
+        self.join(links(source, target))
+
+    def join(self, links: Iterable[Link]) -> None:
+        """Put scalar connections into the system, all of them or none.
+
+        :raises ConnectionError: if an input has a source already.
+        """
+        joined = dict(self._links)
+        for link in links:
+            taken = joined.setdefault(link.target.place, link)
+            if taken is not link:
                 raise ConnectionError(
                     f"{link.source} cannot be connected with {link.target}: {taken.source} feeds it already; "
                     "an input has one source"
                 )
-        self._links |= {link.target.place: link for link in joined}
+        self._links = joined
+
+    @classmethod
+    def from_ssp(cls, path: Path | str) -> System:
+        """Read an SSP archive (1.0 or 2.0), of ours or of another make; see :mod:`liaisons.cosim.ssp`.
+
+        :raises SimulationError: if the archive is damaged or incomplete, or has what cannot be simulated here.
+        :raises ConnectionError: if one of its connections does not fit.
+        """
+        return ssp.read(path, cls).system
+
+    def write_ssp(
+        self,
+        path: Path | str,
+        *,
+        form: ssp.Form = "portable",
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+        step_size: float | None = None,
+    ) -> None:
+        """Write the system as an SSP archive with its FMUs; see :mod:`liaisons.cosim.ssp.writer` for the two forms.
+
+        :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all that there is to say).
+        :param start_time: begin of the default experiment [s].
+        :param stop_time: its end [s].
+        :param step_size: its communication step [s], for importers that look for one.
+        :raises SimulationError: if it cannot be written in this form, or not to this path.
+        """
+        experiment = ssp.Experiment(start_time, stop_time, step_size)
+        ssp.write(Path(path), self.name, self._components, self._links.values(), form=form, experiment=experiment)
 
     def simulate(
         self,
@@ -89,11 +127,15 @@ class System:
         start_time: float = 0.0,
         times: ArrayLike | None = None,
         tolerance: float | None = None,
-        coupling: Coupling = "gauss-seidel",
+        coupling: Coupling | None = None,
+        error_tolerance: float | None = None,
         record: Iterable[str] | None = None,
         progress: bool = False,
     ) -> Result:
-        """Simulate from the start; see :mod:`liaisons.cosim.schedule` for what each input holds at which time.
+        """Simulate from the start.
+
+        See :mod:`liaisons.cosim.schedule` for what each input holds at which time in explicit coupling, and
+        :mod:`liaisons.cosim.coupling` for implicit and waveform coupling.
 
         :param stop_time: end [s].
         :param step_size: distance of the communication points [s], t_i = start_time + i * step_size; the last step is
@@ -101,23 +143,54 @@ class System:
         :param start_time: begin [s].
         :param times: the communication points themselves [s], increasing, in place of the three above.
         :param tolerance: relative tolerance of the FMUs' solvers; None leaves each its own.
-        :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t.
+        :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
+            error of first order in H where connections go round; ``"implicit"`` and ``"waveform"`` repeat each step
+            until both of its ends fit, of fourth order between our FMUs.  None: implicit if a port goes two ways and
+            all FMUs in its cycle can go back, else Gauss-Seidel.
+        :param error_tolerance: error that a communication step may have in what is connected or recorded, relative to
+            the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
+            has the points that were chosen.
         :param record: names ``"component.variable"``; all real outputs and inputs if None.
         :param progress: show a progress bar on stderr.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized; after that
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
+        points = communication_points(start_time, stop_time, step_size, times)
+        if error_tolerance is not None:
+            if times is not None:
+                raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
+            points = [points[0], points[1], points[-1]]
         return run(
             self.name,
             self._components,
             recorded=self._recorded(record),
-            times=communication_points(start_time, stop_time, step_size, times),
+            times=points,
             links=list(self._links.values()),
             tolerance=tolerance,
             coupling=coupling,
+            error_tolerance=error_tolerance,
             progress=progress,
         )
+
+    @property
+    def components(self) -> Mapping[str, Component]:
+        """The FMUs by name."""
+        return dict(self._components)
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The scalar connections."""
+        return tuple(self._links.values())
+
+    def flatten(self, output: Path | str | None = None, **options: Any) -> Path:
+        """Build the FMU of the whole system from the equations of motion of our components: no coupling error.
+
+        See :func:`liaisons.flatten`, which it calls by name: it belongs to the side of the symbols.
+
+        :returns: path of the FMU; its variables are called as in the result of the system.
+        """
+        return import_module("liaisons.flattening").flatten(self, output, **options)
 
     def __repr__(self) -> str:
         lines = [f"System {self.name!r}"]
@@ -128,13 +201,13 @@ class System:
     def _recorded(self, record: Iterable[str] | None) -> dict[str, Place]:
         """Name in the result -> what is recorded under it."""
         if record is None:
-            places = [(c.name, v) for c in self._components.values() for v in c.fmu.reals("output", "input")]
+            places = [(c.name, v) for c in self._components.values() for v in c.fmu.recorded()]
             return {f"{component}.{variable}": (component, variable) for component, variable in places}
-        return {name: self._place(name) for name in record}
+        return {full: place for name in record for full, place in self._places(name).items()}
 
-    def _place(self, name: str) -> Place:
+    def _places(self, name: str) -> dict[str, Place]:
         owner, _, variable = name.partition(".")
         if owner not in self._components:
             hint = suggestion(owner, self._components)
             raise SimulationError(f"record {name!r}: {self.name} has no component {owner!r}{hint}")
-        return real(self._components[owner], variable)
+        return {f"{owner}.{element}": place for element, place in reals(self._components[owner], variable).items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Literal, get_args
 from uuid import UUID
@@ -15,7 +16,9 @@ from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
 from liaisons.fmu.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
 from liaisons.fmu.description import model_description
-from liaisons.fmu.documentation import index_page
+from liaisons.fmu.description3 import model_description3
+from liaisons.fmu.extras import extra_members
+from liaisons.fmu.layout import Fmi
 from liaisons.mechanics.model import Model
 
 Backend = Literal["native", "python", "auto"]
@@ -32,23 +35,35 @@ def build(
     *,
     backend: Backend = "auto",
     platforms: Platforms = "host",
+    fmi: Fmi = "2",
 ) -> Path:
     """Build the FMU of a model; an FMU that is there already and up to date is left as it is.
 
     :param model: what ``Pendulum.model()`` returns.
-    :param output: folder; the file is ``NAME.fmu`` in it for the native back end, ``python/NAME.fmu`` for the other.
+    :param output: folder; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of the Python back end
+        ``python/NAME.fmu``.
     :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
     :param platforms: binaries for this machine, or for Linux, Windows and macOS (native back end, needs ziglang).
+    :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     """
-    for name, value, known in (("backend", backend, get_args(Backend)), ("platforms", platforms, get_args(Platforms))):
+    choices = (
+        ("backend", backend, get_args(Backend)),
+        ("platforms", platforms, get_args(Platforms)),
+        ("fmi", fmi, get_args(Fmi)),
+    )
+    for name, value, known in choices:
         if value not in known:
             raise BuildError(f"{name} = {value!r} is not known{suggestion(value, known)}")
-    if backend == "auto" and not (system_compiler() or zig_compiler()):
+    if fmi == "3" and backend == "python":
+        raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
+    if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
         _say_how_to_get_native()
         backend = "python"
-    return _build_python(model, Path(output)) if backend == "python" else _build_native(model, Path(output), platforms)
+    if backend == "python":
+        return _build_python(model, Path(output))
+    return _build_native(model, Path(output), platforms, fmi)
 
 
 @cache
@@ -56,17 +71,21 @@ def _say_how_to_get_native() -> None:
     _log.warning("no C compiler is found: FMUs are built in Python; for native ones: pip install ziglang")
 
 
-def _build_native(model: Model, output: Path, platforms: str) -> Path:
-    path = output / f"{model.name}.fmu"
-    sources = source_files(model, _NO_GUID)
+def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi) -> Path:
+    path = (output if fmi == "2" else output / "fmi3") / f"{model.name}.fmu"
+    sources = source_files(model, _NO_GUID, fmi)
+    if fmi == "2":
+        description = model_description(model, guid=_NO_GUID, backend="native")
+    else:
+        description = model_description3(model, token=_NO_GUID)
     members = {
-        "modelDescription.xml": model_description(model, guid=_NO_GUID, backend="native"),
-        "documentation/index.html": index_page(model),
+        "modelDescription.xml": description,
+        **extra_members(model, fmi),
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     guid, members = _identified(members)
     targets = {
-        f"binaries/{t.folder}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])
+        f"binaries/{t.folder(fmi)}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])
     }
     if _is_current(path, guid) and all(read_member(path, name) for name in targets):
         return path
@@ -81,7 +100,7 @@ def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
     path = output / "python" / f"{model.name}.fmu"
-    guid, members = _identified(python_members(model, _NO_GUID))
+    guid, members = _identified(python_members(model.flat(), _NO_GUID))
     if not _is_current(path, guid):
         write_archive(path, members)
     return path
@@ -101,6 +120,7 @@ def _is_current(path: Path, guid: str) -> bool:
     if description is None:
         return False
     try:
-        return ElementTree.fromstring(description).get("guid") == guid
+        _, root = next(ElementTree.iterparse(BytesIO(description), ["start"]))  # the rest may be long
     except ElementTree.ParseError:
         return False
+    return guid in {root.get("guid"), root.get("instantiationToken")}

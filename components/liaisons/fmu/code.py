@@ -4,38 +4,47 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from importlib import resources
 from importlib.util import find_spec
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
 
 import casadi as ca
 
 from liaisons.errors import BuildError
-from liaisons.fmu.description import SOURCES
+from liaisons.fmu.dependencies import shown_states
+from liaisons.fmu.description import sources
+from liaisons.fmu.layout import TIME, Fmi, places, scalars
+from liaisons.fmu.markup import document, element
 from liaisons.mechanics.model import Model, Variable
 
-_HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
-_RUNTIME = ("core.h", "core.c", "solver.h", "solver.c", "fmi2.c")
+_FMI_HEADERS = {
+    "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    "3": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+}
+_HEADERS = ("core.h", "face.h", "instance.h", "solver.h")
 
 
-def source_files(model: Model, guid: str) -> dict[str, bytes]:
+def source_files(model: Model, guid: str, fmi: Fmi = "2") -> dict[str, bytes]:
     """Everything that is needed to compile the FMU, by file name.
 
+    :param guid: what the binary compares the model description with.
+    :param fmi: version of FMI.
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
+    model_c, *written = sources(fmi)
     return {
-        "buildDescription.xml": _build_description(model),
-        "model.c": model_code(model, guid).encode(),
-        **{name: (runtime / name).read_bytes() for name in _RUNTIME},
-        **{name: _fmi_header(name) for name in _HEADERS},
+        "buildDescription.xml": _build_description(model, fmi),
+        model_c: model_code(model, guid, fmi).encode(),
+        **{name: (runtime / name).read_bytes() for name in (*_HEADERS, *written)},
+        **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
 
 
-def model_code(model: Model, guid: str) -> str:
+def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
     """``model.c``: CasADi's C for the functions, then the tables that core.h declares."""
     functions = {
         "start": model.start,
@@ -46,13 +55,13 @@ def model_code(model: Model, guid: str) -> str:
         "nominals": model.nominals,
         "distances": model.conditions,
         "instants": model.events,
-        "start_forward": _forward(model.start),
-        "calculate_forward": _forward(model.outputs_function),
-        "remember_forward": _forward(model.remember),
     }
     if model.project is not None:
         functions["project"] = model.project
-    generator = ca.CodeGenerator("model", {"with_header": False, "with_export": False})
+    functions |= _forward(model)
+    if fmi == "3":  # where adjoint derivatives can be asked for
+        functions |= _reverse(model)
+    generator = ca.CodeGenerator("model", {"with_header": False, "with_export": False, "verbose": False})
     for function in functions.values():
         generator.add(function)
     return "\n".join(
@@ -73,74 +82,189 @@ def model_code(model: Model, guid: str) -> str:
     )
 
 
-def _forward(function: ca.Function) -> ca.Function:
-    """Directional derivative: (arguments, results, directions) → derivatives of the results, all dense."""
-    derivative = function.forward(1)
-    arguments: Any = derivative.sx_in() if derivative.is_a("SXFunction") else derivative.mx_in()
-    results: Any = [ca.densify(result) for result in derivative.call(arguments)]
-    return ca.Function(f"{function.name()}_forward", arguments, ca.cse(results))
+def _forward(model: Model) -> dict[str, ca.Function]:
+    """Derivatives along a direction: (arguments, results, directions) → derivatives of the results."""
+    functions = {}
+    for name, function, _, result_vectors in _differentiated(model):
+        arguments, results = _expressions(function)
+        directions = [_symbol(argument) for argument in arguments]
+        (derivatives,) = ca.forward(results, arguments, [directions])
+        functions[f"{name}_forward"] = ca.Function(
+            f"{name}_forward",
+            [*arguments, *map(_symbol, results), *directions],
+            _dense_vectors(model, derivatives, result_vectors),
+        )
+    return functions
+
+
+def _reverse(model: Model) -> dict[str, ca.Function]:
+    """Derivatives of a weighted sum of the results: (arguments, results, weights) → with respect to the arguments."""
+    functions = {}
+    for name, function, argument_vectors, _ in _differentiated(model):
+        arguments, results = _expressions(function)
+        weights = [_symbol(result) for result in results]
+        (derivatives,) = ca.reverse(results, arguments, [weights])
+        functions[f"{name}_reverse"] = ca.Function(
+            f"{name}_reverse",
+            [*arguments, *map(_symbol, results), *weights],
+            _dense_vectors(model, derivatives, argument_vectors),
+        )
+    return functions
+
+
+def _differentiated(model: Model) -> tuple[tuple[str, ca.Function, str, str], ...]:
+    """Functions whose derivatives an importer can ask for, with their arguments and results."""
+    return (
+        ("start", model.start, "tuk", "ym"),
+        ("calculate", model.outputs_function, "tyukm", "z"),
+        ("remember", model.remember, "tyukm", "m"),
+    )
+
+
+def _expressions(function: ca.Function) -> tuple[list[Any], list[Any]]:
+    """Symbols of a function's arguments, and its results in terms of them."""
+    arguments: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    return list(arguments), list(function.call(arguments, True, False))
+
+
+def _symbol(like: Any) -> Any:
+    return type(like).sym("d", like.shape[0])
+
+
+def _dense_vectors(model: Model, expressions: Sequence[Any], vectors: str) -> list[Any]:
+    dense = [_dense(x, _blocks(model, vector)) for x, vector in zip(expressions, vectors, strict=True)]
+    return list(ca.cse(dense))
+
+
+def _dense(vector: Any, blocks: Sequence[int]) -> Any:
+    """The same with its zeros; block by block, because CasADi writes a table of all places for one that is mixed."""
+    offsets = [0, *accumulate(blocks)]
+    if vector.is_dense() or len(blocks) < 2:
+        return ca.densify(vector)
+    return ca.vertcat(*(ca.densify(block) for block in ca.vertsplit(vector, offsets)))
+
+
+def _blocks(model: Model, vector: str) -> list[int]:
+    """How many numbers each variable has in a vector."""
+    groups = {"y": shown_states(model), "u": model.inputs, "k": model.parameters, "z": model.outputs}
+    if vector in groups:
+        return [variable.count for variable in groups[vector]]
+    return [1] * (1 if vector == "t" else model.start.numel_out(1))
 
 
 def _fields(model: Model, guid: str, functions: dict[str, ca.Function]) -> dict[str, str]:
     """Members of the struct Model."""
     numbers = {
-        "parameters": len(model.parameters),
-        "inputs": len(model.inputs),
-        "outputs": len(model.outputs),
-        "states": len(model.states),
-        "memory": len(model.memory),
-        "actives": len(model.active),
+        "parameters": sum(variable.count for variable in model.parameters),
+        "inputs": sum(variable.count for variable in model.inputs),
+        "outputs": sum(variable.count for variable in model.outputs),
+        "states": model.start.numel_out(0),
+        "memory": model.start.numel_out(1),
+        "events": model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,
         "start_conditions": len(model.condition_texts),
-        "events": model.events.numel_out(0),
+        "variable_rows": len(model.variables),
+        "start_rows": len(_starts(model)),
+        "active_rows": len(model.active),
+        "state_rows": len(model.states),
+        "dimension_rows": len(model.dimensions),
         "most_arguments": max(f.sz_arg() for f in functions.values()),
         "most_results": max(f.sz_res() for f in functions.values()),
         "integers": max(f.sz_iw() for f in functions.values()),
         "reals": max(f.sz_w() for f in functions.values()),
     }
+    tables = ("variables", "starts", "active", "state", "dimensions", "condition_texts")
     return {
         "name": _string(model.name),
         "guid": _string(guid),
         "tolerance": _number(model.experiment.tolerance),
         **{name: str(number) for name, number in numbers.items()},
-        "variables": "variables",
-        "active": "active",
-        "state_references": "state_references",
-        "derivative_references": "derivative_references",
-        "condition_texts": "condition_texts",
+        **{name: name for name in tables},
         **{name: function.name() for name, function in functions.items()},
     }
 
 
+# ---- tables: one row a variable, however many numbers it holds --------------------------------------------------
+
+
 def _tables(model: Model) -> list[str]:
-    place = {variable.name: i for i, variable in enumerate(model.inputs)}
-    reference = {variable.name: i for i, variable in enumerate(model.variables)}
-    triples = [(place[a.value], place[a.rate], place[a.acceleration]) for a in model.active]
+    where = places(model)
+    row = {variable.name: i for i, variable in enumerate(model.variables)}
+    first_input = sum(variable.count for variable in model.parameters)
+    count = {variable.name: variable.count for variable in model.variables}
+    active = [
+        (*(where[name].start - first_input for name in (a.value, a.rate, a.acceleration)), count[a.value])
+        for a in model.active
+    ]
     return [
-        *_table("Variable", "variables", [_variable(variable) for variable in model.variables]),
-        *_table("Active", "active", [f"{{{v}, {r}, {a}}}" for v, r, a in triples]),
-        *_table("size_t", "state_references", [str(reference[state.name]) for state in model.states]),
-        *_table("size_t", "derivative_references", [str(reference[state.derivative]) for state in model.states]),
+        *_table("Variable", "variables", _variables(model)),
+        *_table("Start", "starts", [_row(str(place), _number(value)) for place, value in _starts(model)]),
+        *_table("Active", "active", [_row(*map(str, of_coordinate)) for of_coordinate in active]),
+        *_table("State", "state", [_row(str(row[s.name]), str(row[s.derivative])) for s in model.states]),
+        *_table("Dimension", "dimensions", [_row(_string(d.name), str(d.count)) for d in model.dimensions]),
         *_table("char *const", "condition_texts", [_string(text) for text in model.condition_texts]),
     ]
 
 
-def _table(kind: str, name: str, rows: list[str]) -> list[str]:
+def _table(kind: str, name: str, rows: Sequence[str]) -> list[str]:
     # C has no arrays without elements; the tables that have none are never read.
-    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or ["0"]), "};", ""]
+    nothing = "0" if kind.endswith("const") else "{0}"
+    return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in rows or [nothing]), "};", ""]
 
 
-def _variable(variable: Variable) -> str:
-    kinds = {"input": "INPUT", "parameter": f"{variable.variability.upper()}_PARAMETER"}
-    members = [
+def _variables(model: Model) -> list[str]:
+    where = places(model)
+    kinds = {"input": "INPUT", "parameter": "{}_PARAMETER"}
+    state_places, first = {}, 0
+    for state in model.states:
+        state_places[state.name] = first
+        first += len(where[state.name])
+    rows = [
+        _variable(
+            variable,
+            kinds.get(variable.causality, "CALCULATED").format(variable.variability.upper()),
+            where[variable.name].start,
+            str(state_places.get(variable.name, "NO_STATE")),
+        )
+        for variable in model.variables
+    ]
+    return [*rows, _variable(TIME, "INDEPENDENT", scalars(model), "NO_STATE")]
+
+
+def _variable(variable: Variable, kind: str, first: int, state: str) -> str:
+    return _row(
         _string(variable.name),
-        kinds.get(variable.causality, "CALCULATED"),
-        _number(variable.start or 0.0),
+        kind,
+        str(first),
+        str(variable.count),
+        str(int(variable.dimension is not None)),
+        state,
+        _number(_common_start(variable)),
         _number(-math.inf if variable.minimum is None else variable.minimum),
         _number(math.inf if variable.maximum is None else variable.maximum),
         str(int(variable.strict)),
         _string(variable.domain()),
+    )
+
+
+def _common_start(variable: Variable) -> float:
+    """What all numbers of a variable start at, but those that are listed one by one."""
+    return 0.0 if isinstance(variable.start, tuple) else variable.start or 0.0
+
+
+def _starts(model: Model) -> list[tuple[int, float]]:
+    """Places and values where an array starts otherwise."""
+    where = places(model)
+    return [
+        (where[variable.name][i], value)
+        for variable in model.variables
+        if isinstance(variable.start, tuple)
+        for i, value in enumerate(variable.start)
+        if value != 0
     ]
+
+
+def _row(*members: str) -> str:
     return f"{{{', '.join(members)}}}"
 
 
@@ -154,6 +278,9 @@ def _string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)  # its escapes are those of C
 
 
+# ---- what comes with them --------------------------------------------------------------------------------------
+
+
 def _fmi_header(name: str) -> bytes:
     """A header of the FMI standard, which FMPy carries; FMPy itself is not loaded."""
     package = find_spec("fmpy")
@@ -164,12 +291,9 @@ def _fmi_header(name: str) -> bytes:
         raise BuildError(f"{name} is missing in the installed fmpy; reinstall it: pip install fmpy") from error
 
 
-def _build_description(model: Model) -> bytes:
-    root = Element("fmiBuildDescription", fmiVersion="3.0")  # FMI 2.0 took the file over without a version of its own
-    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=model.name)
-    files = SubElement(configuration, "SourceFileSet", language="C99")
-    for name in SOURCES:
-        SubElement(files, "SourceFile", name=name)
-    SubElement(configuration, "Library", name="m")
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+def _build_description(model: Model, fmi: Fmi) -> bytes:
+    files = (line for name in sources(fmi) for line in element("SourceFile", {"name": name}))
+    inside = [*element("SourceFileSet", {"language": "C99"}, files), *element("Library", {"name": "m"})]
+    configuration = element("BuildConfiguration", {"modelIdentifier": model.name}, inside)
+    # FMI 2.0 took the file over without a version of its own.
+    return document(element("fmiBuildDescription", {"fmiVersion": "3.0"}, configuration))

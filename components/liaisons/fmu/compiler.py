@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from liaisons.errors import BuildError
+from liaisons.fmu.layout import Fmi
 
 # The same sources give the same bytes: no contraction to fused operations, no build id, no symbols, no paths.
 FLAGS = (
@@ -27,21 +28,25 @@ TIME_OUT = 900.0  # [s] for one binary
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A platform: its folder in ``binaries/`` (FMI 2.0.4), its extension, and its name for zig."""
+    """A platform: its folders in ``binaries/`` (FMI 2.0.4, FMI 3.0), its extension, and its name for zig."""
 
-    folder: str
+    folders: tuple[str, str]
     extension: str
     triple: str
     flags: tuple[str, ...] = ()
 
+    def folder(self, fmi: Fmi) -> str:
+        """Its folder in ``binaries/``."""
+        return self.folders[("2", "3").index(fmi)]
+
 
 _ELF = ("-Wl,--build-id=none", "-s", "-lm")
 TARGETS = (
-    Target("linux64", ".so", "x86_64-linux-gnu.2.17", _ELF),
-    Target("aarch64-linux", ".so", "aarch64-linux-gnu.2.17", _ELF),
-    Target("win64", ".dll", "x86_64-windows-gnu", ("-s",)),
-    Target("darwin64", ".dylib", "x86_64-macos"),
-    Target("aarch64-darwin", ".dylib", "aarch64-macos"),
+    Target(("linux64", "x86_64-linux"), ".so", "x86_64-linux-gnu.2.17", _ELF),
+    Target(("aarch64-linux", "aarch64-linux"), ".so", "aarch64-linux-gnu.2.17", _ELF),
+    Target(("win64", "x86_64-windows"), ".dll", "x86_64-windows-gnu", ("-s",)),
+    Target(("darwin64", "x86_64-darwin"), ".dylib", "x86_64-macos"),
+    Target(("aarch64-darwin", "aarch64-darwin"), ".dylib", "aarch64-macos"),
 )
 
 

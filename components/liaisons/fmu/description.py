@@ -1,27 +1,30 @@
 """modelDescription.xml of FMI 2.0: what an importer learns about a component before it loads any code.
 
-A variable's value reference is its place in :attr:`Model.variables`; its index, which ModelStructure counts in, is
-that plus one.  Dependencies are the sparsity patterns of the Jacobians, so they are complete by construction.
+Arrays are shown number by number.  A variable's value reference is the place of its number; its index, which
+ModelStructure counts in, is that plus one.  Dependencies are the sparsity patterns of the Jacobians, so they are
+complete by construction; of very many numbers they are left out, which FMI defines as "all".
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Literal
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from liaisons import __version__, units
+from liaisons.fmu.dependencies import between_numbers, initial, running, shown_states, states_that_jump
+from liaisons.fmu.layout import RECONSTRUCTION, Fmi, places, reconstruction_reference, scalars
+from liaisons.fmu.markup import document, element
 from liaisons.mechanics.model import Model, Variable
 
 Backend = Literal["native", "python"]
-Pattern = NDArray[np.bool_]
 
-RECONSTRUCTION = "input_reconstruction"
-SOURCES = ("model.c", "core.c", "solver.c", "fmi2.c")
+MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
+_SOURCES = ("model.c", "core.c", "derivatives.c", "face.c", "solver.c", "step.c")
 
 # What the back ends can do; attributes that are not named are false or 0.
 _BOTH = {
@@ -49,6 +52,11 @@ LOG_CATEGORIES = {
 }
 
 
+def sources(fmi: Fmi) -> tuple[str, ...]:
+    """The C files that make up a binary."""
+    return (*_SOURCES, f"fmi{fmi}.c")
+
+
 def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     """The model description, the same bytes for the same arguments.
 
@@ -56,79 +64,72 @@ def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     :param guid: what the binary will compare with, ``"{...}"``.
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu can do.
     """
-    root = Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=model.name,
-        guid=guid,
-        description=model.description,
-        generationTool=f"liaisons {__version__}",
-        variableNamingConvention="structured",
-        numberOfEventIndicators="0",
-    )
+    attributes = {
+        "fmiVersion": "2.0",
+        "modelName": model.name,
+        "guid": guid,
+        "description": model.description,
+        "generationTool": f"liaisons {__version__}",
+        "variableNamingConvention": "structured",
+        "numberOfEventIndicators": "0",
+    }
+    return document(element("fmiModelDescription", attributes, _parts(model, backend)))
+
+
+def _parts(model: Model, backend: Backend) -> Iterator[str]:
     if backend == "native":
         for kind, capabilities in (("ModelExchange", _MODEL_EXCHANGE), ("CoSimulation", _CO_SIMULATION)):
-            interface = SubElement(root, kind, {"modelIdentifier": model.name, **capabilities})
-            files = SubElement(interface, "SourceFiles")
-            for name in SOURCES:
-                SubElement(files, "File", name=name)
+            files = chain.from_iterable(element("File", {"name": name}) for name in sources("2"))
+            yield from element(kind, {"modelIdentifier": model.name, **capabilities}, element("SourceFiles", {}, files))
     else:
-        SubElement(root, "CoSimulation", {"modelIdentifier": model.name, **_CO_SIMULATION_IN_PYTHON})
-    _unit_definitions(root, model)
-    categories = SubElement(root, "LogCategories")
-    for name, text in LOG_CATEGORIES.items():
-        SubElement(categories, "Category", name=name, description=text)
+        yield from element("CoSimulation", {"modelIdentifier": model.name, **_CO_SIMULATION_IN_PYTHON})
+    yield from unit_definitions(model.variables)
+    yield from log_categories()
+    yield from default_experiment(model)
+    yield from element("ModelVariables", {}, _variables(model, backend))
+    yield from element("ModelStructure", {}, _structure(model))
+
+
+# ---- what both versions of FMI say alike -----------------------------------------------------------------------
+
+
+def unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
+    """The units of some variables, with base units and display units."""
+    names = sorted({variable.unit for variable in variables} - {units.ANY})
+    if names:
+        yield from element("UnitDefinitions", {}, chain.from_iterable(map(_unit, names)))
+
+
+def _unit(name: str) -> Iterator[str]:
+    unit = units.parse(name)
+    base = element("BaseUnit", {base: str(exponent) for base, exponent in unit.exponents})
+    display = (element("DisplayUnit", {"name": name, "factor": repr(factor)}) for name, factor in unit.display)
+    yield from element("Unit", {"name": name}, chain(base, *display))
+
+
+def log_categories() -> Iterator[str]:
+    """The categories of messages."""
+    lines = (element("Category", {"name": name, "description": text}) for name, text in LOG_CATEGORIES.items())
+    yield from element("LogCategories", {}, chain.from_iterable(lines))
+
+
+def default_experiment(model: Model) -> Iterator[str]:
+    """Times, step and tolerance that show something worthwhile."""
     experiment = {
         "startTime": 0.0,
         "stopTime": model.experiment.stop_time,
         "tolerance": model.experiment.tolerance,
         "stepSize": model.experiment.step_size,
     }
-    SubElement(root, "DefaultExperiment", {name: repr(float(value)) for name, value in experiment.items()})
-    _model_variables(root, model, backend)
-    _model_structure(root, model)
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+    yield from element("DefaultExperiment", {name: repr(float(value)) for name, value in experiment.items()})
 
 
-# ---- units and variables ---------------------------------------------------------------------------------------
-
-
-def _unit_definitions(root: Element, model: Model) -> None:
-    names = sorted({variable.unit for variable in model.variables} - {units.ANY})
-    definitions = SubElement(root, "UnitDefinitions") if names else root
-    for name in names:
-        unit = units.parse(name)
-        element = SubElement(definitions, "Unit", name=name)
-        SubElement(element, "BaseUnit", {base: str(exponent) for base, exponent in unit.exponents})
-        for display, factor in unit.display:
-            SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
-
-
-def _model_variables(root: Element, model: Model, backend: Backend) -> None:
-    index = _indices(model)
-    nominals = _nominals(model)
-    reset = _states_that_jump(model) if backend == "native" else set()
-    element = SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(model.variables):
-        scalar = _scalar_variable(element, reference, variable)
-        real = SubElement(scalar, "Real", _real_attributes(variable, nominals.get(variable.name)))
-        if variable.derivative_of is not None:
-            real.set("derivative", str(index[variable.derivative_of]))
-        if variable.name in reset:
-            real.set("reinit", "true")
-    if model.inputs:
-        text = "motion of the inputs inside a communication step: 0 hold, 1 extrapolate, 2 interpolate"
-        variable = Variable(RECONSTRUCTION, units.ANY, text, "parameter", "fixed")
-        scalar = _scalar_variable(element, len(model.variables), variable)
-        SubElement(scalar, "Integer", min="0", max="2", start="1")
-
-
-def _scalar_variable(parent: Element, reference: int, variable: Variable) -> Element:
+def general_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
+    """Who a variable is, and how it comes by its value."""
     # min and max include the bounds; that a bound itself is forbidden can only be said in words.
     domain = f" ({variable.domain()})" if variable.strict else ""
     attributes = {
-        "name": variable.name,
+        "name": name,
         "valueReference": str(reference),
         "description": variable.description + domain,
         "causality": variable.causality,
@@ -136,91 +137,106 @@ def _scalar_variable(parent: Element, reference: int, variable: Variable) -> Ele
     }
     if variable.causality != "input":
         attributes["initial"] = "exact" if variable.causality == "parameter" else "calculated"
-    return SubElement(parent, "ScalarVariable", attributes)
+    return attributes
 
 
-def _real_attributes(variable: Variable, nominal: float | None) -> dict[str, str]:
+def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
+    """Unit and range of a variable.
+
+    :param nominal: its size, where it declares none; 1 says no more than FMI's own default.
+    """
     attributes = {}
     if variable.unit != units.ANY:
         unit = units.parse(variable.unit)
         attributes["unit"] = variable.unit
         if unit.display and "rad" in dict(unit.exponents):  # angles are shown in degrees, lengths in metres
             attributes["displayUnit"] = unit.display[0][0]
-    numbers = {
-        "min": variable.minimum,
-        "max": variable.maximum,
-        "nominal": variable.nominal or nominal,
-        "start": variable.start,
-    }
+    nominal = variable.nominal or nominal
+    numbers = {"min": variable.minimum, "max": variable.maximum, "nominal": None if nominal == 1 else nominal}
     return attributes | {name: repr(float(value)) for name, value in numbers.items() if value is not None}
 
 
-def _nominals(model: Model) -> dict[str, float]:
-    """Sizes of the states at the default start, where they say more than FMI's own default 1."""
-    u, k = (ca.DM([v.start or 0.0 for v in variables]) for variables in (model.inputs, model.parameters))
+def nominals(model: Model) -> dict[str, list[float]]:
+    """Sizes of the states at the default start, by the variables that show them; 1 where there is none."""
+    u, k = (ca.DM([x for v in group for x in v.starts]) for group in (model.inputs, model.parameters))
     y, _ = model.start.call([ca.DM(0), u, k])
     sizes = np.asarray(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
-    named = {state.name: float(f"{size:.6g}") for state, size in zip(model.states, sizes, strict=True)}
-    return {name: size for name, size in named.items() if 0 < size < np.inf and size != 1}
+    usable = iter(float(f"{size:.6g}") if 0 < size < np.inf else 1.0 for size in sizes)
+    return {state.name: [next(usable) for _ in range(state.count)] for state in shown_states(model)}
 
 
-def _states_that_jump(model: Model) -> set[str]:
-    """States that a jump of the inputs changes, e.g. the work that an impulse brings in."""
-    mixed = _pattern(model.jump, 0, 1) != np.eye(len(model.states), dtype=bool)
-    jumps = mixed.any(axis=1) | _pattern(model.jump, 0, 2).any(axis=1)
-    return {state.name for state, jump in zip(model.states, jumps, strict=True) if jump}
+# ---- variables -------------------------------------------------------------------------------------------------
+
+
+def _variables(model: Model, backend: Backend) -> Iterator[str]:
+    where = places(model)
+    sizes = nominals(model)
+    jumping = states_that_jump(model) if backend == "native" else set()
+    for variable in model.variables:
+        first = where[variable.name].start
+        of_derivative = where[variable.derivative_of].start if variable.derivative_of else 0
+        reinit = {"reinit": "true"} if variable.name in jumping else {}
+        common = real_attributes(variable, 1.0)
+        for i, (scalar, start) in enumerate(zip(variable.elements(), variable.starts, strict=True)):
+            size = sizes[variable.name][i] if variable.name in sizes else 1.0
+            real = common if size == 1 else real_attributes(variable, size)
+            real = real | ({} if variable.start is None else {"start": repr(float(start))}) | reinit
+            if variable.derivative_of:
+                real["derivative"] = str(of_derivative + i + 1)
+            yield from _scalar(general_attributes(variable, scalar.name, first + i), "Real", real)
+    reference = reconstruction_reference(model, "2")
+    if model.inputs:
+        attributes = general_attributes(RECONSTRUCTION, RECONSTRUCTION.name, reference)
+        yield from _scalar(attributes, "Integer", {"min": "0", "max": "2", "start": "1"})
+    for i, dimension in enumerate(model.dimensions, start=1):
+        attributes = {
+            "name": dimension.name,
+            "valueReference": str(reference + i),
+            "description": dimension.description,
+            "causality": "local",
+            "variability": "constant",
+            "initial": "exact",
+        }
+        yield from _scalar(attributes, "Integer", {"start": str(dimension.count)})
+
+
+def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]) -> Iterator[str]:
+    yield from element("ScalarVariable", attributes, element(kind, of_kind))
 
 
 # ---- model structure -------------------------------------------------------------------------------------------
 
 
-def _model_structure(root: Element, model: Model) -> None:
-    index = _indices(model)
-    states = [index[state.name] for state in model.states]
-    derivatives = [index[state.derivative] for state in model.states]
-    outputs = [index[variable.name] for variable in model.outputs if variable.causality == "output"]
-    first = len(model.parameters) + len(model.inputs) + 1  # index of the first of model.outputs
-    parameters = list(range(1, len(model.parameters) + 1))
-    inputs = list(range(len(parameters) + 1, first))
+def _structure(model: Model) -> Iterator[str]:
+    where = places(model)
 
-    # While the model runs, and at initialization, where the states follow from parameters and inputs.
-    z = model.outputs_function
-    running = np.hstack([_pattern(z, 0, 1), _pattern(z, 0, 2)])
-    starting = np.hstack([_at_start(model, 2), _at_start(model, 1)])
-    calculated = [index[v.name] for v in model.outputs if v.causality == "calculatedParameter"]
-    initial = sorted({*outputs, *states, *derivatives, *calculated})
+    def indices(names: Sequence[str]) -> list[int]:
+        return [place + 1 for name in names for place in where[name]]
 
-    structure = SubElement(root, "ModelStructure")
+    states = indices([state.name for state in model.states])
+    derivatives = indices([state.derivative for state in model.states])
+    outputs = indices([variable.name for variable in model.outputs if variable.causality == "output"])
+    calculated = indices([variable.name for variable in model.outputs if variable.causality == "calculatedParameter"])
+    parameters, inputs = (indices([v.name for v in group]) for group in (model.parameters, model.inputs))
+
+    sparse = scalars(model) <= MOST_DEPENDENCIES
+    runs = between_numbers(running(model), (1, 2)) if sparse else None
+    starts = between_numbers(initial(model), (2, 1)) if sparse else None
+    first = len(parameters) + len(inputs) + 1  # index of the first of model.outputs
     for title, unknowns, knowns, pattern in (
-        ("Outputs", outputs, states + inputs, running),
-        ("Derivatives", derivatives, states + inputs, running),
-        ("InitialUnknowns", initial, parameters + inputs, starting),
+        ("Outputs", outputs, states + inputs, runs),
+        ("Derivatives", derivatives, states + inputs, runs),
+        ("InitialUnknowns", sorted({*outputs, *states, *derivatives, *calculated}), parameters + inputs, starts),
     ):
         if unknowns:
-            _unknowns(SubElement(structure, title), unknowns, np.array(knowns), pattern[np.array(unknowns) - first])
+            yield from element(title, {}, _unknowns(unknowns, np.array(knowns), pattern, first))
 
 
-def _unknowns(parent: Element, unknowns: list[int], knowns: NDArray[np.int_], rows: Pattern) -> None:
-    for unknown, row in zip(unknowns, rows, strict=True):
-        dependencies = " ".join(str(known) for known in sorted(knowns[row]))
-        SubElement(parent, "Unknown", index=str(unknown), dependencies=dependencies)
-
-
-def _at_start(model: Model, argument: int) -> Pattern:
-    """Pattern of ∂z/∂(argument of ``start``) at initialization: 1 for u, 2 for k; the chain rule through y and m."""
-    z, start = model.outputs_function, model.start
-    direct = _pattern(z, 0, argument + 1)
-    through_states = _pattern(z, 0, 1) @ _pattern(start, 0, argument)
-    return direct | through_states | (_pattern(z, 0, 4) @ _pattern(start, 1, argument))
-
-
-def _pattern(function: ca.Function, result: int, argument: int) -> Pattern:
-    """Where the Jacobian of a result with respect to an argument can be non-zero; shape (result, argument)."""
-    sparsity = function.jac_sparsity(result, argument)
-    pattern = np.zeros(sparsity.shape, dtype=bool)
-    pattern[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
-    return pattern
-
-
-def _indices(model: Model) -> dict[str, int]:
-    return {variable.name: i for i, variable in enumerate(model.variables, start=1)}
+def _unknowns(unknowns: list[int], knowns: np.ndarray, pattern: csr_array | None, first: int) -> Iterator[str]:
+    for unknown in unknowns:
+        attributes = {"index": str(unknown)}
+        if pattern is not None:
+            row = unknown - first
+            columns = pattern.indices[pattern.indptr[row] : pattern.indptr[row + 1]]
+            attributes["dependencies"] = " ".join(map(str, sorted(knowns[columns])))
+        yield from element("Unknown", attributes)

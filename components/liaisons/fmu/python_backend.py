@@ -24,9 +24,13 @@ from pathlib import Path
 from typing import Any
 
 from liaisons.fmu.description import model_description
-from liaisons.fmu.documentation import index_page
+from liaisons.fmu.extras import extra_members
 from liaisons.mechanics.model import Model, Variable
 
+_DEPENDENCIES = b"""\
+Python 3.11 or later with the packages of resources/requirements.txt.  Inside a Python process that interpreter is used;
+another host loads one beforehand, on Linux: LD_PRELOAD=libpython3.11.so, and PYTHONPATH with the packages.
+"""
 _BINARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 # The module that pythonfmu's wrapper imports once and executes at each instantiation.  The wrapper (0.7.0) releases
@@ -46,7 +50,8 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
     """
     members = {
         "modelDescription.xml": model_description(model, guid=guid, backend="python"),
-        "documentation/index.html": index_page(model),
+        "documentation/externalDependencies.txt": _DEPENDENCIES,
+        **extra_members(model, "2"),
         "resources/component.json": _component(model, guid),
     }
     members |= _runtime() | _pythonfmu(model.name)

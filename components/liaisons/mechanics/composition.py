@@ -29,7 +29,7 @@ def compose(
 ) -> Model:
     """One model out of several, with their connections solved.
 
-    Its variables are called ``part.variable``.  Inputs that are connected become local variables, and the ports that
+    Its variables are called ``part.variable``.  Inputs that are connected become outputs, and the ports that
     they belong to are closed.
 
     :param models: the models by the name of the part.
@@ -57,7 +57,7 @@ def compose(
         documentation=_documentation(flat, connections),
         parameters=started(found["parameters"]),
         inputs=started(found["inputs"]),
-        outputs=(*found["outputs"], *(replace(v, causality="local", start=None) for v in inner)),
+        outputs=(*found["outputs"], *(replace(v, causality="output", start=None) for v in inner)),
         states=tuple(State(f"{p}.{s.name}", f"{p}.{s.derivative}") for p, m in flat.items() for s in m.states),
         memory=tuple(f"{p}.{memory}" for p, m in flat.items() for memory in m.memory),
         **joined.functions(),

@@ -200,17 +200,17 @@ class Model:
         """The same model with the elements of its arrays as variables, which is how FMI 2.0 shows them."""
         if not self.dimensions:
             return self
-        counts = {variable.name: variable.count for variable in self.variables}
+        sized = {v.name: v.count for v in self.variables if v.dimension is not None}
 
         def names(of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
             """Names that belong together, element by element; those of scalars as they are."""
-            count = counts[of[0]]
-            return (tuple(_element(n, i) if counts[n] > 1 else n for n in of) for i in range(1, count + 1))
+            count = sized.get(of[0], 1)
+            return (tuple(_element(n, i) if n in sized else n for n in of) for i in range(1, count + 1))
 
         def port(p: Port) -> Iterator[Port]:
             members = names(tuple(member.variable for member in p.members))
             for i, variables in enumerate(members, start=1):
-                name = p.name if counts[p.name] == 1 else _element(p.name, i)
+                name = _element(p.name, i) if p.name in sized else p.name
                 roles = (member.role for member in p.members)
                 yield Port(name, p.kind, tuple(map(PortMember, roles, variables)))
 

@@ -6,73 +6,23 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "instance.h"
 #include "solver.h"
 
 /* Tolerances are kept between these: below, rounding errors take over. */
 static const double TIGHTEST = 1e-14, LOOSEST = 1e-2;
-/* A step may have this part of the tolerance as its error: those of many steps add up. */
-static const double SHARE = 0.02;
 
-enum { TEXT = 512 };
-enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
-
-typedef struct { /* an input that moves inside a step */
-    size_t place;
-    double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
-} Mover;
-
-/* The scalars of a saved state; numbers of fixed size and without gaps. */
-typedef struct {
-    double time;
-    double tolerance;
-    double step;  /* that the solver goes on with; 0: unknown */
-    double limit; /* the next time event: until then functions of time are taken from its left */
-    int32_t phase;
-    int32_t model_exchange;
-    int32_t reconstruction;
-    int32_t unstarted; /* y and m are still to be calculated from u and k */
-    int32_t jumped;    /* inputs or parameters were set since m was remembered */
-    int32_t expanded;  /* derivatives of inputs are given for the next step */
-} Scalars;
+enum { NAME = 256 };
 
 typedef struct { /* in front of the numbers of a saved state */
     char magic[8];
     uint32_t byte_order, version;
     uint64_t size;
+    uint64_t checksum; /* of what follows it; 0: none */
     char guid[40];
 } Header;
 
-static const Header HEADER = {"liaison", 0x01020304, 1, 0, ""};
-
-struct Instance {
-    const Model *model;
-    Report *report;
-    void *owner;
-
-    /* What a saved state holds: the scalars, and behind them in the same block the vectors. */
-    Scalars *s;
-    size_t state_size; /* in bytes */
-    double *u;         /* inputs at the present time */
-    double *taylor;    /* given derivatives of the inputs, COEFFICIENTS each; the 0th says whether there are any */
-    double *y, *low;   /* states, and the part of their sum that is too small for them */
-    double *m;
-    double *size;      /* of the states: scales the tolerance */
-    double *k, *set;   /* parameters, inputs as they were set last */
-    double *z;         /* follows k and set, but is no part of the state */
-    int current;       /* z belongs to the state */
-
-    Scalars *backup;
-    double step_start, step_size;
-    Mover *movers;
-    size_t moving, *mover_of; /* number of movers; place of an input among them */
-    char text[TEXT]; /* why the present call fails */
-
-    double *work, *condition, *instant, *dy, *du, *dk, *dm, *dz;
-    const double **arguments;
-    double **results;
-    long long *integers;
-    double *reals;
-};
+static const Header HEADER = {"liaison", 0x01020304, 2, 0, 0, ""};
 
 /* ---- messages ---------------------------------------------------------------------------------------------- */
 
@@ -82,12 +32,11 @@ Status core_report(const Instance *self, Status status, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    self->report(self->owner, status, text);
+    self->options.report(self->options.owner, status, text);
     return status;
 }
 
-/* Note why the present call fails; returns 0. */
-static int because(Instance *self, const char *format, ...) {
+int core_because(Instance *self, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(self->text, sizeof self->text, format, arguments);
@@ -95,28 +44,28 @@ static int because(Instance *self, const char *format, ...) {
     return 0;
 }
 
-static const char *spelled(double value) { /* a number that is not finite, alike on all platforms */
-    return isnan(value) ? "nan" : value > 0 ? "inf" : "-inf";
+const char *core_spelled(double value) { return isnan(value) ? "nan" : value > 0 ? "inf" : "-inf"; }
+
+const Variable *core_variable_at(const Model *model, size_t place) {
+    const size_t calculated = model->parameters + model->inputs;
+    if (model->variable_rows == calculated + model->outputs) return &model->variables[place]; /* numbers only */
+    size_t low = 0, high = model->variable_rows;
+    while (high > low) {
+        const size_t middle = low + (high - low + 1) / 2;
+        if (model->variables[middle].first <= place) low = middle;
+        else high = middle - 1;
+    }
+    return &model->variables[low];
+}
+
+const char *core_name(const Instance *self, size_t place) {
+    const Variable *variable = core_variable_at(self->model, place);
+    if (!variable->array) return variable->name;
+    snprintf(self->name, NAME, "%s[%lu]", variable->name, (unsigned long)(place - variable->first + 1));
+    return self->name;
 }
 
 /* ---- generated functions ----------------------------------------------------------------------------------- */
-
-/* At an event a function of time may jump; it is not there yet. */
-static double before_limit(const Instance *self, double t) {
-    return t >= self->s->limit ? nextafter(self->s->limit, -INFINITY) : t;
-}
-
-/* Call a function of (t, y, u, k) or (t, y, u, k, m) with one result, which must be none of the arguments. */
-static void evaluate(Instance *self, Function *function, double t, const double *y, double *result) {
-    t = before_limit(self, t);
-    self->arguments[0] = &t;
-    self->arguments[1] = y;
-    self->arguments[2] = self->u;
-    self->arguments[3] = self->k;
-    self->arguments[4] = self->m;
-    self->results[0] = result;
-    function(self->arguments, self->results, self->integers, self->reals, 0);
-}
 
 /* y and m at initialization. */
 static void start(Instance *self) {
@@ -130,30 +79,27 @@ static void start(Instance *self) {
     self->s->unstarted = 0;
 }
 
-static void remember(Instance *self) {
+void core_remember(Instance *self) {
     evaluate(self, self->model->remember, self->s->time, self->y, self->dm);
     memcpy(self->m, self->dm, self->model->memory * sizeof *self->m);
     self->s->jumped = 0;
 }
 
-/* The inputs have jumped: states that an impulse changes, say the work done. */
-static void jump(Instance *self) {
+void core_jump(Instance *self) {
     evaluate(self, self->model->jump, self->s->time, self->y, self->dy);
     memcpy(self->y, self->dy, self->model->states * sizeof *self->y);
     self->s->jumped = 0;
 }
 
-/* z at the present time. */
-static void update(Instance *self) {
+void core_update(Instance *self) {
     if (self->current) return;
     start(self);
-    if (self->s->phase == CONTINUOUS) remember(self); /* nothing jumps between events */
+    if (self->s->phase == CONTINUOUS || self->s->phase == INTERMEDIATE) core_remember(self); /* nothing jumps there */
     evaluate(self, self->model->calculate, self->s->time, self->y, self->z);
     self->current = 1;
 }
 
-/* The first instant after t at which the component is not smooth. */
-static double next_instant(Instance *self, double t) {
+double core_next_instant(Instance *self, double t) {
     double next = INFINITY;
     if (self->model->events == 0) return next;
     self->arguments[0] = self->k;
@@ -164,113 +110,101 @@ static double next_instant(Instance *self, double t) {
     return next;
 }
 
-/* The end of a step, moved onto an instant that it means and misses by rounding: 3 * 0.3 is not 0.9. */
-static double at_instant(Instance *self, double start, double end) {
-    const double instant = next_instant(self, start);
-    return fabs(instant - end) <= 1e-12 * (1 + fabs(end)) ? instant : end;
-}
-
 /* ---- what is allowed --------------------------------------------------------------------------------------- */
 
-static int allows(const Variable *variable, double value) {
-    if (variable->strict) return value > variable->minimum && value < variable->maximum;
-    return value >= variable->minimum && value <= variable->maximum;
+int core_outside(Instance *self, size_t place, double value, double t) {
+    return core_because(self, "%s = %.9g at t = %.9g: it must be %s", core_name(self, place), value, t,
+                        core_variable_at(self->model, place)->domain);
 }
 
-static int check_domain(Instance *self, size_t reference, double value, double t) {
-    const Variable *variable = &self->model->variables[reference];
-    return allows(variable, value)
-           || because(self, "%s = %.9g at t = %.9g: it must be %s", variable->name, value, t, variable->domain);
-}
-
-/* Parameters and inputs as they were set. */
-static int check_domains(Instance *self, double t) {
-    for (size_t i = 0; i < self->model->parameters + self->model->inputs; i++)
-        if (!check_domain(self, i, self->k[i], t)) return 0;
+int core_check_domains(Instance *self, double t) {
+    const size_t end = self->model->parameters + self->model->inputs;
+    for (const Variable *variable = self->model->variables; variable->first < end; variable++) {
+        if (*variable->domain == '\0') continue;
+        for (size_t i = variable->first; i < variable->first + variable->count; i++)
+            if (!allows(variable, self->k[i])) return core_outside(self, i, self->k[i], t);
+    }
     return 1;
 }
 
-static int check_conditions(Instance *self, double t, const double *y, size_t count) {
+int core_check_conditions(Instance *self, double t, const double *y, size_t count) {
     if (count == 0) return 1;
     evaluate(self, self->model->distances, t, y, self->condition);
     for (size_t i = 0; i < count; i++)
         if (!(self->condition[i] > 0))
-            return because(self, "%s; at t = %.9g it does not (%.3g)", self->model->condition_texts[i], t,
-                           self->condition[i]);
+            return core_because(self, "%s; at t = %.9g it does not (%.3g)", self->model->condition_texts[i], t,
+                                self->condition[i]);
     return 1;
 }
 
-static int check_finite(Instance *self, const double *values, const size_t *references, double t) {
+/* The place of the variable that shows a state, or its derivative. */
+static size_t place_of_state(const Model *model, size_t i, int derivative) {
+    const State *state = model->state;
+    while (i >= model->variables[state->variable].count) i -= model->variables[state++->variable].count;
+    return model->variables[derivative ? state->derivative : state->variable].first + i;
+}
+
+int core_check_finite(Instance *self, const double *values, int derivatives, double t) {
     for (size_t i = 0; i < self->model->states; i++)
         if (!isfinite(values[i]))
-            return because(self, "%s = %s at t = %.9g: the motion ends there",
-                           self->model->variables[references[i]].name, spelled(values[i]), t);
+            return core_because(self, "%s = %s at t = %.9g: the motion ends there",
+                                core_name(self, place_of_state(self->model, i, derivatives)), core_spelled(values[i]),
+                                t);
     return 1;
-}
-
-static int settable(const Instance *self, const Variable *variable) {
-    switch (variable->kind) {
-    case INPUT: return 1;
-    case FIXED_PARAMETER: return self->s->phase < EVENT;
-    case TUNABLE_PARAMETER: return self->s->phase != CONTINUOUS;
-    default: return 0;
-    }
-}
-
-static Status check_reference(const Instance *self, unsigned reference) {
-    const Model *model = self->model;
-    const size_t count = model->parameters + model->inputs + model->outputs;
-    if (reference < count) return SUCCESS;
-    return core_report(self, ERROR, "value reference %u belongs to no Real variable; they are 0 to %lu", reference,
-                       (unsigned long)(count - 1));
 }
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
-Instance *core_new(const Model *model, int model_exchange, Report *report, void *owner) {
-    const size_t n = model->states, vectors = model->inputs * (2 + COEFFICIENTS) + 3 * n + model->memory
-                                              + model->parameters;
-    const size_t scratch = SOLVER_COLUMNS * n + model->start_conditions + model->events + n + model->inputs
-                           + model->parameters + model->memory + model->outputs + model->reals;
-    const size_t state_size = sizeof(Scalars) + vectors * sizeof(double);
+Instance *core_new(const Model *model, const Options *options) {
+    const size_t n = model->states, settable = model->parameters + model->inputs;
+    const size_t moving = model->inputs + 2 * n + model->memory;
+    const size_t resting = model->inputs * COEFFICIENTS + n + settable;
+    const size_t scratch = 2 * (n + settable) + model->memory + model->outputs + SOLVER_COLUMNS * n
+                           + model->start_conditions + model->events + model->reals;
     Instance *self = calloc(1, sizeof *self);
     if (self == NULL) return NULL;
     self->model = model;
-    self->report = report;
-    self->owner = owner;
-    self->state_size = state_size;
-    self->s = calloc(1, state_size + model->outputs * sizeof(double));
-    self->backup = malloc(state_size);
+    self->options = *options;
+    self->places = settable + model->outputs;
+    self->by_variable = options->whole && model->variable_rows < self->places;
+    self->references = options->whole ? model->variable_rows + 1 : self->places;
+    self->moving_size = sizeof(Scalars) + moving * sizeof(double);
+    self->state_size = self->moving_size + resting * sizeof(double);
+    self->s = calloc(1, self->state_size + (model->outputs + 1) * sizeof(double));
+    self->backup = malloc(self->moving_size);
     self->movers = calloc(model->inputs + 1, sizeof *self->movers);
     self->mover_of = calloc(model->inputs + 1, sizeof *self->mover_of);
-    self->work = calloc(scratch + 1, sizeof *self->work);
+    self->dy = calloc(scratch + 1, sizeof *self->dy);
     self->arguments = calloc(model->most_arguments, sizeof *self->arguments);
     self->results = calloc(model->most_results, sizeof *self->results);
     self->integers = calloc(model->integers + 1, sizeof *self->integers);
-    if (!self->s || !self->backup || !self->movers || !self->mover_of || !self->work || !self->arguments
-        || !self->results || !self->integers) {
+    self->name = calloc(NAME, sizeof *self->name);
+    if (!self->s || !self->backup || !self->movers || !self->mover_of || !self->dy || !self->arguments
+        || !self->results || !self->integers || !self->name) {
         core_free(self);
         return NULL;
     }
-    double *place = (double *)(self->s + 1);
-    self->u = place;
-    self->taylor = self->u + model->inputs;
-    self->y = self->taylor + COEFFICIENTS * model->inputs;
+    self->u = (double *)(self->s + 1);
+    self->y = self->u + model->inputs;
     self->low = self->y + n;
     self->m = self->low + n;
-    self->size = self->m + model->memory;
+    self->taylor = self->m + model->memory;
+    self->size = self->taylor + COEFFICIENTS * model->inputs;
     self->k = self->size + n;
     self->set = self->k + model->parameters;
     self->z = self->set + model->inputs;
-    self->condition = self->work + SOLVER_COLUMNS * n;
-    self->instant = self->condition + model->start_conditions;
-    self->dy = self->instant + model->events;
+    self->t = self->z + model->outputs;
     self->du = self->dy + n;
     self->dk = self->du + model->inputs;
     self->dm = self->dk + model->parameters;
     self->dz = self->dm + model->memory;
-    self->reals = self->dz + model->outputs;
-    self->s->model_exchange = model_exchange;
+    self->ey = self->dz + model->outputs;
+    self->eu = self->ey + n;
+    self->ek = self->eu + model->inputs;
+    self->work = self->ek + model->parameters;
+    self->condition = self->work + SOLVER_COLUMNS * n;
+    self->instant = self->condition + model->start_conditions;
+    self->reals = self->instant + model->events;
     core_reset(self);
     return self;
 }
@@ -281,35 +215,41 @@ void core_free(Instance *self) {
     free(self->backup);
     free(self->movers);
     free(self->mover_of);
-    free(self->work);
+    free(self->dy);
     free(self->arguments);
     free(self->results);
     free(self->integers);
+    free(self->name);
     free(self);
 }
 
 void core_reset(Instance *self) {
     const Model *model = self->model;
-    const int32_t model_exchange = self->s->model_exchange;
+    const Variable *variable = model->variables;
     memset(self->s, 0, self->state_size);
-    self->s->model_exchange = model_exchange;
+    self->s->use = self->options.use;
     self->s->phase = INSTANTIATED;
     self->s->reconstruction = EXTRAPOLATE;
     self->s->limit = INFINITY;
     self->s->tolerance = model->tolerance;
     self->s->unstarted = 1;
-    for (size_t i = 0; i < model->parameters + model->inputs; i++) self->k[i] = model->variables[i].start;
+    for (; variable->first < model->parameters + model->inputs; variable++)
+        for (size_t i = 0; i < variable->count; i++) self->k[variable->first + i] = variable->start;
+    for (size_t i = 0; i < model->start_rows; i++) self->k[model->starts[i].place] = model->starts[i].value;
     memcpy(self->u, self->set, model->inputs * sizeof *self->u);
     self->current = 0;
+    self->apart = 0;
 }
 
 Phase core_phase(const Instance *self) { return (Phase)self->s->phase; }
+
+Use core_use(const Instance *self) { return self->options.use; }
 
 double core_time(const Instance *self) { return self->s->time; }
 
 Status core_setup(Instance *self, double start_time, double tolerance) {
     if (!isfinite(start_time))
-        return core_report(self, ERROR, "start time = %s: it must be finite", spelled(start_time));
+        return core_report(self, ERROR, "start time = %s: it must be finite", core_spelled(start_time));
     if (!(tolerance >= 0 && isfinite(tolerance)))
         return core_report(self, ERROR, "tolerance = %g: it must be > 0 and finite", tolerance);
     self->s->time = start_time;
@@ -322,6 +262,10 @@ Status core_setup(Instance *self, double start_time, double tolerance) {
     return SUCCESS;
 }
 
+void core_enter_configuration(Instance *self) { self->s->phase = CONFIGURATION; }
+
+void core_exit_configuration(Instance *self) { self->s->phase = INSTANTIATED; }
+
 void core_enter_initialization(Instance *self) { self->s->phase = INITIALIZATION; }
 
 static void measure(Instance *self) {
@@ -333,11 +277,11 @@ static void measure(Instance *self) {
 Status core_exit_initialization(Instance *self) {
     start(self);
     const double t = self->s->time;
-    if (!check_domains(self, t) || !check_finite(self, self->y, self->model->state_references, t)
-        || !check_conditions(self, t, self->y, self->model->start_conditions))
+    if (!core_check_domains(self, t) || !core_check_finite(self, self->y, 0, t)
+        || !core_check_conditions(self, t, self->y, self->model->start_conditions))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->text);
     measure(self);
-    self->s->phase = self->s->model_exchange ? EVENT : STEP;
+    self->s->phase = self->options.use == CO_SIMULATION ? STEP : EVENT;
     self->s->jumped = 0;
     return SUCCESS;
 }
@@ -346,58 +290,184 @@ void core_terminate(Instance *self) { self->s->phase = TERMINATED; }
 
 /* ---- variables --------------------------------------------------------------------------------------------- */
 
-Status core_get(Instance *self, const unsigned references[], size_t n, double values[]) {
-    const size_t calculated = self->model->parameters + self->model->inputs;
-    for (size_t i = 0; i < n; i++)
-        if (check_reference(self, references[i]) != SUCCESS) return ERROR;
+Status core_check_references(const Instance *self, const unsigned references[], size_t n, size_t count) {
+    size_t numbers = n;
     for (size_t i = 0; i < n; i++) {
-        if (references[i] >= calculated) update(self);
-        values[i] = self->k[references[i]];
+        if (references[i] >= self->references)
+            return core_report(self, ERROR, "value reference %u belongs to no floating-point variable; they are 0 to %lu",
+                               references[i], (unsigned long)(self->references - 1));
+        if (self->by_variable) numbers += self->model->variables[references[i]].count - 1;
     }
-    return SUCCESS;
+    if (numbers == count) return SUCCESS;
+    return core_report(self, ERROR, "%lu values for variables that hold %lu", (unsigned long)count,
+                       (unsigned long)numbers);
+}
+
+typedef struct { /* what is left of references and of values for them */
+    const unsigned *references;
+    size_t n, count;
+} Rest;
+
+/* The places of the next reference and of those that follow it one by one; 0 if there are none or too few values. */
+static int next_run(const Instance *self, Rest *rest, Span *run) {
+    const unsigned reference = *rest->references;
+    size_t n = 1;
+    while (n < rest->n && rest->references[n] == reference + n) n++;
+    if (reference >= self->references || n > self->references - reference) return 0;
+    const Span first = span_of(self, reference), last = span_of(self, reference + (unsigned)(n - 1));
+    *run = (Span){first.first, last.first + last.count - first.first};
+    if (run->count > rest->count) return 0;
+    rest->references += n;
+    rest->n -= n;
+    rest->count -= run->count;
+    return 1;
+}
+
+static void copy(double *to, const double *from, size_t n) {
+    if (n == 1) *to = *from; /* less than a call */
+    else memcpy(to, from, n * sizeof *to);
+}
+
+Status core_get(Instance *self, const unsigned references[], size_t n, double values[], size_t count) {
+    const size_t calculated = self->model->parameters + self->model->inputs;
+    Rest rest = {references, n, count};
+    Span run;
+    *self->t = self->s->time;
+    while (rest.n > 0) {
+        if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
+        if (run.first + run.count > calculated) core_update(self);
+        copy(values, &self->k[run.first], run.count);
+        values += run.count;
+    }
+    return rest.count == 0 ? SUCCESS : core_check_references(self, references, n, count);
 }
 
 static const char FIXED[] = "it is a fixed parameter; set it before initialization ends";
 
-static Status check_setting(const Instance *self, unsigned reference, double value) {
-    if (check_reference(self, reference) != SUCCESS) return ERROR;
-    const Variable *variable = &self->model->variables[reference];
-    if (!isfinite(value))
-        return core_report(self, DISCARD, "%s = %s: set a finite number; it stays %.9g", variable->name,
-                           spelled(value), self->k[reference]);
-    if (settable(self, variable)) return SUCCESS;
-    return core_report(self, ERROR, "%s = %.9g: %s", variable->name, value,
-                       variable->kind == CALCULATED        ? "it is calculated; set parameters and inputs"
-                       : variable->kind == FIXED_PARAMETER ? FIXED
-                                                           : "it is a parameter; set it in event mode");
+static int settable(const Instance *self, const Variable *variable) {
+    switch (variable->kind) {
+    case INPUT: return 1;
+    case FIXED_PARAMETER: return self->s->phase < EVENT;
+    case TUNABLE_PARAMETER: return self->s->phase != CONTINUOUS;
+    default:
+        return variable->state != NO_STATE && self->options.use == MODEL_EXCHANGE && self->s->phase >= EVENT;
+    }
 }
 
-Status core_set(Instance *self, const unsigned references[], size_t n, const double values[]) {
-    const size_t inputs_size = self->model->inputs * sizeof *self->u;
-    int tuned = 0;
-    for (size_t i = 0; i < n; i++) {
-        const Status status = check_setting(self, references[i], values[i]);
+static Status refuse(const Instance *self, size_t place, Kind kind, double value) {
+    return core_report(self, ERROR, "%s = %.9g: %s", core_name(self, place), value,
+                       kind == FIXED_PARAMETER     ? FIXED
+                       : kind == TUNABLE_PARAMETER ? "it is a parameter; set it in event mode"
+                       : kind == INDEPENDENT       ? "the time is not a variable that can be set"
+                                                   : "it is calculated; set parameters and inputs");
+}
+
+static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
+
+static size_t smaller(size_t a, size_t b) { return a < b ? a : b; }
+
+/* Four at a time, for that is as fast as they can be read: x - x is 0 for finite numbers only. */
+static int all_finite(const double *v, size_t n) {
+    for (; n >= 4; n -= 4, v += 4)
+        if (!(((v[0] - v[0]) + (v[1] - v[1])) + ((v[2] - v[2]) + (v[3] - v[3])) == 0)) return 0;
+    for (; n > 0; n--, v++)
+        if (!isfinite(*v)) return 0;
+    return 1;
+}
+
+static Status check_setting(Instance *self, Span run, const double values[]) {
+    const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
+    const size_t end = run.first + run.count;
+    if (end > calculated || (run.first < inputs && self->s->phase >= EVENT)) { /* else all can be set */
+        const Variable *variable = core_variable_at(self->model, run.first);
+        for (; variable->kind != INDEPENDENT && variable->first < end; variable++) {
+            const size_t place = larger(variable->first, run.first);
+            if (!settable(self, variable)) return refuse(self, place, variable->kind, values[place - run.first]);
+        }
+        if (end > self->places) return refuse(self, self->places, INDEPENDENT, values[self->places - run.first]);
+    }
+    if (all_finite(values, run.count)) return SUCCESS;
+    for (size_t i = 0; i < run.count; i++)
+        if (!isfinite(values[i])) {
+            if (run.first + i >= calculated) core_update(self);
+            return core_report(self, DISCARD, "%s = %s: set a finite number; it stays %.9g",
+                               core_name(self, run.first + i), core_spelled(values[i]), self->k[run.first + i]);
+        }
+    return SUCCESS;
+}
+
+/* Put numbers somewhere; returns whether they are new there. */
+static int replace(double *to, const double *from, size_t n) {
+    if (n == 1) { /* less than two calls */
+        const int differs = memcmp(to, from, sizeof *to) != 0;
+        *to = *from;
+        return differs;
+    }
+    if (n == 0 || memcmp(to, from, n * sizeof *to) == 0) return 0;
+    memcpy(to, from, n * sizeof *to);
+    return 1;
+}
+
+/* Take parameters, inputs, states; returns whether parameters or the present inputs are new. */
+static int take(Instance *self, Span run, const double values[], int present) {
+    const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
+    const size_t end = run.first + run.count;
+    int fresh = 0;
+    if (run.first < inputs) fresh |= replace(&self->k[run.first], values, smaller(end, inputs) - run.first);
+    const size_t first = larger(run.first, inputs), last = smaller(end, calculated);
+    if (first < last) {
+        copy(&self->k[first], values + (first - run.first), last - first);
+        if (present) fresh |= replace(&self->u[first - inputs], values + (first - run.first), last - first);
+    }
+    for (size_t place = larger(run.first, calculated); place < end;) {
+        const Variable *variable = core_variable_at(self->model, place);
+        const size_t next = smaller(end, variable->first + variable->count);
+        copy(&self->y[(size_t)variable->state + place - variable->first], values + (place - run.first), next - place);
+        self->current = 0;
+        place = next;
+    }
+    return fresh;
+}
+
+Status core_set(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
+    /* The values belong to the present time, but in interpolation: there to the end of the step to come. */
+    const int interpolating = self->s->reconstruction == INTERPOLATE;
+    const int present = !(self->s->phase == STEP && interpolating);
+    Rest rest = {references, n, count};
+    Span run;
+    const double *value = values;
+    int fresh = 0;
+    for (; rest.n > 0; value += run.count) {
+        if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
+        const Status status = check_setting(self, run, value);
         if (status != SUCCESS) return status;
     }
-    for (size_t i = 0; i < n; i++) {
-        tuned |= references[i] < self->model->parameters && self->k[references[i]] != values[i];
-        self->k[references[i]] = values[i];
+    if (rest.count != 0) return core_check_references(self, references, n, count);
+    rest = (Rest){references, n, count};
+    value = values;
+    if (n > 0 && run.count == count) { /* one run is all */
+        rest.n = 0;
+        fresh = take(self, run, values, present);
+    }
+    for (; rest.n > 0; value += run.count) {
+        next_run(self, &rest, &run);
+        fresh |= take(self, run, value, present);
+    }
+    if (present && !interpolating && self->apart) { /* so do those that were set before */
+        fresh |= replace(self->u, self->set, self->model->inputs);
+        self->apart = 0;
     }
     if (self->s->phase < EVENT) self->s->unstarted = 1;
-    /* The values belong to the present time, but in interpolation: there to the end of the step to come. */
-    const int present = !(self->s->phase == STEP && self->s->reconstruction == INTERPOLATE);
-    if (tuned || (present && memcmp(self->u, self->set, inputs_size) != 0)) {
+    if (fresh) {
         self->s->jumped = 1;
         self->current = 0;
     }
-    if (present) memcpy(self->u, self->set, inputs_size);
     return SUCCESS;
 }
 
 static Status check_reconstruction(const Instance *self, unsigned reference) {
-    const size_t count = self->model->parameters + self->model->inputs + self->model->outputs;
-    if (self->model->inputs > 0 && reference == count) return SUCCESS;
-    return core_report(self, ERROR, "value reference %u belongs to no Integer variable", reference);
+    if (self->model->inputs > 0 && reference == self->references) return SUCCESS;
+    return core_report(self, ERROR, "value reference %u belongs to no integer variable", reference);
 }
 
 Status core_get_reconstruction(Instance *self, unsigned reference, int *value) {
@@ -406,321 +476,29 @@ Status core_get_reconstruction(Instance *self, unsigned reference, int *value) {
     return SUCCESS;
 }
 
-Status core_set_reconstruction(Instance *self, unsigned reference, int value) {
-    if (check_reconstruction(self, reference) != SUCCESS) return ERROR;
-    if (value < HOLD || value > INTERPOLATE)
-        return core_report(self, ERROR, "input_reconstruction = %d: set 0 (hold), 1 (extrapolate) or 2 (interpolate)",
-                           value);
-    if (self->s->phase >= EVENT)
-        return core_report(self, ERROR, "input_reconstruction = %d: %s", value, FIXED);
-    self->s->reconstruction = value;
-    return SUCCESS;
-}
-
-/* ---- directional derivatives ------------------------------------------------------------------------------- */
-
-/* dz from dt, dy, du, dk.  At initialization y and m follow from u and k; with `remembering`, m follows the motion. */
-static void forward(Instance *self, double dt, int remembering) {
-    const Model *model = self->model;
-    update(self);
-    const double t = before_limit(self, self->s->time);
-    if (self->s->phase < EVENT) {
-        const double *arguments[] = {&t, self->u, self->k, self->y, self->m, &dt, self->du, self->dk};
-        memcpy(self->arguments, arguments, sizeof arguments);
-        self->results[0] = self->dy;
-        self->results[1] = self->dm;
-        model->start_forward(self->arguments, self->results, self->integers, self->reals, 0);
-    } else if (remembering) {
-        const double *arguments[] = {&t,  self->y,  self->u,  self->k,  self->m, self->m,
-                                     &dt, self->dy, self->du, self->dk, NULL};
-        memcpy(self->arguments, arguments, sizeof arguments);
-        self->results[0] = self->dm;
-        model->remember_forward(self->arguments, self->results, self->integers, self->reals, 0);
-    } else {
-        memset(self->dm, 0, model->memory * sizeof *self->dm);
-    }
-    const double *arguments[] = {&t,  self->y,  self->u,  self->k,  self->m, self->z,
-                                 &dt, self->dy, self->du, self->dk, self->dm};
-    memcpy(self->arguments, arguments, sizeof arguments);
-    self->results[0] = self->dz;
-    model->calculate_forward(self->arguments, self->results, self->integers, self->reals, 0);
-}
-
-static void clear_direction(Instance *self) {
-    memset(self->dy, 0, (size_t)(self->dm - self->dy) * sizeof *self->dy);
-}
-
-/* Where the direction of a known variable is kept; NULL if it is not known in this phase. */
-static double *known(Instance *self, unsigned reference) {
-    const Model *model = self->model;
-    if (reference < model->parameters)
-        return settable(self, &model->variables[reference]) ? &self->dk[reference] : NULL;
-    if (reference < model->parameters + model->inputs) return &self->du[reference - model->parameters];
-    if (self->s->phase >= EVENT)
-        for (size_t i = 0; i < model->states; i++)
-            if (model->state_references[i] == reference) return &self->dy[i];
-    return NULL;
-}
-
-Status core_directional_derivative(Instance *self, const unsigned unknowns[], size_t unknown_count,
-                                   const unsigned knowns[], size_t known_count, const double direction[],
-                                   double result[]) {
-    const size_t calculated = self->model->parameters + self->model->inputs;
-    clear_direction(self);
-    for (size_t i = 0; i < known_count; i++) {
-        if (check_reference(self, knowns[i]) != SUCCESS) return ERROR;
-        double *place = known(self, knowns[i]);
-        if (place == NULL)
-            return core_report(self, ERROR, "%s is not among the known variables now; they are %s",
-                               self->model->variables[knowns[i]].name,
-                               self->s->phase < EVENT ? "parameters and inputs" : "inputs, states, tunable parameters");
-        *place += direction[i];
-    }
-    for (size_t i = 0; i < unknown_count; i++) {
-        if (check_reference(self, unknowns[i]) != SUCCESS) return ERROR;
-        if (unknowns[i] < calculated)
-            return core_report(self, ERROR, "%s is not an unknown variable: it is set, not calculated",
-                               self->model->variables[unknowns[i]].name);
-    }
-    forward(self, 0, self->s->phase == CONTINUOUS);
-    for (size_t i = 0; i < unknown_count; i++) result[i] = self->dz[unknowns[i] - calculated];
-    return SUCCESS;
-}
-
-Status core_output_derivatives(Instance *self, const unsigned references[], size_t n, double values[]) {
-    const Model *model = self->model;
-    const size_t calculated = model->parameters + model->inputs;
+Status core_set_reconstruction(Instance *self, const unsigned references[], size_t n, const int values[]) {
     for (size_t i = 0; i < n; i++) {
-        if (check_reference(self, references[i]) != SUCCESS) return ERROR;
-        if (references[i] < calculated)
-            return core_report(self, ERROR, "%s is no output", model->variables[references[i]].name);
+        if (check_reconstruction(self, references[i]) != SUCCESS) return ERROR;
+        if (values[i] < HOLD || values[i] > INTERPOLATE)
+            return core_report(self, ERROR,
+                               "input_reconstruction = %d: set 0 (hold), 1 (extrapolate) or 2 (interpolate)", values[i]);
+        if (self->s->phase >= EVENT)
+            return core_report(self, ERROR, "input_reconstruction = %d: %s", values[i], FIXED);
     }
-    clear_direction(self);
-    evaluate(self, model->derivatives, self->s->time, self->y, self->dy);
-    for (size_t i = 0; i < model->actives && self->s->reconstruction != HOLD; i++) {
-        self->du[model->active[i].value] = self->u[model->active[i].rate];
-        self->du[model->active[i].rate] = self->u[model->active[i].acceleration];
-    }
-    for (size_t i = 0; i < model->inputs; i++)
-        if (self->taylor[i * COEFFICIENTS] != 0) self->du[i] = self->taylor[i * COEFFICIENTS + 1];
-    forward(self, 1, 1);
-    for (size_t i = 0; i < n; i++) values[i] = self->dz[references[i] - calculated];
+    if (n > 0) self->s->reconstruction = values[n - 1];
     return SUCCESS;
 }
 
-/* ---- motion of the inputs inside a step -------------------------------------------------------------------- */
-
-static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
-    if (check_reference(self, reference) != SUCCESS) return ERROR;
-    const Variable *variable = &self->model->variables[reference];
-    if (variable->kind != INPUT) return core_report(self, ERROR, "%s is no input", variable->name);
-    if (order < 1 || order > ORDER)
-        return core_report(self, ERROR, "derivative of order %d of %s: the order must be 1 to %d", order,
-                           variable->name, ORDER);
-    if (isfinite(value)) return SUCCESS;
-    return core_report(self, DISCARD, "derivative of order %d of %s = %s: set a finite number", order, variable->name,
-                       spelled(value));
+const Dimension *core_dimension(const Instance *self, unsigned reference) {
+    const size_t first = self->references + 1;
+    if (reference < first || reference >= first + self->model->dimension_rows) return NULL;
+    return &self->model->dimensions[reference - first];
 }
 
-Status core_set_input_derivatives(Instance *self, const unsigned references[], size_t n, const int orders[],
-                                  const double values[]) {
-    for (size_t i = 0; i < n; i++) {
-        const Status status = check_input_derivative(self, references[i], orders[i], values[i]);
-        if (status != SUCCESS) return status;
-    }
-    for (size_t i = 0; i < n; i++) {
-        double *taylor = &self->taylor[(references[i] - self->model->parameters) * COEFFICIENTS];
-        taylor[0] = 1;
-        taylor[orders[i]] = values[i];
-    }
-    self->s->expanded = 1;
-    return SUCCESS;
-}
-
-/* Derivative with respect to time of a polynomial in the fraction of a step of size H. */
-static void differentiate(const double *c, double H, double *derivative) {
-    for (int j = 0; j < ORDER; j++) derivative[j] = (j + 1) * c[j + 1] / H;
-    derivative[ORDER] = 0;
-}
-
-/* Quintic Hermite polynomial: value, rate and acceleration at both ends of the step. */
-static void interpolate(const double *u, const double *set, const Active *active, double H, double *c) {
-    c[0] = u[active->value];
-    c[1] = H * u[active->rate];
-    c[2] = H * H * u[active->acceleration] / 2;
-    /* what this parabola misses at the end */
-    const double value = set[active->value] - (c[0] + c[1] + c[2]);
-    const double rate = H * set[active->rate] - (c[1] + 2 * c[2]);
-    const double acceleration = H * H * set[active->acceleration] - 2 * c[2];
-    c[3] = 10 * value - 4 * rate + acceleration / 2;
-    c[4] = -15 * value + 7 * rate - acceleration;
-    c[5] = 6 * value - 3 * rate + acceleration / 2;
-}
-
-static int rests(const Instance *self, const Active *active) {
-    const double *u = self->u, *set = self->set;
-    if (u[active->rate] != 0 || u[active->acceleration] != 0) return 0;
-    return self->s->reconstruction == EXTRAPOLATE
-           || (set[active->value] == u[active->value] && set[active->rate] == 0 && set[active->acceleration] == 0);
-}
-
-/* The polynomial of an input, which is constant so far. */
-static double *polynomial(Instance *self, size_t place) {
-    const size_t found = self->mover_of[place];
-    if (found < self->moving && self->movers[found].place == place) return self->movers[found].c;
-    self->mover_of[place] = self->moving;
-    self->movers[self->moving] = (Mover){.place = place, .c = {self->u[place]}};
-    return self->movers[self->moving++].c;
-}
-
-/* The polynomials of all inputs that move in a step of size H, from u and what was set. */
-static void reconstruct(Instance *self, double H) {
-    const Model *model = self->model;
-    const int mode = self->s->reconstruction;
-    const double *u = self->u, *set = self->set;
-    self->moving = 0;
-    for (size_t i = 0; i < model->inputs && mode == INTERPOLATE; i++)
-        if (set[i] != u[i]) polynomial(self, i)[1] = set[i] - u[i];
-    for (size_t i = 0; i < model->actives && mode != HOLD; i++) {
-        const Active *active = &model->active[i];
-        if (rests(self, active)) continue;
-        double *value = polynomial(self, active->value), *rate = polynomial(self, active->rate);
-        if (mode == INTERPOLATE) {
-            interpolate(u, set, active, H, value);
-        } else {
-            value[1] = H * u[active->rate];
-            value[2] = H * H * u[active->acceleration] / 2;
-        }
-        differentiate(value, H, rate);
-        differentiate(rate, H, polynomial(self, active->acceleration));
-    }
-    for (size_t i = 0; i < model->inputs && mode != INTERPOLATE && self->s->expanded; i++) {
-        const double *taylor = &self->taylor[i * COEFFICIENTS];
-        if (taylor[0] == 0) continue;
-        double *c = polynomial(self, i), factor = 1;
-        for (int j = 1; j <= ORDER; j++) c[j] = taylor[j] * (factor *= H / j);
-        c[0] = u[i];
-    }
-}
-
-/* u at a time inside the step; 0 if one leaves its domain. */
-static int move_inputs(Instance *self, double t) {
-    const double x = t / self->step_size;
-    for (const Mover *mover = self->movers; mover < self->movers + self->moving; mover++) {
-        const double *c = mover->c;
-        const double value = c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))));
-        self->u[mover->place] = value;
-        if (!check_domain(self, self->model->parameters + mover->place, value, self->step_start + t)) return 0;
-    }
-    return 1;
-}
-
-/* ---- a communication step ---------------------------------------------------------------------------------- */
-
-static Signal rates(void *context, double t, const double y[], double f[]) {
-    Instance *self = context;
-    if (!move_inputs(self, t)) return STOP;
-    evaluate(self, self->model->derivatives, self->step_start + t, y, f);
-    return GO_ON;
-}
-
-static Signal accept(void *context, double t, double y[]) {
-    Instance *self = context;
-    const Model *model = self->model;
-    if (model->conditions == 0 && model->project == NULL) return GO_ON;
-    if (!move_inputs(self, t)) return STOP;
-    if (model->project != NULL) { /* back onto constraints and unit quaternions */
-        evaluate(self, model->project, self->step_start + t, y, self->dy);
-        memcpy(y, self->dy, model->states * sizeof *y);
-        memset(self->low, 0, model->states * sizeof *self->low);
-    }
-    return check_conditions(self, self->step_start + t, y, model->conditions) ? GO_ON : STOP;
-}
-
-/* Why no step from a time inside the communication step is small enough. */
-static int explain_stuck(Instance *self, double t) {
-    const Model *model = self->model;
-    const double time = self->step_start + t;
-    if (!move_inputs(self, t)) return 0;
-    evaluate(self, model->derivatives, time, self->y, self->dy);
-    if (!check_finite(self, self->dy, model->derivative_references, time)) return 0;
-    if (model->conditions > 0) evaluate(self, model->distances, time, self->y, self->condition);
-    for (size_t i = 0; i < model->conditions; i++)
-        if (self->condition[i] < 1e-3) /* distances from a singularity, of order 1 elsewhere */
-            return because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], time,
-                           self->condition[i]);
-    /* An input that is about to leave its domain, where a singularity lies as a rule. */
-    for (double ahead = 1e-12; ahead < 1e-2; ahead *= 10)
-        if (!move_inputs(self, t + ahead * self->step_size)) return 0;
-    return because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
-}
-
-/* The states from the start of the step to its end, event by event. */
-static int move_states(Instance *self) {
-    const double start = self->step_start, size = self->step_size;
-    const Problem problem = {self->model->states, SHARE * self->s->tolerance, self->size, rates, accept, self};
-    double t = 0, event = start;
-    do {
-        event = next_instant(self, event);
-        self->s->limit = event;
-        const double end = event < start + size ? event - start : size;
-        switch (solver_advance(&problem, &t, end, self->y, self->low, &self->s->step, self->work)) {
-        case STOPPED: return 0;
-        case STUCK: return explain_stuck(self, t);
-        case EXHAUSTED:
-            return because(self, "%d solver steps lead no further than t = %.9g: something moves very fast", MOST_STEPS,
-                           start + t);
-        case REACHED: break;
-        }
-    } while (t < size);
-    self->s->limit = INFINITY;
-    return 1;
-}
-
-static int advance(Instance *self, double time, double size) {
-    const size_t inputs_size = self->model->inputs * sizeof *self->u;
-    const int interpolating = self->s->reconstruction == INTERPOLATE;
-    self->step_start = time;
-    self->step_size = size;
-    self->s->time = time;
-    if (!check_domains(self, interpolating ? time + size : time)) return 0;
-    if (!interpolating && memcmp(self->u, self->set, inputs_size) != 0) {
-        memcpy(self->u, self->set, inputs_size);
-        self->s->jumped = 1;
-    }
-    if (self->s->jumped) jump(self);
-    reconstruct(self, size);
-    if (!check_conditions(self, time, self->y, self->model->conditions)) return 0;
-    if (self->model->states > 0 && !move_states(self)) return 0;
-    if (interpolating)
-        memcpy(self->u, self->set, inputs_size);
-    else if (!move_inputs(self, size))
-        return 0;
-    if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
-    self->s->expanded = 0;
-    self->s->time = at_instant(self, time, time + size);
-    remember(self);
-    return 1;
-}
-
-Status core_step(Instance *self, double time, double size) {
-    if (!(size > 0 && isfinite(size)))
-        return core_report(self, ERROR, "step size = %g: it must be > 0 and finite", size);
-    if (!(fabs(time - self->s->time) <= 1e-6 * size + 1e-12 * fabs(time))) /* rounding of the importer's clock */
-        return core_report(self, ERROR, "step from t = %.15g: the instance is at t = %.15g", time, self->s->time);
-    memcpy(self->backup, self->s, self->state_size);
-    if (advance(self, time, size)) {
-        self->current = 0;
-        return SUCCESS;
-    }
-    memcpy(self->s, self->backup, self->state_size);
-    return core_report(self, DISCARD, "%s; the step from t = %.9g is taken back", self->text, time);
-}
-
-/* ---- model exchange ---------------------------------------------------------------------------------------- */
+/* ---- model exchange, and events ---------------------------------------------------------------------------- */
 
 Status core_set_time(Instance *self, double time) {
-    if (!isfinite(time)) return core_report(self, DISCARD, "time = %s: set a finite number", spelled(time));
+    if (!isfinite(time)) return core_report(self, DISCARD, "time = %s: set a finite number", core_spelled(time));
     self->s->time = time;
     self->current = 0;
     return SUCCESS;
@@ -730,7 +508,7 @@ Status core_set_states(Instance *self, const double y[]) {
     for (size_t i = 0; i < self->model->states; i++)
         if (!isfinite(y[i]))
             return core_report(self, DISCARD, "%s = %s: set a finite number",
-                               self->model->variables[self->model->state_references[i]].name, spelled(y[i]));
+                               core_name(self, place_of_state(self->model, i, 0)), core_spelled(y[i]));
     memcpy(self->y, y, self->model->states * sizeof *y);
     self->current = 0;
     return SUCCESS;
@@ -745,8 +523,8 @@ Status core_get_derivatives(Instance *self, double f[]) {
     const double t = self->s->time;
     start(self);
     evaluate(self, self->model->derivatives, t, self->y, self->dy);
-    if (!check_domains(self, t) || !check_conditions(self, t, self->y, self->model->conditions)
-        || !check_finite(self, self->dy, self->model->derivative_references, t))
+    if (!core_check_domains(self, t) || !core_check_conditions(self, t, self->y, self->model->conditions)
+        || !core_check_finite(self, self->dy, 1, t))
         return core_report(self, DISCARD, "%s", self->text);
     memcpy(f, self->dy, self->model->states * sizeof *f);
     return SUCCESS;
@@ -761,7 +539,8 @@ void core_get_nominals(Instance *self, double sizes[]) {
 }
 
 void core_enter_event_mode(Instance *self) {
-    if (self->s->phase == CONTINUOUS) remember(self);
+    if (self->s->phase == CONTINUOUS) core_remember(self);
+    self->s->jumped |= self->s->time >= self->s->limit; /* functions of time inside the component may */
     self->s->phase = EVENT;
     self->s->limit = INFINITY;
     self->current = 0;
@@ -772,18 +551,23 @@ int core_update_discrete_states(Instance *self, double *next) {
     int changed = 0;
     if (self->s->jumped) {
         memcpy(self->work, self->y, size);
-        jump(self);
-        remember(self);
+        core_jump(self);
+        core_remember(self);
         changed = memcmp(self->work, self->y, size) != 0;
         self->current = 0;
     }
-    *next = next_instant(self, self->s->time);
+    *next = core_next_instant(self, self->s->time);
     return changed;
 }
 
 void core_enter_continuous_mode(Instance *self) {
     self->s->phase = CONTINUOUS;
-    self->s->limit = next_instant(self, self->s->time);
+    self->s->limit = core_next_instant(self, self->s->time);
+    self->current = 0;
+}
+
+void core_enter_step_mode(Instance *self) {
+    self->s->phase = STEP;
     self->current = 0;
 }
 
@@ -797,6 +581,25 @@ void core_save(const Instance *self, void *bytes) {
     strncpy(header.guid, self->model->guid, sizeof header.guid - 1);
     memcpy(bytes, &header, sizeof header);
     memcpy((char *)bytes + sizeof header, self->s, self->state_size);
+}
+
+/* FNV-1a, in words of 8 bytes; never 0. */
+static uint64_t checksum(const void *bytes, size_t size) {
+    const size_t first = offsetof(Header, guid); /* a multiple of 8, as the sizes of all parts are */
+    uint64_t sum = 14695981039346656037u, word;
+    for (size_t i = first; i + sizeof word <= size; i += sizeof word) {
+        memcpy(&word, (const char *)bytes + i, sizeof word);
+        sum = (sum ^ word) * 1099511628211u;
+        sum ^= sum >> 32;
+    }
+    return sum | 1;
+}
+
+void core_seal(void *bytes) {
+    Header header;
+    memcpy(&header, bytes, sizeof header);
+    header.checksum = checksum(bytes, header.size);
+    memcpy(bytes, &header, sizeof header);
 }
 
 Status core_check_state(const Instance *self, const void *bytes, size_t size) {
@@ -816,18 +619,24 @@ Status core_check_state(const Instance *self, const void *bytes, size_t size) {
     if (header.size != core_state_size(self) || size != header.size)
         return core_report(self, ERROR, "the saved state has %lu bytes instead of %lu: it is cut off or damaged",
                            (unsigned long)size, (unsigned long)core_state_size(self));
+    if (header.checksum != 0 && header.checksum != checksum(bytes, size))
+        return core_report(self, ERROR, "the saved state is damaged: its checksum is wrong");
     return SUCCESS;
 }
 
 Status core_restore(Instance *self, const void *bytes, size_t size) {
+    static const char *const USES[] = {"model exchange", "co-simulation", "co-simulation with events"};
     Scalars scalars;
     if (core_check_state(self, bytes, size) != SUCCESS) return ERROR;
     const char *state = (const char *)bytes + sizeof(Header);
     memcpy(&scalars, state, sizeof scalars);
-    if (scalars.model_exchange != self->s->model_exchange)
+    if (scalars.use != (int32_t)self->options.use)
         return core_report(self, ERROR, "the saved state belongs to an instance for %s",
-                           scalars.model_exchange ? "model exchange" : "co-simulation");
+                           scalars.use >= MODEL_EXCHANGE && scalars.use <= CO_SIMULATION_WITH_EVENTS
+                               ? USES[scalars.use]
+                               : "something unknown");
     memcpy(self->s, state, self->state_size);
     self->current = 0;
+    self->apart = 1;
     return SUCCESS;
 }

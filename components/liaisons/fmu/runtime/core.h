@@ -1,7 +1,8 @@
 /* One instance of a component: its variables, initialization, motion and saved states.  Nothing here knows FMI.
  *
  * Vectors, as in the generated functions: t time, y continuous states, u inputs, k parameters, m memory, z everything
- * that is calculated.  The reference of a variable is its place in (k, u, z).
+ * that is calculated.  The place of a number is its place in (k, u, z, t).  A reference of the importer's stands for one
+ * place, or for a whole variable, which is a number or an array of them: see Options.
  * A call that returns DISCARD or ERROR has reported why and has changed nothing. */
 #ifndef LIAISONS_CORE_H
 #define LIAISONS_CORE_H
@@ -14,29 +15,50 @@
 /* Dense columns in and out; NULL stands for zeros, or for a result that is not wanted. */
 typedef int Function(const double **arguments, double **results, long long *integers, double *reals, int memory);
 
-typedef enum { FIXED_PARAMETER, TUNABLE_PARAMETER, INPUT, CALCULATED } Kind;
+typedef enum { FIXED_PARAMETER, TUNABLE_PARAMETER, INPUT, CALCULATED, INDEPENDENT } Kind;
 
-typedef struct {
+enum { NO_STATE = -1 };
+
+typedef struct { /* a number, or an array of numbers */
     const char *name;
     Kind kind;
+    size_t first, count; /* its places */
+    int array;           /* its numbers have an index: name[1], name[2], ... */
+    long state;          /* place of its first number among the states, or NO_STATE */
     double start, minimum, maximum;
     int strict;         /* the bounds themselves are forbidden too */
-    const char *domain; /* the allowed values in words */
+    const char *domain; /* the allowed values in words; empty: all finite numbers */
 } Variable;
 
-typedef struct { /* places of a coordinate that an operator prescribes, among the inputs */
-    size_t value, rate, acceleration;
+typedef struct { /* a start value that is not that of its variable */
+    size_t place;
+    double value;
+} Start;
+
+typedef struct { /* places of coordinates that an operator prescribes, among the inputs: the first of `count` each */
+    size_t value, rate, acceleration, count;
 } Active;
+
+typedef struct { /* of continuous states: which variable shows them, and which their derivatives */
+    size_t variable, derivative;
+} State;
+
+typedef struct { /* a structural size */
+    const char *name;
+    size_t count;
+} Dimension;
 
 typedef struct {
     const char *name, *guid;
     double tolerance; /* where the importer gives none */
-    size_t parameters, inputs, outputs, states, memory, actives, events;
+    size_t parameters, inputs, outputs, states, memory, events; /* numbers */
     size_t conditions, start_conditions; /* asked of the motion, and of the start: these and more */
-    const Variable *variables;
+    size_t variable_rows, start_rows, active_rows, state_rows, dimension_rows;
+    const Variable *variables; /* in the order of their places; the time follows them */
+    const Start *starts;
     const Active *active;
-    const size_t *state_references;      /* of the variables that show the states */
-    const size_t *derivative_references; /* of their derivatives */
+    const State *state;
+    const Dimension *dimensions;
     const char *const *condition_texts;
     Function *start;       /* (t, u, k) -> (y, m) */
     Function *derivatives; /* (t, y, u, k) -> dy/dt */
@@ -49,6 +71,8 @@ typedef struct {
     Function *instants;    /* (k) -> when the component is not smooth */
     /* directional derivatives: arguments, results, directions -> derivatives of the results */
     Function *start_forward, *calculate_forward, *remember_forward;
+    /* adjoint derivatives: arguments, results, weights of the results -> derivatives of the weighted sum; or NULL */
+    Function *start_reverse, *calculate_reverse, *remember_reverse;
     size_t most_arguments, most_results, integers, reals; /* work space of any of them */
 } Model;
 
@@ -59,46 +83,79 @@ extern const Model model;
 typedef enum { SUCCESS, WARNING, DISCARD, ERROR } Status;
 
 typedef enum {
-    INSTANTIATED = 1,
-    INITIALIZATION = 2,
-    EVENT = 4,
-    CONTINUOUS = 8,
-    STEP = 16,
-    TERMINATED = 32
+    CONFIGURATION = 1,
+    INSTANTIATED = 2,
+    INITIALIZATION = 4,
+    EVENT = 8,
+    CONTINUOUS = 16,
+    STEP = 32,
+    INTERMEDIATE = 64, /* inside a communication step, while the importer is told of a step of the solver */
+    TERMINATED = 128
 } Phase;
+
+typedef enum { MODEL_EXCHANGE, CO_SIMULATION, CO_SIMULATION_WITH_EVENTS } Use;
 
 /* What the inputs do inside a communication step. */
 enum { HOLD, EXTRAPOLATE, INTERPOLATE };
 
 typedef struct Instance Instance;
 typedef void Report(void *owner, Status status, const char *text);
+/* Told of each step of the solver; returns whether to stop, then *until is the time to go on to before that. */
+typedef int Observe(void *owner, double time, double *until);
+
+typedef struct {
+    Use use;
+    int whole; /* references stand for whole variables; a last one stands for the time */
+    int early; /* communication steps may stop early: where `observe` says so, and at an instant that is an event */
+    Observe *observe; /* or NULL */
+    Report *report;
+    void *owner; /* passed to both */
+} Options;
 
 /* NULL when memory runs out. */
-Instance *core_new(const Model *model, int model_exchange, Report *report, void *owner);
+Instance *core_new(const Model *model, const Options *options);
 void core_free(Instance *);
 void core_reset(Instance *);
 
 Phase core_phase(const Instance *);
+Use core_use(const Instance *);
 double core_time(const Instance *);
 /* Tolerances from 1e-14 to 1e-2 are kept; 0: the component's own. */
 Status core_setup(Instance *, double start_time, double tolerance);
+void core_enter_configuration(Instance *);
+void core_exit_configuration(Instance *);
 void core_enter_initialization(Instance *);
 Status core_exit_initialization(Instance *);
 void core_terminate(Instance *);
 
-Status core_get(Instance *, const unsigned references[], size_t n, double values[]);
-Status core_set(Instance *, const unsigned references[], size_t n, const double values[]);
+/* `count` values of n variables; ERROR if they have more or less numbers. */
+Status core_get(Instance *, const unsigned references[], size_t n, double values[], size_t count);
+Status core_set(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
+/* Behind the references to variables follow that to the reconstruction of the inputs and those to structural sizes. */
 Status core_get_reconstruction(Instance *, unsigned reference, int *value);
-Status core_set_reconstruction(Instance *, unsigned reference, int value);
+Status core_set_reconstruction(Instance *, const unsigned references[], size_t n, const int values[]);
+const Dimension *core_dimension(const Instance *, unsigned reference); /* NULL if it is none */
+
+/* J direction, and the sums of `weights` J, where J are the derivatives of the unknown by the known variables. */
 Status core_directional_derivative(Instance *, const unsigned unknowns[], size_t unknown_count,
                                    const unsigned knowns[], size_t known_count, const double direction[],
-                                   double result[]);
+                                   size_t direction_count, double result[], size_t result_count);
+Status core_adjoint_derivative(Instance *, const unsigned unknowns[], size_t unknown_count, const unsigned knowns[],
+                               size_t known_count, const double weights[], size_t weight_count, double result[],
+                               size_t result_count);
 
 /* co-simulation */
+typedef struct { /* where a communication step has led */
+    double time;
+    int early; /* it did not get to its end */
+    int event; /* the component is not smooth there: event mode is needed */
+} Arrival;
+
 Status core_set_input_derivatives(Instance *, const unsigned references[], size_t n, const int orders[],
                                   const double values[]);
-Status core_output_derivatives(Instance *, const unsigned references[], size_t n, double values[]);
-Status core_step(Instance *, double time, double size);
+Status core_output_derivatives(Instance *, const unsigned references[], size_t n, double values[], size_t count);
+Status core_step(Instance *, double time, double size, Arrival *arrival);
+void core_enter_step_mode(Instance *);
 
 /* model exchange */
 Status core_set_time(Instance *, double time);
@@ -106,14 +163,17 @@ Status core_set_states(Instance *, const double y[]);
 void core_get_states(Instance *, double y[]);
 Status core_get_derivatives(Instance *, double f[]);
 void core_get_nominals(Instance *, double sizes[]);
-void core_enter_event_mode(Instance *);
 void core_enter_continuous_mode(Instance *);
+
+/* both, where events are used */
+void core_enter_event_mode(Instance *);
 /* Book what a jump of the inputs brought in; returns whether states changed.  *next: next time event, or INFINITY. */
 int core_update_discrete_states(Instance *, double *next);
 
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);
 void core_save(const Instance *, void *bytes);
+void core_seal(void *bytes); /* add a checksum, for bytes that leave the process; those without one are not checked */
 Status core_check_state(const Instance *, const void *bytes, size_t size);
 Status core_restore(Instance *, const void *bytes, size_t size);
 

@@ -184,4 +184,5 @@ def _rows(values: dict[str, ca.MX], names: list[str]) -> ca.MX:
 
 def _column(matrix: ca.MX) -> ca.MX:
     """Rows of a matrix one after the other, as a column."""
-    return ca.vec(ca.MX(matrix).T)
+    whole = ca.MX(matrix)
+    return ca.MX.zeros(whole.numel(), 1) if whole.nnz() == 0 else ca.vec(whole.T)

@@ -1,0 +1,184 @@
+"""``liaisons sweep``: one FMU or system for many cases, as one table."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liaisons.check import table
+from liaisons.cli._command import command
+from liaisons.cli.simulate import assignment
+from liaisons.library import fmu_file
+from liaisons.project import ProjectError, load_module
+
+if TYPE_CHECKING:
+    from liaisons.cli._command import Commands
+    from liaisons.sweeps import Cases, Table
+
+_SHOWN = 20  # rows on the screen; the file has all
+
+
+def register(commands: Commands) -> None:
+    """Add the command."""
+    parser = command(
+        commands,
+        "sweep",
+        _sweep,
+        "simulate an FMU or a system for many cases, on all cores or on a Dask cluster",
+        "liaisons sweep Pendulum --over theta_0=0.1:3:50 --over length=0.5,1,2 --keep theta,theta:max --csv table.csv\n"
+        "liaisons sweep Pendulum --samples 1000 --random theta_0=0:3 --random mass=normal:1:0.1 --keep energy_balance\n"
+        "liaisons sweep my_system.py:swing --over operator.amplitude=0:0.2:21 --keep swing.theta:max --stop 60\n"
+        "liaisons sweep Pendulum --over theta_0=0.1:3:1000 --keep theta --dask tcp://10.0.0.1:8786",
+    )
+    parser.add_argument(
+        "subject", metavar="FMU|SSP|NAME|FILE.py[:SYSTEM]", help="a file, a component, or a System that a file defines"
+    )
+    over = parser.add_argument
+    over(
+        "--over",
+        action="append",
+        default=[],
+        metavar="NAME=VALUES",
+        type=_values,
+        help="values a,b,c or evenly spaced first:last:count; several times for a grid",
+    )
+    over(
+        "--random",
+        action="append",
+        default=[],
+        metavar="NAME=LOW:HIGH",
+        type=_distribution,
+        help="uniform between two values, or normal:MEAN:DEVIATION; several times; needs --samples",
+    )
+    over("--samples", type=int, metavar="N", help="number of random cases")
+    over("--seed", type=int, default=0, metavar="S", help="of the random cases (default: 0)")
+    over("--latin-hypercube", action="store_true", help="spread random cases evenly over the quantiles of each name")
+    over(
+        "--keep",
+        required=True,
+        metavar="SIGNAL,...",
+        help="what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min",
+    )
+    over(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        type=assignment,
+        dest="starts",
+        help="start value in all cases; may be given several times",
+    )
+    over("--stop", type=float, metavar="T", help="end [s] (default: the FMU's)")
+    over("--step", type=float, metavar="H", help="communication step [s] (default: the FMU's)")
+    over("--tolerance", type=float, metavar="R", help="relative tolerance (default: the FMU's)")
+    over("--csv", type=Path, metavar="FILE", help="write the table to a file")
+    over(
+        "--journal",
+        type=Path,
+        metavar="FILE",
+        help="write finished cases down; the same command goes on from there (default with --csv: beside that file, "
+        "deleted when all is done)",
+    )
+    over("--workers", type=int, metavar="N", help="number of processes (default: one a core)")
+    over("--dask", metavar="ADDRESS", help="simulate on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786")
+
+
+def _sweep(arguments: argparse.Namespace) -> int:
+    from liaisons.sweeps import sweep
+
+    csv: Path | None = arguments.csv
+    passing = csv.with_name(f"{csv.name}.journal") if csv is not None and arguments.journal is None else None
+    result = sweep(
+        cases=_cases(arguments),
+        keep=arguments.keep.split(","),
+        tolerance=arguments.tolerance,
+        journal=arguments.journal or passing,
+        workers=arguments.workers,
+        client=arguments.dask,
+        progress=True,
+        **_subject(arguments),
+    )
+    print(table(_rows(result)))
+    if len(result) > _SHOWN:
+        print(f"... {len(result) - _SHOWN} more; --csv FILE writes all")
+    if csv is not None:
+        result.to_csv(csv)
+        print(f"table: {csv}")
+    if passing is not None:
+        passing.unlink(missing_ok=True)
+    for case, failure in list(result.failures.items())[:_SHOWN]:
+        print(f"case {case} failed: {failure}")
+    return 1 if result.failures else 0
+
+
+def _subject(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What is simulated, and from when to when: arguments of ``sweep()``."""
+    from liaisons.cosim import System, ssp
+
+    stop_time, step_size, starts = arguments.stop, arguments.step, dict(arguments.starts)
+    file, separator, name = arguments.subject.rpartition(".py:")
+    found = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
+    if arguments.subject.endswith(".ssp"):
+        archive = ssp.read(arguments.subject, System, starts)
+        return {
+            "subject": archive.system,
+            "start_time": archive.experiment.start_time,
+            "stop_time": archive.experiment.stop_time if stop_time is None else stop_time,
+            "step_size": archive.experiment.step_size if step_size is None else step_size,
+        }
+    subject = found if isinstance(found, System) else fmu_file(arguments.subject)
+    return {"subject": subject, "stop_time": stop_time, "step_size": step_size, "starts": starts}
+
+
+def _cases(arguments: argparse.Namespace) -> Cases:
+    from liaisons.sweeps import grid, sample
+
+    if arguments.over and arguments.random:
+        raise ProjectError("--over makes a grid and --random random cases; use one of them")
+    if arguments.random:
+        if arguments.samples is None:
+            raise ProjectError("--random needs --samples N, the number of cases")
+        over = dict(arguments.random)
+        return sample(arguments.samples, over, seed=arguments.seed, latin_hypercube=arguments.latin_hypercube)
+    return grid(dict(arguments.over))
+
+
+def _rows(result: Table) -> list[dict[str, str]]:
+    titles = {name: f"{name} [{unit}]" if unit else name for name, unit in result.units.items()}
+    return [
+        {titles[name]: f"{value:.6g}" for name, value in zip(result.names, row, strict=True)}
+        for row in result.rows[:_SHOWN].tolist()
+    ]
+
+
+def _values(text: str) -> tuple[str, list[float]]:
+    name, _, values = text.partition("=")
+    try:
+        if ":" in values:
+            first, last, count = values.split(":")
+            return name, np.linspace(float(first), float(last), int(count)).tolist()
+        return name, [float(value) for value in values.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: write NAME=a,b,c or NAME=first:last:count, e.g. --over theta_0=0.1:3:50"
+        ) from None
+
+
+def _distribution(text: str) -> tuple[str, object]:
+    name, _, values = text.partition("=")
+    kind, _, rest = values.partition(":")
+    try:
+        if kind == "normal":
+            from scipy.stats import norm
+
+            mean, deviation = map(float, rest.split(":"))
+            return name, norm(mean, deviation)
+        low, high = map(float, values.removeprefix("uniform:").split(":"))
+        return name, (low, high)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: write NAME=low:high or NAME=normal:mean:deviation, e.g. --random mass=normal:1:0.1"
+        ) from None

@@ -1,0 +1,89 @@
+"""What all FMUs of a run share: the clock, and the values that go from one to another.
+
+The values lie in one array, so that a row of a recording is one copy of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from ctypes import Array, c_double
+from dataclasses import dataclass, field
+from functools import partial
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.instance import Call
+from liaisons.cosim.schedule import Feeds, Place
+
+
+@final
+@dataclass
+class Clock:
+    """The communication step under way; begin and size [s] as foreign functions see them."""
+
+    end: float
+    start: c_double = field(default_factory=c_double)
+    size: c_double = field(default_factory=c_double)
+
+    def set(self, start: float, end: float) -> None:
+        """Turn to the step between two instants [s]."""
+        self.start.value, self.size.value, self.end = start, end - start, end
+
+
+@final
+class Bus:
+    """All connected and recorded reals, those of one call side by side.
+
+    :param order: components, and what else has outputs.
+    :param feeds: input -> output.
+    :param watched: outputs that are read as if they were connected.
+    :param recorded: further variables that are wanted.
+    """
+
+    def __init__(self, order: Sequence[str], feeds: Feeds, watched: Iterable[Place], recorded: Iterable[Place]) -> None:
+        sources = dict.fromkeys([*feeds.values(), *watched])
+        self._feeds = feeds
+        self._connected = _by_component(order, sources)
+        self._others = _by_component(order, [p for p in dict.fromkeys(recorded) if p not in feeds and p not in sources])
+        self.inputs = _by_component(order, feeds)
+        places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
+        self.index = {place: k for k, place in enumerate(places)}
+        self.values = np.zeros(len(places))
+
+    def outputs(self, name: str, *, every: bool = True) -> list[Place]:
+        """What is read from a component: what feeds something, and ``every`` other thing that is recorded."""
+        return [*self._connected[name], *(self._others[name] if every else ())]
+
+    def others(self, name: str) -> list[Place]:
+        """What is read from a component to be recorded only."""
+        return self._others[name]
+
+    def part(self, places: Sequence[Place]) -> NDArray[np.float64]:
+        """View of places that lie side by side."""
+        first = self.index[places[0]]
+        return self.values[first : first + len(places)]
+
+    def buffer(self, places: Sequence[Place]) -> Array[c_double]:
+        """The same for foreign functions."""
+        return (c_double * len(places)).from_buffer(self.part(places).data)
+
+    def copies(self, inputs: Sequence[Place]) -> list[Call]:
+        """Calls that copy to inputs what feeds them, neighbours at once."""
+        runs: list[tuple[int, int, int]] = []
+        for place in inputs:
+            target, source = self.index[place], self.index[self._feeds[place]]
+            if runs and (target, source) == (runs[-1][0] + runs[-1][2], runs[-1][1] + runs[-1][2]):
+                runs[-1] = (*runs[-1][:2], runs[-1][2] + 1)
+            else:
+                runs.append((target, source, 1))
+        bus = self.values.data
+        return [partial(bus[t : t + n].__setitem__, slice(None), bus[s : s + n]) for t, s, n in runs]
+
+
+def _by_component(names: Iterable[str], places: Iterable[Place]) -> dict[str, list[Place]]:
+    grouped: dict[str, list[Place]] = {name: [] for name in names}
+    for place in places:
+        grouped[place[0]].append(place)
+    return grouped

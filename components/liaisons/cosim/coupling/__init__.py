@@ -1,0 +1,31 @@
+"""Coupling that goes back: a step is repeated until what the FMUs hand each other fits at its end.
+
+Explicit coupling (:mod:`liaisons.cosim.schedule`) hands over what is known before a step.  Here the values at its end
+are unknowns x that solve x = F(x), where F takes every FMU back to the begin of the step, gives it polynomials
+through both ends for its inputs, steps it, and reads its outputs.
+
+* ``"waveform"``: x := F(x), one FMU after the other (Picard iteration; Lelarasmee, Ruehli and
+  Sangiovanni-Vincentelli 1982).  It contracts where forces react little on accelerations: for two masses in one line,
+  Θ/m < 1.
+* ``"implicit"``: Newton's method.  ∂F/∂x comes from the directional derivatives of the FMUs: at a communication
+  point forces are affine in accelerations, λ = λ_0 + Θ σ'' with the effective mass Θ (M eq. 50), and so this loop,
+  which makes explicit coupling unstable, is solved exactly whatever the ratio of the masses.  How an input moves a port
+  through its acceleration is in ∂F/∂x, too; what else goes through the states of the FMUs is of order H, and the
+  secants of the iteration bring it in (Anderson 1965).
+
+Both end at the same solution.  Between the ends an input follows the polynomial that its data determine:
+
+=========================================  =======================  ====================================
+source                                     polynomial               error of the motion
+=========================================  =======================  ====================================
+port (q, q_dot, q_ddot)                    quintic Hermite          H⁶
+output whose derivative the FMU gives      cubic Hermite            H⁴ (two-derivative Lobatto quadrature)
+other output                               linear                   H²
+input of an FMU that holds its inputs      mean of both ends        H²
+=========================================  =======================  ====================================
+
+The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2SetRealInputDerivatives``); where it can
+take none (FMI 3.0, Python back end) it interpolates between the ends itself, quintic and linear.
+"""
+
+from __future__ import annotations

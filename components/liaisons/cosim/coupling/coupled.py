@@ -1,0 +1,80 @@
+"""The coupled step of a whole system: group after group, sources before what they feed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import final
+
+from liaisons.cosim import schedule
+from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.component import Component
+from liaisons.cosim.coupling.group import Group
+from liaisons.cosim.coupling.member import Judge, Member
+from liaisons.cosim.coupling.signals import Signals
+from liaisons.cosim.instances import AnyInstance
+from liaisons.cosim.schedule import Depends, Feeds
+
+
+@final
+class Coupled:
+    """All groups of a system.
+
+    :param tolerance: how well signals have to fit, relative to their size.
+    """
+
+    def __init__(
+        self,
+        components: Mapping[str, Component],
+        instances: Mapping[str, AnyInstance],
+        feeds: Feeds,
+        bus: Bus,
+        *,
+        newton: bool,
+        depends: Depends,
+        depends_initially: Depends,
+        tolerance: float,
+        judge: Judge,
+        clock: Clock,
+    ) -> None:
+        self._clock = clock
+        places = [place for name in components for place in bus.outputs(name, every=False)]
+        self.signals = Signals(components, feeds, places)
+        self._groups: list[Group] = []
+        own = {target for (target, _), (source, _) in feeds.items() if target == source}
+        for names in schedule.groups(components, feeds):
+            cyclic = len(names) > 1 or names[0] in own
+            members = [
+                Member(components[name], instances[name], bus, self.signals, judge=judge, clock=clock, repeated=cyclic)
+                for name in names
+            ]
+            self._groups.append(
+                Group(
+                    members,
+                    self.signals,
+                    cyclic=cyclic,
+                    newton=newton,
+                    depends=depends,
+                    depends_initially=depends_initially,
+                    tolerance=tolerance,
+                )
+            )
+
+    @property
+    def order(self) -> int:
+        """Order of the error in H: that of the coarsest polynomial."""
+        return min((group.order for group in self._groups), default=6)
+
+    def settle(self, time: float, *, initial: bool) -> None:
+        """Make everything fit at the begin [s]."""
+        for group in self._groups:
+            group.settle(time, initial=initial)
+            self.signals.measure()
+        self.signals.before[:] = self.signals.now
+
+    def step(self) -> None:
+        """One step, of the size and from the instant that the clock shows."""
+        end, size = self._clock.end, self._clock.size.value
+        self.signals.predict(size)
+        for group in self._groups:
+            group.advance(end, size)
+        self.signals.accept(size)

@@ -1,0 +1,171 @@
+"""The signals of a system in a coupled step: their values and derivatives at both ends, and what follows for inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.component import Component, End
+from liaisons.cosim.schedule import Feeds, Place
+
+Vector = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Snapshot = tuple[Vector, Vector, float]
+
+
+def watched(components: Mapping[str, Component], feeds: Feeds) -> list[Place]:
+    """Outputs that are read besides the connected ones, since these are derivatives, or have them, in one port."""
+    ports = (curve(components, source)[0] for source in feeds.values())
+    return [place for port in ports for place in port]
+
+
+def curve(components: Mapping[str, Component], source: Place) -> tuple[list[Place], int]:
+    """The outputs of the port that an output is a part of, and which derivative it is; of another output, itself."""
+    port, order = End(components[source[0]], source[1]).curve()
+    return ([end.place for end in port], order) if port else ([source], 0)
+
+
+_SMALLEST = 1e-3
+"""What is always 0 but for rounding has this size, a part of 1, FMI's nominal value where none is given."""
+
+
+@final
+@dataclass(frozen=True)
+class Curve:
+    """What an input follows: a derivative of the polynomial through data at both ends.
+
+    :param data: indices of value, first and second derivative, as far as there are any.
+    :param order: which derivative the input is.
+    :param rate: index of the derivative of the input; that of the zero if it is not known.
+    """
+
+    data: tuple[int, ...]
+    order: int
+    rate: int
+
+    def alone(self) -> Curve:
+        """The straight line through its own values."""
+        return Curve((self.data[self.order],), 0, self.rate)
+
+
+@final
+class Signals:
+    """Values of all outputs that go anywhere, and behind them their slopes, where FMUs give them.
+
+    Index i < n is a value, n + i its slope, 2n a zero that stands for what is not known.
+
+    :param places: the outputs, those of one component side by side.
+    :param sloped: components that give derivatives of their outputs.
+    """
+
+    def __init__(self, components: Mapping[str, Component], feeds: Feeds, places: Sequence[Place]) -> None:
+        self._components = components
+        self._feeds = feeds
+        self.count = len(places)
+        self.places = places
+        self.index = {place: k for k, place in enumerate(places)}
+        self.sloped = self._find_sloped()
+        self.zero = 2 * self.count
+        self.ends = np.zeros((2, self.zero + 1))
+        self.before, self.now = self.ends  # at t, and the present guess at t + H
+        self.earlier = np.zeros(self.zero + 1)  # at the point before t
+        self._since = 0.0  # how long ago that was; 0: there was none
+        self._rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
+        for place, k in self.index.items():
+            self._rates[k] = self._rate(place)
+        self._kinds = self._units()
+        self._sizes = np.zeros(int(self._kinds.max(initial=-1)) + 1)
+
+    def slope(self, place: Place) -> int:
+        """Index of the slope of an output; that of the zero if there is none."""
+        return self.count + self.index[place] if place[0] in self.sloped else self.zero
+
+    def curve(self, input_: Place) -> Curve:
+        """What an input follows."""
+        source = self._feeds[input_]
+        port, order = curve(self._components, source)
+        data = [self.index[place] for place in port]
+        if len(data) == 1 and source[0] in self.sloped:
+            data.append(self.slope(source))
+        return Curve(tuple(data), order, self._rate(source))
+
+    def port(self, index: int) -> list[int]:
+        """Value, rate and acceleration, if this is the index of an acceleration."""
+        port, order = curve(self._components, self.places[index])
+        return [self.index[place] for place in port] if order == 2 and all(p in self.index for p in port) else []
+
+    def _rate(self, source: Place) -> int:
+        port, order = curve(self._components, source)
+        return self.index[port[order + 1]] if order + 1 < len(port) else self.slope(source)
+
+    def _find_sloped(self) -> frozenset[str]:
+        """Components whose outputs' derivatives are right: those whose inputs' derivatives can be told to them."""
+        found = {name for name, c in self._components.items() if c.fmu.output_derivative_order > 0}
+        while True:
+            self.sloped = frozenset(found)
+            self.zero = 2 * self.count
+            for (name, _), source in self._feeds.items():
+                told = self._components[name].fmu.input_derivatives and not self._components[name].interpolates
+                if name in found and not (told and self._rate(source) != self.zero):
+                    found.discard(name)
+            if len(found) == len(self.sloped):
+                return self.sloped
+
+    def _units(self) -> NDArray[np.intp]:
+        """Outputs of one unit share one size."""
+        units = [self._components[name].fmu.variables[variable].unit for name, variable in self.places]
+        numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
+        return np.array([numbers[unit] for unit in units], dtype=np.intp)
+
+    def predict(self, size: float) -> None:
+        """A first guess at t + H: along the cubic through the last two points, or the parabola at the first."""
+        rates, n = self._rates, self.count
+        x, v = self.before, self.before[rates]
+        if self._since == 0:
+            self.now[:] = x + size * (v + size / 2 * v[rates])
+        else:
+            s = size / self._since
+            back, fall, rise = self.earlier - x, self.earlier[rates] * self._since, v * self._since
+            cubic = fall + rise + 2 * back
+            square = fall + 2 * rise + 3 * back
+            guess = x + s * (rise + s * (square + s * cubic))
+            unknown = rates == self.zero
+            guess[unknown] = (x - s * back)[unknown]
+            slopes = (rise + s * (2 * square + 3 * s * cubic)) / self._since
+            last = (rates >= n) & (rates < self.zero)
+            guess[rates[last]] = slopes[last]
+            self.now[:] = guess
+        self.now[self.zero] = 0.0
+
+    def accept(self, size: float) -> None:
+        """Go on from the end of the step."""
+        self.earlier[:] = self.before
+        self.before[:] = self.now
+        self._since = size
+        self.measure()
+
+    def measure(self) -> None:
+        """Note how large the signals of each unit are."""
+        self._sizes = self._present_sizes()
+
+    def _present_sizes(self) -> Vector:
+        sizes = self._sizes.copy()
+        np.maximum.at(sizes, self._kinds, np.abs(self.now[: self.count]))
+        return sizes
+
+    def scales(self, size: float) -> Vector:
+        """What errors are compared with: the largest value of this unit so far; of slopes, that over H."""
+        scales = np.maximum(self._present_sizes(), _SMALLEST)[self._kinds]
+        return np.concatenate([scales, scales / size, [1.0]])
+
+    def snapshot(self) -> Snapshot:
+        """What :meth:`rewind` needs."""
+        return self.ends.copy(), self.earlier.copy(), self._since
+
+    def rewind(self, snapshot: Snapshot) -> None:
+        """Forget what was since the snapshot."""
+        self.ends[:], self.earlier[:], self._since = snapshot

@@ -1,0 +1,59 @@
+"""Functions of time that drive inputs, where no FMU does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.schedule import Place
+from liaisons.errors import SimulationError
+
+SIGNALS = ""
+"""Stands for the functions of time, where the name of a component is expected."""
+
+Function = Callable[[float], float | Sequence[float]]
+"""A function of time [s]."""
+
+
+@final
+@dataclass(frozen=True)
+class Signal:
+    """A function of time [s] that feeds inputs of one component: a number, or one for each of them."""
+
+    function: Function
+    inputs: tuple[Place, ...]
+
+    @property
+    def places(self) -> list[Place]:
+        """Where its values stand on the bus."""
+        return [(SIGNALS, f"{component}.{variable}") for component, variable in self.inputs]
+
+    def __call__(self, t: float) -> NDArray[np.float64]:
+        """Its values, shape (inputs,).
+
+        :raises SimulationError: if the function raises, or returns something else than so many finite numbers.
+        """
+        name = self.inputs[0][1]
+        values = evaluate(self.function, name, t)
+        if values.size != len(self.inputs) or not np.isfinite(values).all():
+            raise SimulationError(
+                f"input {name!r}: its function returns {values.tolist()} at t = {t:.10g} s, "
+                f"expected {len(self.inputs)} finite number{'s' * (len(self.inputs) > 1)}"
+            )
+        return values.reshape(-1)
+
+
+def evaluate(function: Function, name: str, t: float) -> NDArray[np.float64]:
+    """What a function of time returns.
+
+    :param name: the input that it is for.
+    :raises SimulationError: if it raises, or returns no numbers.
+    """
+    try:
+        return np.asarray(function(t), dtype=float)
+    except Exception as error:
+        raise SimulationError(f"input {name!r}: its function fails at t = {t:.10g} s: {error!r}") from error

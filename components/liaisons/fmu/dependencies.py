@@ -1,0 +1,81 @@
+"""What depends on what: number by number, or variable by variable where arrays are large."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, hstack
+
+from liaisons.mechanics.model import Model, Variable
+
+Pattern = NDArray[np.bool_]
+
+
+def running(model: Model) -> ca.Function:
+    """z of (t, y, u, k, m), while the model runs."""
+    return model.outputs_function
+
+
+def initial(model: Model) -> ca.Function:
+    """z of (t, u, k) at initialization, where states and memory follow from them."""
+    t, u, k = (ca.MX.sym(name, model.start.numel_in(i)) for i, name in enumerate("tuk"))
+    y, m = _call(model.start, t, u, k)
+    return ca.Function("initial", [t, u, k], _call(model.outputs_function, t, y, u, k, m))
+
+
+def between_numbers(function: ca.Function, arguments: Sequence[int]) -> csr_array:
+    """Where the Jacobian of a function's result with respect to some arguments, side by side, can be non-zero."""
+    return csr_array(hstack([_pattern(function, argument) for argument in arguments], format="csr"))
+
+
+def between_variables(
+    function: ca.Function, results: Sequence[Variable], arguments: Mapping[int, Sequence[Variable]]
+) -> Pattern:
+    """Which variables of a function's result depend on which variables of some arguments, side by side.
+
+    :param results: the variables that follow each other in the result.
+    :param arguments: the variables that do so in an argument, by the argument's number.
+    :returns: shape (results, all variables of the arguments).
+    """
+    symbols = {i: [ca.MX.sym(v.name, v.count) for v in variables] for i, variables in arguments.items()}
+    vectors = [
+        ca.vertcat(*symbols[i]) if symbols.get(i) else ca.MX.sym(f"i{i}", function.numel_in(i))
+        for i in range(function.n_in())
+    ]
+    (result,) = _call(function, *vectors)
+    counts = [variable.count for variable in results]
+    first = np.cumsum([0, *counts[:-1]])
+    columns = []
+    for symbol in (s for of_argument in symbols.values() for s in of_argument):
+        depends = np.array(ca.which_depends(result, symbol, 1, True), dtype=bool)
+        columns.append(np.logical_or.reduceat(depends, first) if counts else depends)
+    return np.column_stack(columns) if columns else np.zeros((len(counts), 0), dtype=bool)
+
+
+def shown_states(model: Model) -> tuple[Variable, ...]:
+    """The variables that show the states, in the order of y."""
+    named = {variable.name: variable for variable in model.outputs}
+    return tuple(named[state.name] for state in model.states)
+
+
+def states_that_jump(model: Model) -> set[str]:
+    """States that a jump of the inputs changes, e.g. the work that an impulse brings in."""
+    states = shown_states(model)
+    pattern = between_variables(model.jump, states, {1: states, 2: model.inputs})
+    pattern[np.diag_indices(len(states))] = False
+    return {state.name for state, row in zip(states, pattern, strict=True) if row.any()}
+
+
+def _call(function: ca.Function, *arguments: ca.MX) -> list[Any]:
+    """Results of a function, its expressions in place of a call where that can be."""
+    return list(function.call(list(arguments), function.is_a("MXFunction"), False))
+
+
+def _pattern(function: ca.Function, argument: int) -> csr_array:
+    sparsity = function.jac_sparsity(0, argument)
+    rows, columns = np.array(sparsity.get_triplet(), dtype=int)
+    return csr_array((np.ones(rows.size, dtype=bool), (rows, columns)), shape=sparsity.shape)

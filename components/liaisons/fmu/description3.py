@@ -1,0 +1,160 @@
+"""modelDescription.xml of FMI 3.0: arrays are variables, structural sizes are structural parameters.
+
+A variable's value reference is its index in :attr:`Model.variables`; see :mod:`liaisons.fmu.layout` for those of the
+time, of ``input_reconstruction`` and of the structural sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import chain
+
+import numpy as np
+
+from liaisons import __version__
+from liaisons.fmu.dependencies import Pattern, between_variables, initial, running, shown_states, states_that_jump
+from liaisons.fmu.description import (
+    default_experiment,
+    general_attributes,
+    log_categories,
+    nominals,
+    real_attributes,
+    unit_definitions,
+)
+from liaisons.fmu.layout import RECONSTRUCTION, TIME, reconstruction_reference
+from liaisons.fmu.markup import document, element
+from liaisons.mechanics.model import Dimension, Model, Variable
+
+_BOTH = {
+    "canGetAndSetFMUState": "true",
+    "canSerializeFMUState": "true",
+    "providesDirectionalDerivatives": "true",
+    "providesAdjointDerivatives": "true",
+}
+_CO_SIMULATION = {
+    "canHandleVariableCommunicationStepSize": "true",
+    "maxOutputDerivativeOrder": "1",
+    "providesIntermediateUpdate": "true",
+    "canReturnEarlyAfterIntermediateUpdate": "true",
+    "hasEventMode": "true",
+    **_BOTH,
+}
+
+
+def model_description3(model: Model, *, token: str) -> bytes:
+    """The model description of a native FMU, the same bytes for the same arguments.
+
+    :param model: the component.
+    :param token: what the binary will compare with, ``"{...}"``.
+    """
+    attributes = {
+        "fmiVersion": "3.0",
+        "modelName": model.name,
+        "instantiationToken": token,
+        "description": model.description,
+        "generationTool": f"liaisons {__version__}",
+        "variableNamingConvention": "structured",
+    }
+    return document(element("fmiModelDescription", attributes, _parts(model)))
+
+
+def _parts(model: Model) -> Iterator[str]:
+    identifier = {"modelIdentifier": model.name}
+    instants = {"mightReturnEarlyFromDoStep": "true"} if model.events.numel_out(0) else {}
+    yield from element("ModelExchange", identifier | _BOTH)
+    yield from element("CoSimulation", identifier | _CO_SIMULATION | instants)
+    yield from unit_definitions((*model.variables, TIME))
+    yield from log_categories()
+    yield from default_experiment(model)
+    yield from element("ModelVariables", {}, _variables(model))
+    yield from element("ModelStructure", {}, _structure(model))
+
+
+# ---- variables -------------------------------------------------------------------------------------------------
+
+
+def _variables(model: Model) -> Iterator[str]:
+    reference = _references(model)
+    sizes = nominals(model)
+    jumping = states_that_jump(model)
+    reconstruction = reconstruction_reference(model, "3")
+    size_references = {size.name: reconstruction + i for i, size in enumerate(model.dimensions, start=1)}
+    for variable in model.variables:
+        attributes = general_attributes(variable, variable.name, reference[variable.name])
+        attributes |= real_attributes(variable, max(sizes.get(variable.name, (1.0,)))) | _start(variable)
+        if variable.derivative_of:
+            attributes["derivative"] = str(reference[variable.derivative_of])
+        if variable.name in jumping:
+            attributes["reinit"] = "true"
+        if variable.variability == "continuous" and variable.causality != "input":
+            attributes["intermediateUpdate"] = "true"
+        size = variable.dimension
+        shape = element("Dimension", {"valueReference": str(size_references[size.name])}) if size else ()
+        yield from element("Float64", attributes, shape)
+    attributes = general_attributes(TIME, TIME.name, reference[TIME.name]) | real_attributes(TIME, 1.0)
+    del attributes["initial"]
+    yield from element("Float64", attributes | {"causality": "independent"})
+    if model.inputs:
+        attributes = general_attributes(RECONSTRUCTION, RECONSTRUCTION.name, reconstruction)
+        yield from element("Int32", attributes | {"min": "0", "max": "2", "start": "1"})
+    for size in model.dimensions:
+        yield from _size(size, size_references[size.name])
+
+
+def _start(variable: Variable) -> dict[str, str]:
+    """One number stands for all elements."""
+    if variable.start is None:
+        return {}
+    values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
+    return {"start": " ".join(repr(float(value)) for value in values)}
+
+
+def _size(size: Dimension, reference: int) -> Iterator[str]:
+    attributes = {
+        "name": size.name,
+        "valueReference": str(reference),
+        "description": size.description,
+        "causality": "structuralParameter",
+        "variability": "fixed",
+        "initial": "exact",
+    }
+    yield from element("UInt64", attributes | dict.fromkeys(("min", "max", "start"), str(size.count)))
+
+
+def _references(model: Model) -> dict[str, int]:
+    return {variable.name: i for i, variable in enumerate((*model.variables, TIME))}
+
+
+# ---- model structure -------------------------------------------------------------------------------------------
+
+
+def _structure(model: Model) -> Iterator[str]:
+    states = shown_states(model)
+    runs = between_variables(
+        running(model), model.outputs, {0: (TIME,), 1: states, 2: model.inputs, 3: model.parameters}
+    )
+    starts = between_variables(initial(model), model.outputs, {0: (TIME,), 1: model.inputs, 2: model.parameters})
+    while_running = (TIME, *states, *model.inputs, *model.parameters)
+    at_start = (TIME, *model.inputs, *model.parameters)
+    outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
+    derivatives = [state.derivative for state in model.states]
+    unknown_at_start = {*outputs, *derivatives, *(state.name for state in states)}
+    initial_unknowns = [
+        v.name for v in model.outputs if v.name in unknown_at_start or v.causality == "calculatedParameter"
+    ]
+    yield from chain(
+        _unknowns(model, "Output", outputs, while_running, runs),
+        _unknowns(model, "ContinuousStateDerivative", derivatives, while_running, runs),
+        _unknowns(model, "InitialUnknown", initial_unknowns, at_start, starts),
+    )
+
+
+def _unknowns(
+    model: Model, title: str, names: Sequence[str], knowns: Sequence[Variable], pattern: Pattern
+) -> Iterator[str]:
+    reference = _references(model)
+    known = np.array([reference[variable.name] for variable in knowns])
+    row = {variable.name: i for i, variable in enumerate(model.outputs)}
+    for name in names:
+        dependencies = " ".join(map(str, sorted(known[pattern[row[name]]])))
+        yield from element(title, {"valueReference": str(reference[name]), "dependencies": dependencies})

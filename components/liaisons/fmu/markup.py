@@ -1,0 +1,33 @@
+"""XML line by line: a description of a million variables never is in memory as a tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from io import BytesIO
+from xml.sax.saxutils import escape
+
+_ENTITIES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"}
+
+
+def element(name: str, attributes: Mapping[str, str], children: Iterable[str] = ()) -> Iterator[str]:
+    """Lines of an element.
+
+    :param children: lines of what is inside.
+    """
+    start = " ".join([f"<{name}", *(f'{key}="{escape(value, _ENTITIES)}"' for key, value in attributes.items())])
+    empty = True
+    for line in children:
+        if empty:
+            yield f"{start}>"
+        empty = False
+        yield f"  {line}"
+    yield f"{start}/>" if empty else f"</{name}>"
+
+
+def document(lines: Iterable[str]) -> bytes:
+    """The file, in UTF-8, from the lines of its root."""
+    file = BytesIO(b"")
+    file.write(b'<?xml version="1.0" encoding="UTF-8"?>\n')
+    for line in lines:
+        file.write(f"{line}\n".encode())
+    return file.getvalue()

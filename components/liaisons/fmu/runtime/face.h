@@ -1,0 +1,48 @@
+/* What the faces of FMI 2.0 and FMI 3.0 share: an instance with a name and a log, checks of calls, saved states. */
+#ifndef LIAISONS_FACE_H
+#define LIAISONS_FACE_H
+
+#include "core.h"
+
+typedef struct Face Face;
+typedef void Write(const Face *, Status status, const char *category, const char *text);
+
+struct Face { /* the first member of what an importer's handle points to */
+    Instance *core;
+    char *name;
+    void *environment; /* of the importer */
+    Write *write;      /* to its log; NULL: it has none */
+    const char *marks; /* are doubled in texts */
+    unsigned always, logged; /* one bit for each status: reported in any case, and now */
+};
+
+enum { REFUSALS = 1 << ERROR, EVERYTHING = 1 << WARNING | 1 << DISCARD | 1 << ERROR };
+
+/* A copy of a handle, which is `size` bytes from `face` on, with a new instance.  NULL if that cannot be had, which is
+ * reported. */
+void *face_open(const Face *face, size_t size, const char *name, const char *guid, Options options,
+                const char *function);
+void face_close(Face *);
+Status face_set_logging(Face *, int on, size_t n, const char *const categories[]);
+
+/* Report that a function must not be called now; returns NULL. */
+void *face_refuse(const Face *, const char *function);
+Status face_has_none(const Face *, size_t n, const char *type);
+Status face_check_count(const Face *, size_t n, size_t expected, const char *what);
+int face_given(const Face *, const void *argument, const char *name, const char *function);
+
+/* The instance if the function may be called in its phase, else NULL. */
+static inline void *face_enter(void *instance, unsigned phases, const char *function) {
+    const Face *face = instance;
+    return face == NULL || ((unsigned)core_phase(face->core) & phases) ? instance : face_refuse(face, function);
+}
+
+/* Saved states as the importer holds them. */
+Status face_save(const Face *, void **state, const char *function);
+Status face_restore(const Face *, const void *state);
+void face_drop(void **state);
+size_t face_size(const void *state);
+Status face_serialize(const Face *, const void *state, void *bytes, size_t size, const char *function);
+Status face_deserialize(const Face *, const void *bytes, size_t size, void **state, const char *function);
+
+#endif

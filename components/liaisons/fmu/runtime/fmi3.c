@@ -1,0 +1,602 @@
+/* The face that FMI 3.0 shows: co-simulation and model exchange of one instance of core.h. */
+#include <math.h>
+
+#include "face.h"
+
+#ifdef __clang__ /* the standard's header declares functions without saying that they have no arguments */
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wstrict-prototypes"
+#endif
+#include "fmi3Functions.h"
+#ifdef __clang__
+#pragma clang diagnostic pop
+#endif
+
+typedef struct {
+    Face face;
+    fmi3LogMessageCallback logger;
+    fmi3IntermediateUpdateCallback intermediate_update;
+    fmi3Boolean early_return;
+    double stop; /* time that must not be stepped over */
+} Fmu;
+
+enum {
+    BEFORE = INSTANTIATED | INITIALIZATION,
+    RUNNING = EVENT | CONTINUOUS | STEP,
+    ANY = CONFIGURATION | BEFORE | RUNNING | TERMINATED,
+    SETTABLE = BEFORE | RUNNING,
+    READABLE = BEFORE | RUNNING | INTERMEDIATE | TERMINATED,
+    SOLVED = INITIALIZATION | RUNNING | TERMINATED
+};
+
+#define ENTER(phases)                                  \
+    Fmu *fmu = face_enter(instance, phases, __func__); \
+    if (fmu == NULL) return fmi3Error;                 \
+    Instance *core = fmu->face.core;                   \
+    (void)core
+
+#define NEED(argument) \
+    if (!face_given(&fmu->face, argument, #argument, __func__)) return fmi3Error
+
+#define ONLY_MODEL_EXCHANGE \
+    if (!serves(core, core_use(core) == MODEL_EXCHANGE, __func__)) return fmi3Error
+#define ONLY_CO_SIMULATION \
+    if (!serves(core, core_use(core) != MODEL_EXCHANGE, __func__)) return fmi3Error
+#define ONLY_WITH_EVENTS \
+    if (!serves(core, core_use(core) != CO_SIMULATION, __func__)) return fmi3Error
+
+static int serves(const Instance *core, int so, const char *function) {
+    static const char *const USES[] = {"model exchange", "co-simulation", "co-simulation with events"};
+    if (so) return 1;
+    core_report(core, ERROR, "%s must not be called: this instance is one for %s", function,
+                core_use(core) == CO_SIMULATION ? "co-simulation without event mode" : USES[core_use(core)]);
+    return 0;
+}
+
+/* ---- life -------------------------------------------------------------------------------------------------- */
+
+const char *fmi3GetVersion(void) { return fmi3Version; }
+
+static void write(const Face *face, Status status, const char *category, const char *text) {
+    ((const Fmu *)face)->logger(face->environment, (fmi3Status)status, category, text);
+}
+
+static Face listening(fmi3InstanceEnvironment environment, fmi3Boolean logging, fmi3LogMessageCallback logger) {
+    return (Face){.environment = environment,
+                  .write = logger ? write : NULL,
+                  .marks = "#", /* references #1# are replaced by names */
+                  .always = REFUSALS,
+                  .logged = logging ? EVERYTHING : 0};
+}
+
+fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+                                          fmi3Boolean logging, fmi3InstanceEnvironment environment,
+                                          fmi3LogMessageCallback logger) {
+    (void)resources;
+    (void)visible;
+    const Fmu fmu = {.face = listening(environment, logging, logger), .logger = logger, .stop = INFINITY};
+    const Options options = {.use = MODEL_EXCHANGE, .whole = 1};
+    return face_open(&fmu.face, sizeof fmu, name, token, options, __func__);
+}
+
+/* Tell the importer of a step of the solver. */
+static int observe(void *owner, double time, double *until) {
+    const Fmu *fmu = owner;
+    fmi3Boolean stop = fmi3False;
+    double stop_time = time;
+    fmu->intermediate_update(fmu->face.environment, time, fmi3False, fmi3True, fmi3True, fmu->early_return, &stop,
+                             &stop_time);
+    *until = stop_time;
+    return stop;
+}
+
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+                                         fmi3Boolean logging, fmi3Boolean events, fmi3Boolean early_return,
+                                         const fmi3ValueReference intermediate_variables[], size_t n,
+                                         fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger,
+                                         fmi3IntermediateUpdateCallback intermediate_update) {
+    (void)resources;
+    (void)visible;
+    (void)intermediate_variables; /* all outputs can be had then */
+    (void)n;
+    const Fmu fmu = {.face = listening(environment, logging, logger),
+                     .logger = logger,
+                     .intermediate_update = intermediate_update,
+                     .early_return = early_return,
+                     .stop = INFINITY};
+    const Options options = {.use = events ? CO_SIMULATION_WITH_EVENTS : CO_SIMULATION,
+                             .whole = 1,
+                             .early = early_return,
+                             .observe = intermediate_update ? observe : NULL};
+    return face_open(&fmu.face, sizeof fmu, name, token, options, __func__);
+}
+
+fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
+                                               fmi3Boolean visible, fmi3Boolean logging,
+                                               fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger,
+                                               fmi3ClockUpdateCallback clock_update,
+                                               fmi3LockPreemptionCallback lock, fmi3UnlockPreemptionCallback unlock) {
+    (void)name;
+    (void)token;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)clock_update;
+    (void)lock;
+    (void)unlock;
+    if (logger)
+        logger(environment, fmi3Error, "logStatusError",
+               "fmi3InstantiateScheduledExecution: this FMU is for co-simulation and model exchange");
+    return NULL;
+}
+
+void fmi3FreeInstance(fmi3Instance instance) { face_close(instance); }
+
+fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean logging, size_t n, const fmi3String categories[]) {
+    ENTER(ANY);
+    if (n > 0) NEED(categories);
+    return (fmi3Status)face_set_logging(&fmu->face, logging, n, categories);
+}
+
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
+    ENTER(INSTANTIATED);
+    if (model.dimension_rows == 0)
+        return (fmi3Status)core_report(core, ERROR, "%s: there are no structural parameters", __func__);
+    core_enter_configuration(core);
+    return fmi3OK;
+}
+
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
+    ENTER(CONFIGURATION);
+    core_exit_configuration(core);
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
+                                       fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
+    ENTER(INSTANTIATED);
+    if (stop_defined && !(stop >= start))
+        return (fmi3Status)core_report(core, ERROR, "stop time = %g lies before start time = %g", stop, start);
+    if (core_setup(core, start, tolerance_defined ? tolerance : 0) != SUCCESS) return fmi3Error;
+    fmu->stop = stop_defined ? stop : INFINITY;
+    core_enter_initialization(core);
+    return fmi3OK;
+}
+
+fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+    ENTER(INITIALIZATION);
+    return (fmi3Status)core_exit_initialization(core);
+}
+
+fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
+    ENTER(EVENT | CONTINUOUS | STEP);
+    ONLY_WITH_EVENTS;
+    core_enter_event_mode(core);
+    return fmi3OK;
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *need_update, fmi3Boolean *terminate,
+                                    fmi3Boolean *nominals_changed, fmi3Boolean *states_changed, fmi3Boolean *time_defined,
+                                    fmi3Float64 *next_time) {
+    ENTER(EVENT);
+    NEED(need_update);
+    NEED(terminate);
+    NEED(nominals_changed);
+    NEED(states_changed);
+    NEED(time_defined);
+    NEED(next_time);
+    *need_update = fmi3False;
+    *terminate = fmi3False;
+    *nominals_changed = fmi3False;
+    *states_changed = core_update_discrete_states(core, next_time) != 0;
+    *time_defined = *next_time < INFINITY;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
+    ENTER(EVENT);
+    return (fmi3Status)core_report(core, ERROR, "%s: providesEvaluateDiscreteStates is false", __func__);
+}
+
+fmi3Status fmi3Terminate(fmi3Instance instance) {
+    ENTER(RUNNING);
+    core_terminate(core);
+    return fmi3OK;
+}
+
+fmi3Status fmi3Reset(fmi3Instance instance) {
+    ENTER(ANY);
+    core_reset(core);
+    fmu->stop = INFINITY;
+    return fmi3OK;
+}
+
+/* ---- variables --------------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 values[],
+                          size_t count) {
+    ENTER(READABLE);
+    if (n == 0 && count == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    return (fmi3Status)core_get(core, references, n, values, count);
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                          const fmi3Float64 values[], size_t count) {
+    ENTER(SETTABLE);
+    if (n == 0 && count == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    return (fmi3Status)core_set(core, references, n, values, count);
+}
+
+fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
+                        size_t count) {
+    ENTER(READABLE);
+    if (face_check_count(&fmu->face, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    for (size_t i = 0; i < n; i++)
+        if (core_get_reconstruction(core, references[i], &values[i]) != SUCCESS) return fmi3Error;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                        const fmi3Int32 values[], size_t count) {
+    ENTER(SETTABLE);
+    if (face_check_count(&fmu->face, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    return (fmi3Status)core_set_reconstruction(core, references, n, values);
+}
+
+/* The structural parameter of a reference; NULL, and a report, if there is none. */
+static const Dimension *structural(const Instance *core, fmi3ValueReference reference) {
+    const Dimension *dimension = core_dimension(core, reference);
+    if (dimension == NULL) core_report(core, ERROR, "value reference %u belongs to no variable of type UInt64", reference);
+    return dimension;
+}
+
+fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 values[],
+                         size_t count) {
+    ENTER(CONFIGURATION | READABLE);
+    if (face_check_count(&fmu->face, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    for (size_t i = 0; i < n; i++) {
+        const Dimension *dimension = structural(core, references[i]);
+        if (dimension == NULL) return fmi3Error;
+        values[i] = dimension->count;
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                         const fmi3UInt64 values[], size_t count) {
+    ENTER(CONFIGURATION);
+    if (face_check_count(&fmu->face, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(references);
+    NEED(values);
+    for (size_t i = 0; i < n; i++) {
+        const Dimension *dimension = structural(core, references[i]);
+        if (dimension == NULL) return fmi3Error;
+        if (values[i] != dimension->count)
+            return (fmi3Status)core_report(core, ERROR, "%s = %lu: this FMU is built for %lu; build another one",
+                                           dimension->name, (unsigned long)values[i], (unsigned long)dimension->count);
+    }
+    return fmi3OK;
+}
+
+/* Types of which there are no variables. */
+#define NONE_OF(Type)                                                                                                \
+    fmi3Status fmi3Get##Type(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                  \
+                             fmi3##Type values[], size_t count) {                                                     \
+        (void)references;                                                                                             \
+        (void)values;                                                                                                 \
+        ENTER(READABLE);                                                                                              \
+        return (fmi3Status)face_has_none(&fmu->face, n + count, #Type);                                               \
+    }                                                                                                                 \
+    fmi3Status fmi3Set##Type(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                  \
+                             const fmi3##Type values[], size_t count) {                                               \
+        (void)references;                                                                                             \
+        (void)values;                                                                                                 \
+        ENTER(SETTABLE);                                                                                              \
+        return (fmi3Status)face_has_none(&fmu->face, n + count, #Type);                                               \
+    }
+
+NONE_OF(Float32)
+NONE_OF(Int8)
+NONE_OF(UInt8)
+NONE_OF(Int16)
+NONE_OF(UInt16)
+NONE_OF(UInt32)
+NONE_OF(Int64)
+NONE_OF(Boolean)
+NONE_OF(String)
+
+fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, size_t sizes[],
+                         fmi3Binary values[], size_t count) {
+    (void)references;
+    (void)sizes;
+    (void)values;
+    ENTER(READABLE);
+    return (fmi3Status)face_has_none(&fmu->face, n + count, "Binary");
+}
+
+fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const size_t sizes[],
+                         const fmi3Binary values[], size_t count) {
+    (void)references;
+    (void)sizes;
+    (void)values;
+    ENTER(SETTABLE);
+    return (fmi3Status)face_has_none(&fmu->face, n + count, "Binary");
+}
+
+/* ---- clocks: there are none -------------------------------------------------------------------------------- */
+
+#define NO_CLOCKS(function, arguments, ...)                     \
+    fmi3Status function arguments {                             \
+        (void)references;                                       \
+        const void *const unused[] = {__VA_ARGS__};             \
+        (void)unused;                                           \
+        ENTER(INITIALIZATION | EVENT);                          \
+        return (fmi3Status)face_has_none(&fmu->face, n, "Clock"); \
+    }
+#define CLOCKS fmi3Instance instance, const fmi3ValueReference references[], size_t n
+
+NO_CLOCKS(fmi3GetClock, (CLOCKS, fmi3Clock values[]), values)
+NO_CLOCKS(fmi3SetClock, (CLOCKS, const fmi3Clock values[]), values)
+NO_CLOCKS(fmi3GetIntervalDecimal, (CLOCKS, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[]), intervals,
+          qualifiers)
+NO_CLOCKS(fmi3GetIntervalFraction,
+          (CLOCKS, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]), counters,
+          resolutions, qualifiers)
+NO_CLOCKS(fmi3GetShiftDecimal, (CLOCKS, fmi3Float64 shifts[]), shifts)
+NO_CLOCKS(fmi3GetShiftFraction, (CLOCKS, fmi3UInt64 counters[], fmi3UInt64 resolutions[]), counters, resolutions)
+NO_CLOCKS(fmi3SetIntervalDecimal, (CLOCKS, const fmi3Float64 intervals[]), intervals)
+NO_CLOCKS(fmi3SetIntervalFraction, (CLOCKS, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), counters,
+          resolutions)
+NO_CLOCKS(fmi3SetShiftDecimal, (CLOCKS, const fmi3Float64 shifts[]), shifts)
+NO_CLOCKS(fmi3SetShiftFraction, (CLOCKS, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), counters,
+          resolutions)
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time) {
+    (void)clock;
+    (void)time;
+    ENTER(ANY | INTERMEDIATE);
+    return (fmi3Status)core_report(core, ERROR, "%s: there are no model partitions", __func__);
+}
+
+/* ---- dependencies and derivatives -------------------------------------------------------------------------- */
+
+static fmi3Status no_dependencies(const Instance *core, const char *function) {
+    return (fmi3Status)core_report(core, ERROR, "%s: see the model description; providesPerElementDependencies is false",
+                                   function);
+}
+
+fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *n) {
+    (void)reference;
+    (void)n;
+    ENTER(ANY | INTERMEDIATE);
+    return no_dependencies(core, __func__);
+}
+
+fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent, size_t elements[],
+                                       fmi3ValueReference independents[], size_t elements_of_independents[],
+                                       fmi3DependencyKind kinds[], size_t n) {
+    (void)dependent;
+    (void)elements;
+    (void)independents;
+    (void)elements_of_independents;
+    (void)kinds;
+    (void)n;
+    ENTER(ANY | INTERMEDIATE);
+    return no_dependencies(core, __func__);
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknown,
+                                        const fmi3ValueReference knowns[], size_t n_known, const fmi3Float64 seed[],
+                                        size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
+    ENTER(SOLVED);
+    if (n_known > 0) NEED(knowns);
+    if (n_seed > 0) NEED(seed);
+    if (n_unknown > 0) NEED(unknowns);
+    if (n_sensitivity > 0) NEED(sensitivity);
+    return (fmi3Status)core_directional_derivative(core, unknowns, n_unknown, knowns, n_known, seed, n_seed,
+                                                   sensitivity, n_sensitivity);
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknown,
+                                    const fmi3ValueReference knowns[], size_t n_known, const fmi3Float64 seed[],
+                                    size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
+    ENTER(SOLVED);
+    if (n_known > 0) NEED(knowns);
+    if (n_seed > 0) NEED(seed);
+    if (n_unknown > 0) NEED(unknowns);
+    if (n_sensitivity > 0) NEED(sensitivity);
+    return (fmi3Status)core_adjoint_derivative(core, unknowns, n_unknown, knowns, n_known, seed, n_seed, sensitivity,
+                                               n_sensitivity);
+}
+
+/* ---- saved states ------------------------------------------------------------------------------------------ */
+
+fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state) {
+    ENTER(ANY);
+    NEED(state);
+    return (fmi3Status)face_save(&fmu->face, state, __func__);
+}
+
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
+    ENTER(ANY);
+    NEED(state);
+    return (fmi3Status)face_restore(&fmu->face, state);
+}
+
+fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state) {
+    ENTER(ANY);
+    face_drop(state);
+    return fmi3OK;
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size) {
+    ENTER(ANY);
+    NEED(state);
+    NEED(size);
+    *size = face_size(state);
+    return fmi3OK;
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
+    ENTER(ANY);
+    NEED(state);
+    NEED(bytes);
+    return (fmi3Status)face_serialize(&fmu->face, state, bytes, size, __func__);
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
+    ENTER(ANY);
+    NEED(bytes);
+    NEED(state);
+    return (fmi3Status)face_deserialize(&fmu->face, bytes, size, state, __func__);
+}
+
+/* ---- co-simulation ----------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+    ENTER(EVENT);
+    ONLY_CO_SIMULATION;
+    core_enter_step_mode(core);
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                                    const fmi3Int32 orders[], fmi3Float64 values[], size_t count) {
+    ENTER(STEP | INTERMEDIATE | TERMINATED);
+    ONLY_CO_SIMULATION;
+    if (n == 0 && count == 0) return fmi3OK;
+    NEED(references);
+    NEED(orders);
+    NEED(values);
+    for (size_t i = 0; i < n; i++)
+        if (orders[i] != 1)
+            return (fmi3Status)core_report(core, ERROR, "output derivatives of order %d: the order must be 1",
+                                           (int)orders[i]);
+    return (fmi3Status)core_output_derivatives(core, references, n, values, count);
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size, fmi3Boolean no_way_back,
+                      fmi3Boolean *event_needed, fmi3Boolean *terminate, fmi3Boolean *early_return,
+                      fmi3Float64 *last_time) {
+    (void)no_way_back;
+    ENTER(STEP);
+    NEED(event_needed);
+    NEED(terminate);
+    NEED(early_return);
+    NEED(last_time);
+    if (time + size > fmu->stop + 1e-6 * size) /* rounding of the importer's clock */
+        return (fmi3Status)core_report(core, ERROR, "step from t = %.15g to %.15g: the stop time is %.15g", time,
+                                       time + size, fmu->stop);
+    Arrival arrival;
+    const Status status = core_step(core, time, size, &arrival);
+    if (status != SUCCESS) {
+        *event_needed = *terminate = *early_return = fmi3False;
+        *last_time = core_time(core);
+        return (fmi3Status)status;
+    }
+    *event_needed = arrival.event != 0;
+    *terminate = fmi3False;
+    *early_return = arrival.early != 0;
+    *last_time = arrival.time;
+    return fmi3OK;
+}
+
+/* ---- model exchange ---------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
+    ENTER(EVENT);
+    ONLY_MODEL_EXCHANGE;
+    core_enter_continuous_mode(core);
+    return fmi3OK;
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_way_back, fmi3Boolean *event,
+                                       fmi3Boolean *terminate) {
+    (void)no_way_back;
+    ENTER(CONTINUOUS);
+    NEED(event);
+    NEED(terminate);
+    *event = fmi3False;
+    *terminate = fmi3False;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
+    ENTER(EVENT | CONTINUOUS);
+    ONLY_MODEL_EXCHANGE;
+    return (fmi3Status)core_set_time(core, time);
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 states[], size_t n) {
+    ENTER(CONTINUOUS);
+    if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(states);
+    return (fmi3Status)core_set_states(core, states);
+}
+
+fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], size_t n) {
+    ENTER(SOLVED);
+    ONLY_MODEL_EXCHANGE;
+    if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(states);
+    core_get_states(core, states);
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t n) {
+    ENTER(SOLVED);
+    ONLY_MODEL_EXCHANGE;
+    if (face_check_count(&fmu->face, n, model.states, "derivatives of states") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(derivatives);
+    return (fmi3Status)core_get_derivatives(core, derivatives);
+}
+
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t n) {
+    ENTER(SOLVED);
+    ONLY_MODEL_EXCHANGE;
+    if (face_check_count(&fmu->face, n, model.states, "nominal values of states") != SUCCESS) return fmi3Error;
+    if (n == 0) return fmi3OK;
+    NEED(nominals);
+    core_get_nominals(core, nominals);
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t n) {
+    (void)indicators;
+    ENTER(SOLVED);
+    ONLY_MODEL_EXCHANGE;
+    return (fmi3Status)face_check_count(&fmu->face, n, 0, "event indicators");
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
+    ENTER(BEFORE | RUNNING | TERMINATED);
+    ONLY_MODEL_EXCHANGE;
+    NEED(n);
+    *n = model.states;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
+    ENTER(BEFORE | RUNNING | TERMINATED);
+    ONLY_MODEL_EXCHANGE;
+    NEED(n);
+    *n = 0;
+    return fmi3OK;
+}

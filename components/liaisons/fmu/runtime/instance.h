@@ -1,0 +1,130 @@
+/* What an instance is made of, for the files that move it: core.c, derivatives.c, step.c. */
+#ifndef LIAISONS_INSTANCE_H
+#define LIAISONS_INSTANCE_H
+
+#include <math.h>
+
+#include "core.h"
+
+enum { TEXT = 512 };
+enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
+
+typedef struct { /* an input that moves inside a step */
+    size_t place;
+    const Variable *variable;
+    double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
+} Mover;
+
+/* The scalars of a saved state; numbers of fixed size and without gaps. */
+typedef struct {
+    double time;
+    double tolerance;
+    double step;  /* that the solver goes on with; 0: unknown */
+    double limit; /* the next time event: until then functions of time are taken from its left */
+    int32_t phase;
+    int32_t use;
+    int32_t reconstruction;
+    int32_t unstarted; /* y and m are still to be calculated from u and k */
+    int32_t jumped;    /* inputs or parameters were set since m was remembered */
+    int32_t expanded;  /* derivatives of inputs are given for the next step */
+} Scalars;
+
+struct Instance {
+    const Model *model;
+    Options options;
+    int by_variable;           /* references stand for variables, of which some are arrays */
+    size_t places, references; /* how many there are of each */
+
+    /* What a saved state holds: the scalars, and behind them in the same block the vectors. */
+    Scalars *s;
+    size_t state_size, moving_size; /* in bytes: of all, and of the front, which a communication step changes */
+    double *u;       /* inputs at the present time */
+    double *y, *low; /* states, and the part of their sum that is too small for them */
+    double *m;
+    double *taylor;  /* given derivatives of the inputs, COEFFICIENTS each; the 0th says whether there are any */
+    double *size;    /* of the states: scales the tolerance */
+    double *k, *set; /* parameters, inputs as they were set last */
+    double *z, *t;   /* follow k and set in memory, but are no part of the state */
+    int current;     /* z belongs to the state */
+    int apart;       /* u may have moved away from set */
+
+    Scalars *backup;
+    double step_start, step_size;
+    double reach;  /* how far the present step leads: its size, or less */
+    int returning; /* the importer has just shortened it */
+    Mover *movers;
+    size_t moving, *mover_of; /* number of movers; place of an input among them */
+    char text[TEXT];          /* why the present call fails */
+    char *name;               /* of a number that is named in a message */
+
+    double dt, *dy, *du, *dk, *dm, *dz; /* directions or weights */
+    double *ey, *eu, *ek;               /* what is to be added to them */
+    double *work, *condition, *instant;
+    const double **arguments;
+    double **results;
+    long long *integers;
+    double *reals;
+};
+
+typedef struct { /* places that follow each other */
+    size_t first, count;
+} Span;
+
+/* ---- variables ---- */
+
+/* The variable that has a place. */
+const Variable *core_variable_at(const Model *, size_t place);
+const char *core_name(const Instance *, size_t place);
+Status core_check_references(const Instance *, const unsigned references[], size_t n, size_t count);
+
+/* What a reference, which exists, stands for. */
+static inline Span span_of(const Instance *self, unsigned reference) {
+    if (!self->by_variable) return (Span){reference, 1};
+    const Variable *variable = &self->model->variables[reference];
+    return (Span){variable->first, variable->count};
+}
+
+static inline int allows(const Variable *variable, double value) {
+    if (variable->strict) return value > variable->minimum && value < variable->maximum;
+    return value >= variable->minimum && value <= variable->maximum;
+}
+
+/* ---- checks: 1, or 0 and the reason is noted ---- */
+
+int core_because(Instance *, const char *format, ...);
+/* The value of a parameter or input is not allowed. */
+int core_outside(Instance *, size_t place, double value, double t);
+int core_check_domains(Instance *, double t);
+int core_check_conditions(Instance *, double t, const double *y, size_t count);
+/* States, or with `derivatives` those. */
+int core_check_finite(Instance *, const double *values, int derivatives, double t);
+
+/* A number that is not finite, alike on all platforms. */
+const char *core_spelled(double value);
+
+/* ---- generated functions ---- */
+
+void core_update(Instance *);   /* z at the present time */
+void core_remember(Instance *); /* m */
+void core_jump(Instance *);     /* the inputs have jumped: states that an impulse changes, say the work done */
+/* The first instant after t at which the component is not smooth. */
+double core_next_instant(Instance *, double t);
+
+/* At an event a function of time may jump; it is not there yet. */
+static inline double before_limit(const Instance *self, double t) {
+    return t >= self->s->limit ? nextafter(self->s->limit, -INFINITY) : t;
+}
+
+/* Call a function of (t, y, u, k) or (t, y, u, k, m) with one result, which must be none of the arguments. */
+static inline void evaluate(Instance *self, Function *function, double t, const double *y, double *result) {
+    t = before_limit(self, t);
+    self->arguments[0] = &t;
+    self->arguments[1] = y;
+    self->arguments[2] = self->u;
+    self->arguments[3] = self->k;
+    self->arguments[4] = self->m;
+    self->results[0] = result;
+    function(self->arguments, self->results, self->integers, self->reals, 0);
+}
+
+#endif

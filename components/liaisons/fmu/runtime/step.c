@@ -1,0 +1,272 @@
+/* A communication step of co-simulation: the motion of the inputs inside it, and that of the states. */
+#include <string.h>
+
+#include "instance.h"
+#include "solver.h"
+
+/* A step of the solver may have this part of the tolerance as its error: those of many steps add up. */
+static const double SHARE = 0.02;
+
+/* ---- motion of the inputs ---------------------------------------------------------------------------------- */
+
+static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
+    if (core_check_references(self, &reference, 1, 1) != SUCCESS) return ERROR;
+    const char *name = core_name(self, reference);
+    if (core_variable_at(self->model, reference)->kind != INPUT)
+        return core_report(self, ERROR, "%s is no input", name);
+    if (order < 1 || order > ORDER)
+        return core_report(self, ERROR, "derivative of order %d of %s: the order must be 1 to %d", order, name, ORDER);
+    if (isfinite(value)) return SUCCESS;
+    return core_report(self, DISCARD, "derivative of order %d of %s = %s: set a finite number", order, name,
+                       core_spelled(value));
+}
+
+Status core_set_input_derivatives(Instance *self, const unsigned references[], size_t n, const int orders[],
+                                  const double values[]) {
+    for (size_t i = 0; i < n; i++) {
+        const Status status = check_input_derivative(self, references[i], orders[i], values[i]);
+        if (status != SUCCESS) return status;
+    }
+    for (size_t i = 0; i < n; i++) {
+        double *taylor = &self->taylor[(references[i] - self->model->parameters) * COEFFICIENTS];
+        taylor[0] = 1;
+        taylor[orders[i]] = values[i];
+    }
+    self->s->expanded = 1;
+    return SUCCESS;
+}
+
+/* Derivative with respect to time of a polynomial in the fraction of a step of size H. */
+static void differentiate(const double *c, double H, double *derivative) {
+    for (int j = 0; j < ORDER; j++) derivative[j] = (j + 1) * c[j + 1] / H;
+    derivative[ORDER] = 0;
+}
+
+/* Quintic Hermite polynomial: value, rate and acceleration at both ends of the step. */
+static void interpolate(const double *u, const double *set, Active at, double H, double *c) {
+    c[0] = u[at.value];
+    c[1] = H * u[at.rate];
+    c[2] = H * H * u[at.acceleration] / 2;
+    /* what this parabola misses at the end */
+    const double value = set[at.value] - (c[0] + c[1] + c[2]);
+    const double rate = H * set[at.rate] - (c[1] + 2 * c[2]);
+    const double acceleration = H * H * set[at.acceleration] - 2 * c[2];
+    c[3] = 10 * value - 4 * rate + acceleration / 2;
+    c[4] = -15 * value + 7 * rate - acceleration;
+    c[5] = 6 * value - 3 * rate + acceleration / 2;
+}
+
+static int rests(const Instance *self, Active at) {
+    const double *u = self->u, *set = self->set;
+    if (u[at.rate] != 0 || u[at.acceleration] != 0) return 0;
+    return self->s->reconstruction == EXTRAPOLATE
+           || (set[at.value] == u[at.value] && set[at.rate] == 0 && set[at.acceleration] == 0);
+}
+
+/* The polynomial of an input, which is constant so far. */
+static double *polynomial(Instance *self, size_t place) {
+    const size_t found = self->mover_of[place];
+    if (found < self->moving && self->movers[found].place == place) return self->movers[found].c;
+    const Variable *variable = core_variable_at(self->model, self->model->parameters + place);
+    self->mover_of[place] = self->moving;
+    self->movers[self->moving] = (Mover){.place = place, .variable = variable, .c = {self->u[place]}};
+    return self->movers[self->moving++].c;
+}
+
+/* A coordinate that an operator prescribes, with its rate and its acceleration. */
+static void reconstruct_active(Instance *self, Active at, double H) {
+    if (rests(self, at)) return;
+    double *value = polynomial(self, at.value), *rate = polynomial(self, at.rate);
+    if (self->s->reconstruction == INTERPOLATE) {
+        interpolate(self->u, self->set, at, H, value);
+    } else {
+        value[1] = H * self->u[at.rate];
+        value[2] = H * H * self->u[at.acceleration] / 2;
+    }
+    differentiate(value, H, rate);
+    differentiate(rate, H, polynomial(self, at.acceleration));
+}
+
+/* The polynomials of all inputs that move in a step of size H, from u and what was set. */
+static void reconstruct(Instance *self, double H) {
+    const Model *model = self->model;
+    const int mode = self->s->reconstruction;
+    const double *u = self->u, *set = self->set;
+    self->moving = 0;
+    for (size_t i = 0; i < model->inputs && mode == INTERPOLATE; i++)
+        if (set[i] != u[i]) polynomial(self, i)[1] = set[i] - u[i];
+    for (const Active *at = model->active; at < model->active + model->active_rows && mode != HOLD; at++)
+        for (size_t i = 0; i < at->count; i++)
+            reconstruct_active(self, (Active){at->value + i, at->rate + i, at->acceleration + i, 1}, H);
+    for (size_t i = 0; i < model->inputs && mode != INTERPOLATE && self->s->expanded; i++) {
+        const double *taylor = &self->taylor[i * COEFFICIENTS];
+        if (taylor[0] == 0) continue;
+        double *c = polynomial(self, i), factor = 1;
+        for (int j = 1; j <= ORDER; j++) c[j] = taylor[j] * (factor *= H / j);
+        c[0] = u[i];
+    }
+}
+
+/* u at a time inside the step; 0 if one leaves its domain. */
+static int move_inputs(Instance *self, double t) {
+    const double x = t / self->step_size;
+    for (const Mover *mover = self->movers; mover < self->movers + self->moving; mover++) {
+        const double *c = mover->c;
+        const double value = c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))));
+        self->u[mover->place] = value;
+        if (!allows(mover->variable, value))
+            return core_outside(self, self->model->parameters + mover->place, value, self->step_start + t);
+    }
+    return 1;
+}
+
+/* ---- motion of the states ---------------------------------------------------------------------------------- */
+
+static Signal rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    if (!move_inputs(self, t)) return STOP;
+    evaluate(self, self->model->derivatives, self->step_start + t, y, f);
+    return GO_ON;
+}
+
+/* Tell the importer of a step of the solver, which may want to end the communication step. */
+static Signal observed(Instance *self, double t) {
+    double until = INFINITY;
+    self->s->time = self->step_start + t;
+    self->s->phase = INTERMEDIATE;
+    self->current = 0;
+    self->returning = self->options.observe(self->options.owner, self->s->time, &until) && self->options.early;
+    self->s->time = self->step_start;
+    self->s->phase = STEP;
+    if (!self->returning) return GO_ON;
+    self->reach = fmin(self->reach, fmax(until - self->step_start, t));
+    return STOP;
+}
+
+static Signal accept(void *context, double t, double y[]) {
+    Instance *self = context;
+    const Model *model = self->model;
+    if (model->conditions == 0 && model->project == NULL && self->options.observe == NULL) return GO_ON;
+    if (!move_inputs(self, t)) return STOP;
+    if (model->project != NULL) { /* back onto constraints and unit quaternions */
+        evaluate(self, model->project, self->step_start + t, y, self->dy);
+        memcpy(y, self->dy, model->states * sizeof *y);
+        memset(self->low, 0, model->states * sizeof *self->low);
+    }
+    if (!core_check_conditions(self, self->step_start + t, y, model->conditions)) return STOP;
+    return self->options.observe == NULL ? GO_ON : observed(self, t);
+}
+
+/* Why no step from a time inside the communication step is small enough. */
+static int explain_stuck(Instance *self, double t) {
+    const Model *model = self->model;
+    const double time = self->step_start + t;
+    if (!move_inputs(self, t)) return 0;
+    evaluate(self, model->derivatives, time, self->y, self->dy);
+    if (!core_check_finite(self, self->dy, 1, time)) return 0;
+    if (model->conditions > 0) evaluate(self, model->distances, time, self->y, self->condition);
+    for (size_t i = 0; i < model->conditions; i++)
+        if (self->condition[i] < 1e-3) /* distances from a singularity, of order 1 elsewhere */
+            return core_because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], time,
+                                self->condition[i]);
+    /* An input that is about to leave its domain, where a singularity lies as a rule. */
+    for (double ahead = 1e-12; ahead < 1e-2; ahead *= 10)
+        if (!move_inputs(self, t + ahead * self->step_size)) return 0;
+    return core_because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
+}
+
+/* What a function of time inside the component changes at an instant, say σ̇, is booked like a jump of the inputs. */
+static void pass_instant(Instance *self, double time) {
+    const Model *model = self->model;
+    self->s->limit = time;
+    evaluate(self, model->remember, time, self->y, self->dm);
+    memcpy(self->m, self->dm, model->memory * sizeof *self->m);
+    self->s->limit = INFINITY;
+    evaluate(self, model->jump, time, self->y, self->dy);
+    memcpy(self->y, self->dy, model->states * sizeof *self->y);
+}
+
+/* The states from the start of the step to where it leads, event by event. */
+static int move_states(Instance *self) {
+    const double start = self->step_start;
+    const Problem problem = {self->model->states, SHARE * self->s->tolerance, self->size, rates, accept, self};
+    double t = 0, event = start, end = 0;
+    while (t < self->reach) {
+        if (t == end) event = core_next_instant(self, event);
+        self->s->limit = event;
+        end = event < start + self->reach ? event - start : self->reach;
+        switch (solver_advance(&problem, &t, end, self->y, self->low, &self->s->step, self->work)) {
+        case STOPPED:
+            if (!self->returning) return 0;
+            self->returning = 0;
+            break;
+        case STUCK: return explain_stuck(self, t);
+        case EXHAUSTED:
+            return core_because(self, "%d solver steps lead no further than t = %.9g: something moves very fast",
+                                MOST_STEPS, start + t);
+        case REACHED:
+            if (t == self->reach) break;
+            if (!move_inputs(self, t)) return 0;
+            pass_instant(self, event);
+            break;
+        }
+    }
+    return 1;
+}
+
+/* ---- the step ---------------------------------------------------------------------------------------------- */
+
+/* A time, moved onto an instant that it means and misses by rounding: 3 * 0.3 is not 0.9. */
+static double snapped(double instant, double t) { return fabs(instant - t) <= 1e-12 * (1 + fabs(t)) ? instant : t; }
+
+static int advance(Instance *self, double time, double size) {
+    const size_t inputs_size = self->model->inputs * sizeof *self->u;
+    const int interpolating = self->s->reconstruction == INTERPOLATE;
+    const int with_events = self->options.use == CO_SIMULATION_WITH_EVENTS;
+    const double end = time + size, instant = core_next_instant(self, time);
+    self->step_start = time;
+    self->step_size = size;
+    self->reach = with_events && self->options.early && snapped(instant, end) > instant ? instant - time : size;
+    self->returning = 0;
+    self->s->time = time;
+    self->s->limit = INFINITY;
+    if (!core_check_domains(self, interpolating ? end : time)) return 0;
+    if (!interpolating && self->apart && memcmp(self->u, self->set, inputs_size) != 0) {
+        memcpy(self->u, self->set, inputs_size);
+        self->s->jumped = 1;
+    }
+    if (self->s->jumped) core_jump(self);
+    reconstruct(self, size);
+    if (!core_check_conditions(self, time, self->y, self->model->conditions)) return 0;
+    if (self->model->states > 0 && !move_states(self)) return 0;
+    if (interpolating && self->reach == size)
+        memcpy(self->u, self->set, inputs_size);
+    else if (!move_inputs(self, self->reach))
+        return 0;
+    if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
+    self->s->expanded = 0;
+    self->apart = self->moving > 0;
+    self->s->time = snapped(instant, self->reach == size ? end : time + self->reach);
+    /* At an event that the importer handles, all is taken from its left until it does. */
+    self->s->limit = with_events && self->s->time == instant ? instant : INFINITY;
+    if (!with_events && core_next_instant(self, nextafter(self->s->time, -INFINITY)) == self->s->time)
+        pass_instant(self, self->s->time);
+    core_remember(self);
+    return 1;
+}
+
+Status core_step(Instance *self, double time, double size, Arrival *arrival) {
+    if (!(size > 0 && isfinite(size)))
+        return core_report(self, ERROR, "step size = %g: it must be > 0 and finite", size);
+    if (!(fabs(time - self->s->time) <= 1e-6 * size + 1e-12 * fabs(time))) /* rounding of the importer's clock */
+        return core_report(self, ERROR, "step from t = %.15g: the instance is at t = %.15g", time, self->s->time);
+    memcpy(self->backup, self->s, self->moving_size);
+    if (advance(self, time, size)) {
+        self->current = 0;
+        *arrival = (Arrival){self->s->time, self->reach < size, self->s->time == self->s->limit};
+        return SUCCESS;
+    }
+    memcpy(self->s, self->backup, self->moving_size);
+    self->current = 0;
+    return core_report(self, DISCARD, "%s; the step from t = %.9g is taken back", self->text, time);
+}

@@ -1,0 +1,144 @@
+"""What is varied: columns of values, on a grid or at random."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias, final, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.sweeps.errors import SweepError
+
+
+@runtime_checkable
+class Quantiles(Protocol):
+    """A distribution by its quantiles, such as ``scipy.stats.norm(1.0, 0.1)``."""
+
+    def ppf(self, q: Any, /) -> Any: ...
+
+
+Distribution: TypeAlias = Quantiles | tuple[float, float]
+"""``(low, high)`` is uniform between them."""
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class Cases(Mapping[str, NDArray[np.float64]]):
+    """Name of what is varied -> its value in each case, shape (count,).
+
+    :param columns: all of one length.
+    """
+
+    columns: Mapping[str, NDArray[np.float64]]
+
+    def __post_init__(self) -> None:
+        for column in self.columns.values():
+            column.flags.writeable = False
+
+    @classmethod
+    def of(cls, columns: Mapping[str, ArrayLike]) -> Cases:
+        """Cases one by one: the first of all columns, the second, ...
+
+        :raises SweepError: if there is nothing in them, or they differ in length.
+        """
+        if isinstance(columns, Cases):
+            return columns
+        found = _columns(columns)
+        counts = {name: len(column) for name, column in found.items()}
+        if len(set(counts.values())) > 1:
+            said = ", ".join(f"{name} {count}" for name, count in counts.items())
+            raise SweepError(f"columns of different lengths: {said}; give one value a case, or use grid()")
+        return cls(found)
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return len(next(iter(self.columns.values())))
+
+    def case(self, number: int) -> dict[str, float]:
+        """The values of one case."""
+        return {name: float(column[number]) for name, column in self.columns.items()}
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def __repr__(self) -> str:
+        return f"<Cases: {self.count} of {', '.join(self)}>"
+
+
+def grid(over: Mapping[str, ArrayLike]) -> Cases:
+    """Every value of each with every value of the others; the last name runs fastest.
+
+    ``column.reshape(len(a), len(b))`` is the column of a result on the grid.
+
+    :raises SweepError: if there is nothing to vary, or a value is no finite number.
+    """
+    columns = _columns(over)
+    mesh = np.meshgrid(*columns.values(), indexing="ij")
+    return Cases({name: np.ascontiguousarray(axis).reshape(-1) for name, axis in zip(columns, mesh, strict=True)})
+
+
+def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hypercube: bool = False) -> Cases:
+    """Independent random values; the same ones for the same seed.
+
+    :param over: name -> ``(low, high)``, or a distribution of ``scipy.stats``.
+    :param latin_hypercube: spread the values of each name evenly over its quantiles.
+    :raises SweepError: for a count or seed that will not do, nothing to vary, or no distribution.
+    """
+    if not isinstance(count, numbers.Integral) or count < 1:
+        raise SweepError(f"sample: count = {count!r}; give a whole number, 1 at least")
+    if not isinstance(seed, numbers.Integral) or seed < 0:
+        raise SweepError(f"sample: seed = {seed!r}; give a whole number, 0 at least")
+    if not over:
+        raise SweepError("sample: nothing is varied; give at least one name with its distribution")
+    generator = np.random.default_rng(int(seed))
+    if latin_hypercube:
+        from scipy.stats import qmc
+
+        quantiles = qmc.LatinHypercube(d=len(over), rng=generator).random(int(count))
+    else:
+        quantiles = generator.random((int(count), len(over)))
+    columns = zip(over.items(), quantiles.T, strict=True)
+    return Cases({name: _quantiles(name, distribution, q) for (name, distribution), q in columns})
+
+
+def _quantiles(name: str, distribution: Distribution, quantiles: NDArray[np.float64]) -> NDArray[np.float64]:
+    if isinstance(distribution, Quantiles):
+        values = np.array(distribution.ppf(quantiles), dtype=float)
+    else:
+        try:
+            low, high = map(float, distribution)
+        except (TypeError, ValueError):
+            raise SweepError(
+                f"sample: {name} = {distribution!r}; give (low, high) or a distribution, e.g. scipy.stats.norm(1, 0.1)"
+            ) from None
+        values = low + (high - low) * quantiles
+    if not np.all(np.isfinite(values)):
+        raise SweepError(f"sample: {name} = {distribution!r} gives values that are not finite; choose another one")
+    return values
+
+
+def _columns(over: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
+    if not over:
+        raise SweepError("nothing is varied; give at least one name with its values")
+    columns = {}
+    for name, values in over.items():
+        try:
+            column = np.array(values, dtype=float, ndmin=1)
+        except (TypeError, ValueError):
+            raise SweepError(f"{name} = {values!r}; give a number or a list of numbers") from None
+        if column.ndim > 1 or not column.size:
+            raise SweepError(f"{name} has values of shape {column.shape}; give at least one number, in one row")
+        if not np.all(np.isfinite(column)):
+            raise SweepError(f"{name} has values that are not finite; leave them out")
+        columns[name] = column
+    return columns

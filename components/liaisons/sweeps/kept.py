@@ -1,0 +1,83 @@
+"""What is kept of a case: one number a name."""
+
+from __future__ import annotations
+
+import marshal
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from types import CodeType
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from liaisons.cosim import Result
+from liaisons.errors import suggestion
+from liaisons.sweeps.errors import SweepError
+
+Measure: TypeAlias = str | Callable[[Result], float]
+"""A signal's value at the end, ``"theta"``, ``"theta:max"``, ``"theta:min"``; or a function of the whole result."""
+
+_MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max": np.max, "min": np.min}
+
+
+def measures(keep: Sequence[str] | Mapping[str, Measure]) -> dict[str, Measure]:
+    """Name of the column -> what stands in it.
+
+    :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
+    """
+    if isinstance(keep, str):
+        raise SweepError(f"keep = {keep!r}; give a list of names, [{keep!r}]")
+    found: dict[str, Measure] = {}
+    found.update(keep if isinstance(keep, Mapping) else zip(keep, keep, strict=True))
+    if not found:
+        raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
+    for name, measure in found.items():
+        if isinstance(measure, str):
+            split(measure)
+        elif not callable(measure):
+            raise SweepError(f"keep: {name} = {measure!r}; give the name of a signal or a function of the Result")
+    return found
+
+
+def split(measure: str) -> tuple[str, str]:
+    """Signal and word of a measure."""
+    signal, colon, word = measure.partition(":")
+    if colon and word not in _MEASURES:
+        raise SweepError(f"keep {measure!r}: {word!r} is not known{suggestion(word, _MEASURES)}")
+    return signal, word or "final"
+
+
+def signals(keep: Mapping[str, Measure]) -> list[str] | None:
+    """The signals that have to be recorded; None if a function wants to see everything."""
+    if any(callable(measure) for measure in keep.values()):
+        return None
+    return list(dict.fromkeys(split(measure)[0] for measure in keep.values() if isinstance(measure, str)))
+
+
+def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
+    """The numbers of a case, in the order of their names.
+
+    :raises SweepError: if a function fails or returns no number.
+    """
+    values = []
+    for name, measure in keep.items():
+        if isinstance(measure, str):
+            signal, word = split(measure)
+            values.append(float(_MEASURES[word](result[signal])))
+            continue
+        try:
+            values.append(float(measure(result)))
+        except Exception as error:
+            raise SweepError(f"keep: the function of {name!r} fails: {type(error).__name__}: {error}") from error
+    return tuple(values)
+
+
+def identity(measure: Measure) -> bytes:
+    """What tells a measure from another: of a function its code, so that a journal does not outlive a change of it."""
+    if isinstance(measure, str):
+        return measure.encode()
+    code = getattr(measure, "__code__", None)
+    if isinstance(code, CodeType):
+        defaults, cells = measure.__defaults__, measure.__closure__ or ()  # type: ignore[union-attr] - it has code
+        return marshal.dumps(code) + repr((defaults, [cell.cell_contents for cell in cells])).encode()
+    return pickle.dumps(measure)

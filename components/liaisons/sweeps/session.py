@@ -1,0 +1,219 @@
+"""One case after the other in one process: FMUs are extracted, loaded and instantiated once.
+
+Between two cases every FMU goes back to the state it had when it was instantiated, so that a case gives the same
+numbers whichever ran before it.  One that cannot go back is instantiated anew, and so is everything after a failure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+from typing import final
+
+import fmpy
+import numpy as np
+
+from liaisons.cosim import Result, schedule
+from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.component import Component
+from liaisons.cosim.explicit import Explicit
+from liaisons.cosim.instance import Call
+from liaisons.cosim.instances import AnyInstance, make
+from liaisons.cosim.messages import WARNING
+from liaisons.cosim.schedule import Place
+from liaisons.cosim.simulation import run
+from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.sweeps.kept import evaluate
+from liaisons.sweeps.plan import Plan
+
+Outcome = tuple[float, ...] | str
+"""What was kept of a case, or why it failed."""
+
+
+@final
+class Session:
+    """A context manager that holds running FMUs.
+
+    :param folders: where each FMU lies extracted; see :func:`extract`.
+    """
+
+    def __init__(self, plan: Plan, folders: Mapping[Path, Path]) -> None:
+        self._plan = plan
+        self._folders = folders
+        self._run: _Prepared | None = None
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release all instances; the next case makes new ones."""
+        if self._run is not None:
+            self._run.close()
+            self._run = None
+
+    def outcome(self, case: int) -> Outcome:
+        """Simulate one case; what goes wrong comes back in words."""
+        try:
+            return evaluate(self._plan.keep, self.result(case))
+        except LiaisonsError as error:
+            self.close()
+            return str(error)
+
+    def result(self, case: int) -> Result:
+        """Simulate one case.
+
+        :raises LiaisonsError: if it fails.
+        """
+        plan = self._plan
+        components = plan.starts(case)
+        if plan.coupling not in {"gauss-seidel", "jacobi"}:
+            return run(
+                plan.title,
+                components,
+                recorded=plan.recorded,
+                times=plan.times,
+                links=plan.links,
+                tolerance=plan.tolerance,
+                coupling=plan.coupling,
+            )
+        if self._run is None:
+            self._run = _Prepared(plan, self._folders)
+        result = self._run.result(components)
+        if not self._run.restores:
+            self.close()
+        return result
+
+
+@final
+class _Prepared:
+    """Instances of all FMUs with their calls, for explicit coupling.
+
+    :param folders: where each FMU lies extracted.
+    """
+
+    def __init__(self, plan: Plan, folders: Mapping[Path, Path]) -> None:
+        self._plan = plan
+        self._stack = ExitStack()
+        self._instances: dict[str, AnyInstance] = {}
+        self._terminable: list[Call] = []
+        self.restores = all(component.fmu.restores for component in plan.components.values())
+        try:
+            for name, component in plan.components.items():
+                instance = make(name, component.fmu, folders[component.fmu.path])
+                self._instances[name] = self._stack.enter_context(instance)
+            self._prepare()
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def close(self) -> None:
+        """Release the instances.
+
+        FMI forbids to terminate one that is about to be initialized, as after a failure another one may be: so all go
+        back to an initialized state, if there was one.
+        """
+        for call in self._terminable:
+            call()
+        self._stack.close()
+
+    def result(self, components: dict[str, Component]) -> Result:
+        """Simulate with these start values."""
+        plan, clock, times = self._plan, self._clock, self._plan.times
+        self._perform(self._restore)
+        self._bus.values[:] = 0.0
+        clock.set(times[0], times[0])
+        for name, instance in self._instances.items():
+            instance.setup(plan.tolerance, times[0], times[-1])
+            for variable, value in components[name].starts.items():
+                instance.assign(variable, value)
+            instance.enter_initialization()
+        self._perform(self._initial)
+        for instance in self._instances.values():
+            instance.exit_initialization()
+        if self.restores and not self._terminable:
+            self._terminable = self._saved()
+        self._perform(self._settle)
+        rows = np.empty((len(times), self._bus.values.size))
+        rows[0] = self._bus.values
+        bus, flat, width = self._bus.values.data, rows.reshape(-1).data, rows.shape[1]
+        place = width
+        for now, then in pairwise(times):
+            clock.start.value, clock.size.value, clock.end = now, then - now, then
+            for call in self._step:
+                if status := call():
+                    self._judge(call, status)
+            flat[place : place + width] = bus
+            place += width
+        values = np.ascontiguousarray(rows.T[self._columns])
+        return Result(plan.title, np.array(times), tuple(plan.recorded), values, self._units)
+
+    def _prepare(self) -> None:
+        plan = self._plan
+        feeds = {link.target.place: link.source.place for link in plan.links}
+        order = schedule.order(plan.components, feeds)
+        recorded = list(plan.recorded.values())
+        self._clock, self._bus = Clock(plan.times[0]), Bus(order, feeds, [], recorded)
+        explicit = Explicit(
+            plan.components, self._instances, feeds, self._bus, order=order, signals=[], clock=self._clock
+        )
+        assert plan.coupling is not None
+        self._owners = explicit.owners
+        self._initial = explicit.consistent(self._depends_initially, initial=True)
+        self._settle = explicit.consistent(self._depends, initial=False)
+        self._step = explicit.step(self._depends, plan.coupling)
+        self._columns = [self._bus.index[place] for place in recorded]
+        self._units = {name: plan.unit(place) for name, place in plan.recorded.items()}
+        self._restore = self._saved() if self.restores else []
+
+    def _saved(self) -> list[Call]:
+        """Calls that bring the present states back."""
+        calls = []
+        for name, instance in self._instances.items():
+            save, restore = instance.states()
+            self._owners |= {save: ("save", name), restore: ("restore", name)}
+            self._perform([save])
+            calls.append(restore)
+        return calls
+
+    def _perform(self, calls: Sequence[Call]) -> None:
+        for call in calls:
+            if status := call():
+                self._judge(call, status)
+
+    def _judge(self, call: Call, status: int) -> None:
+        if status != WARNING:
+            action, name = self._owners[call]
+            since = f"from t = {self._clock.start.value:.10g} s to" if action == "step" else "at"
+            raise self._instances[name].failure(action, status, f" {since} t = {self._clock.end:.10g} s")
+
+    def _depends(self, output: Place, input_: Place) -> bool:
+        return self._plan.components[output[0]].fmu.depends(output[1], input_[1])
+
+    def _depends_initially(self, output: Place, input_: Place) -> bool:
+        return self._plan.components[output[0]].fmu.depends(output[1], input_[1], initially=True)
+
+
+def extract(plan: Plan, folder: Path) -> dict[Path, Path]:
+    """Extract each FMU once.
+
+    :param folder: where.
+    :returns: path of the FMU -> its own folder.
+    :raises SimulationError: if a file is damaged.
+    """
+    found: dict[Path, Path] = {}
+    for component in plan.components.values():
+        path = component.fmu.path
+        if path not in found:
+            found[path] = folder / str(len(found))
+            try:
+                fmpy.extract(
+                    path, found[path], include=lambda name: not name.startswith(("sources/", "documentation/"))
+                )
+            except Exception as error:  # fmpy raises the base class; zipfile and zlib their own
+                raise SimulationError(f"{path}: cannot be extracted: {error}; build or copy it again") from error
+    return found

@@ -1,0 +1,214 @@
+"""The sweep: arguments are checked, cases are simulated, a table comes of it."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons.cosim import System, checks
+from liaisons.cosim.component import Component, component
+from liaisons.cosim.ports import Link
+from liaisons.cosim.schedule import Coupling
+from liaisons.cosim.simulation import communication_points
+from liaisons.errors import SimulationError
+from liaisons.sweeps import cluster
+from liaisons.sweeps.cases import Cases
+from liaisons.sweeps.errors import SweepError
+from liaisons.sweeps.journal import Journal
+from liaisons.sweeps.kept import Measure, measures, signals, split
+from liaisons.sweeps.plan import Plan, places
+from liaisons.sweeps.session import Outcome
+from liaisons.sweeps.table import Table
+from liaisons.sweeps.workers import Deliver
+from liaisons.sweeps.workers import simulate as simulate_here
+
+
+def sweep(
+    subject: Path | str | System,
+    cases: Mapping[str, ArrayLike],
+    keep: Sequence[str] | Mapping[str, Measure],
+    *,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    start_time: float = 0.0,
+    times: ArrayLike | None = None,
+    tolerance: float | None = None,
+    coupling: Coupling | None = None,
+    starts: Mapping[str, float | bool | str] | None = None,
+    record: Sequence[str] | None = None,
+    journal: Path | str | None = None,
+    workers: int | None = None,
+    client: Any = None,
+    progress: bool = False,
+) -> Table:
+    """Simulate an FMU or a system for many cases, on all cores of this machine or on a Dask cluster.
+
+    ::
+
+        table = sweep(fmu_path("Pendulum"), grid({"theta_0": np.linspace(0.1, 3, 50), "length": [0.5, 1.0]}),
+                      keep=["theta", "theta:max"], stop_time=10.0)
+
+    A case gives the same numbers, bit by bit, whatever ran before it and wherever it runs, as far as the FMU itself
+    does.  A case that fails is recorded and the others go on.
+
+    :param subject: path of an FMU, or a system.
+    :param cases: :func:`grid`, :func:`sample`, or columns of values, by names of parameters and inputs:
+        ``"theta_0"`` of an FMU, ``"swing.theta_0"`` of a system.
+    :param keep: values at the end, ``"theta"``, or extrema over the communication points, ``"theta:max"``,
+        ``"theta:min"``; or name -> one of these or a function of the :class:`liaisons.Result`.
+    :param stop_time: end [s]; this and the next four as in :func:`liaisons.simulate`.
+    :param coupling: as in :meth:`liaisons.System.simulate`.
+    :param starts: start values that all cases have in common.
+    :param record: signals that functions in ``keep`` can see; outputs and inputs if None.
+    :param journal: a file that finished cases are written to; those in it already are not simulated again.
+    :param workers: number of processes; one a core if None.
+    :param client: a ``distributed.Client``, or the address of its scheduler, in place of processes.
+    :param progress: show a progress bar on stderr.
+    :raises SimulationError: for an unknown name, with the nearest match, or a value that cannot be set.
+    :raises SweepError: if nothing is varied or kept, or a scheduler does not answer.
+    :raises JournalError: if the journal belongs to another sweep.
+    """
+    plan = _plan(
+        subject,
+        Cases.of(cases),
+        measures(keep),
+        span=(start_time, stop_time, step_size, times),
+        tolerance=tolerance,
+        coupling=coupling,
+        starts=starts or {},
+        record=record,
+    )
+    if workers is not None and workers < 1:
+        raise SweepError(f"workers = {workers!r}; give 1 at least")
+    book = nullcontext() if journal is None else Journal(Path(journal), plan.key(), len(plan.keep))
+    with book as written:
+        outcomes: dict[int, Outcome] = {} if written is None else dict(written.done)
+        todo = [case for case in range(plan.cases.count) if case not in outcomes]
+        bar = _ProgressBar(plan.title, plan.cases.count, len(todo)) if progress else None
+
+        def deliver(found: dict[int, Outcome]) -> None:
+            outcomes.update(found)
+            if written is not None:
+                written.add(found)
+            if bar is not None:
+                bar.show(len(outcomes))
+
+        if todo:
+            _simulate(plan, todo, deliver, workers, client)
+    return _table(plan, outcomes)
+
+
+def _simulate(plan: Plan, todo: list[int], deliver: Deliver, count: int | None, client: Any) -> None:
+    if client is None:
+        simulate_here(plan, todo, count or os.cpu_count() or 1, deliver)
+        return
+    with cluster.connected(client) as opened:
+        cluster.simulate(plan, todo, opened, deliver)
+
+
+def _plan(
+    subject: Path | str | System,
+    cases: Cases,
+    keep: Mapping[str, Measure],
+    *,
+    span: tuple[float, float | None, float | None, ArrayLike | None],
+    tolerance: float | None,
+    coupling: Coupling | None,
+    starts: Mapping[str, float | bool | str],
+    record: Sequence[str] | None,
+) -> Plan:
+    system = subject if isinstance(subject, System) else None
+    components: dict[str, Component]
+    links: list[Link]
+    if isinstance(subject, System):
+        title = subject.name
+        components, links = dict(subject.components), list(subject.links)
+        if starts:
+            raise SweepError(f"{title}: starts are for a single FMU; give them to add()")
+    else:
+        title = Path(subject).stem
+        components, links = {title: component(title, subject, starts)}, []
+    start_time, stop_time, step_size, times = span
+    if system is None:
+        experiment = components[title].fmu.experiment
+        tolerance = experiment.tolerance if tolerance is None else tolerance
+        if times is None:
+            stop_time = experiment.stop_time if stop_time is None else stop_time
+            step_size = experiment.step_size if step_size is None else step_size
+    points = communication_points(start_time, stop_time, step_size, times)
+    if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
+        raise SimulationError(f"tolerance = {tolerance!r}: must be > 0")
+    wanted = signals(keep) if record is None else list(record)
+    if wanted is None:
+        wanted = [
+            variable if system is None else f"{name}.{variable}"
+            for name, owner in components.items()
+            for variable in owner.fmu.recorded()
+        ]
+    wanted += [split(m)[0] for m in keep.values() if isinstance(m, str) and split(m)[0] not in wanted]
+    chosen = checks.coupling(components, links, coupling)
+    feeds = {link.target.place: link.source.place for link in links}
+    components = dict(checks.prepared(components, feeds, chosen))
+    checks.steps(components, feeds, points, chosen, adaptive=False)
+    checks.inputs(components, feeds, [])
+    plan = Plan(
+        title=title,
+        components=components,
+        links=tuple(links),
+        recorded=places(system, components, wanted),
+        varied=places(system, components, list(cases)),
+        cases=cases,
+        keep=keep,
+        times=tuple(points),
+        tolerance=tolerance,
+        coupling=chosen,
+    )
+    for name in keep:
+        if name in cases:
+            raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
+    plan.starts(0)  # names that cannot be set are found before anything is simulated
+    return plan
+
+
+def _table(plan: Plan, outcomes: Mapping[int, Outcome]) -> Table:
+    names = [*plan.cases, *plan.keep]
+    rows = np.full(plan.cases.count, np.nan, dtype=[(name, float) for name in names])
+    for name, column in plan.cases.items():
+        rows[name] = column
+    for case, outcome in outcomes.items():
+        if not isinstance(outcome, str):
+            for name, value in zip(plan.keep, outcome, strict=True):
+                rows[name][case] = value
+    units = {name: plan.unit(place) for name, place in plan.varied.items()}
+    for name, measure in plan.keep.items():
+        units[name] = plan.unit(plan.recorded[split(measure)[0]]) if isinstance(measure, str) else ""
+    failures = {case: outcome for case, outcome in outcomes.items() if isinstance(outcome, str)}
+    return Table(plan.title, rows, units, failures)
+
+
+class _ProgressBar:
+    """Cases done, and the time that is left, on stderr ten times a second."""
+
+    def __init__(self, title: str, total: int, todo: int) -> None:
+        self._title, self._total, self._before = title, total, total - todo
+        self._begin = self._shown = time.monotonic()
+
+    def show(self, done: int) -> None:
+        now = time.monotonic()
+        if now - self._shown < 0.1 and done < self._total:
+            return
+        self._shown = now
+        rest = (now - self._begin) * (self._total - done) / (done - self._before)
+        bar = f"[{'#' * (30 * done // self._total):30}]"
+        end = "\n" if done == self._total else ""
+        sys.stderr.write(f"\r{self._title} {bar} {done} of {self._total} cases, {rest:.0f} s left {end}")
+        sys.stderr.flush()

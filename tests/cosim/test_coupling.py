@@ -1,0 +1,304 @@
+"""Coupled mechanisms: orders, stability bounds, energy handed over, roll-back, FMUs that can do less."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from liaisons.check import slope
+from liaisons.cosim import IncompleteError, Result, System, simulate
+from liaisons.cosim.coupling.polynomials import Polynomials
+from liaisons.cosim.coupling.signals import Curve
+from liaisons.cosim.ports import Link
+from liaisons.cosim.schedule import Coupling, algebraic_loops
+from liaisons.errors import SimulationError
+
+Components = Callable[[str], Path]
+FmuPaths = Callable[[str], Path]
+Trace = Callable[[], list[str]]
+
+START: dict[str, Any] = {"theta_1_0": 0.3, "theta_2_0": 0.5}
+
+
+def _double(component: Components, names: Sequence[str] = ("Pendulum", "Pendulum"), **lower: float) -> System:
+    """A pendulum hung on the bob of another."""
+    system = System("double")
+    first = system.add("first", component(names[0]), theta_0=START["theta_1_0"])
+    second = system.add("second", component(names[1]), **({"theta_0": START["theta_2_0"]} | lower))
+    system.connect(first["bob"], second["pivot"])
+    return system
+
+
+def _error(component: Components, result: Result, **starts: float) -> float:
+    """Largest difference from the double pendulum in one FMU."""
+    start: dict[str, Any] = START | starts
+    single = simulate(component("DoublePendulum"), times=result.time, tolerance=1e-13, **start)
+    return max(
+        float(np.max(np.abs(result[f"{n}.theta"] - single[f"theta_{k}"]))) for k, n in ((1, "first"), (2, "second"))
+    )
+
+
+# ---- orders --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("coupling", "sizes", "order"),
+    [
+        ("jacobi", (0.01, 0.005, 0.0025), 1.0),
+        ("gauss-seidel", (0.01, 0.005, 0.0025), 1.0),
+        ("waveform", (0.02, 0.01, 0.005), 4.0),
+        ("implicit", (0.02, 0.01, 0.005), 4.0),
+    ],
+)
+def test_order_between_mechanisms(
+    component: Components, coupling: Coupling, sizes: tuple[float, ...], order: float
+) -> None:
+    errors = [_error(component, _double(component).simulate(1.0, H, tolerance=1e-13, coupling=coupling)) for H in sizes]
+    # the next term of the error is smaller by (rate · H)² or rate · H, rates up to 10 /s: some per cent of the slope
+    assert slope(sizes, errors) == pytest.approx(order, abs=0.1)
+
+
+def test_order_along_a_line_of_ports_is_six(component: Components) -> None:
+    """Without a cycle, what a source does over a step is known before its target is stepped: quintic polynomials."""
+
+    def error(H: float) -> float:
+        system = System("driven")
+        motor = system.add("motor", component("Sinusoid"), offset=1.0, amplitude=0.1, angular_frequency=2.0)
+        swing = system.add("swing", component("Pendulum"), theta_0=0.5)
+        system.connect(motor["y"], swing["length"])
+        coarse, fine = (system.simulate(4.0, h, tolerance=1e-13, coupling="implicit") for h in (H, 0.01))
+        return abs(float(coarse["swing.theta"][-1] - fine["swing.theta"][-1]))
+
+    sizes = (0.4, 0.2, 0.1)
+    # fine: H = 0.01 is better than 0.1 by 1e6; (2 · 0.4)² and higher harmonics leave some tenths of the slope
+    assert slope(sizes, [error(H) for H in sizes]) == pytest.approx(6.0, abs=0.5)
+
+
+@pytest.mark.parametrize("names", [("Pendulum", "python/Pendulum"), ("python/Pendulum", "python/Pendulum")])
+def test_fmus_that_take_no_derivatives_of_inputs_interpolate_and_are_of_second_order(
+    component: Components, names: tuple[str, str]
+) -> None:
+    sizes = (0.04, 0.02, 0.01)
+    errors = [
+        _error(component, _double(component, names).simulate(0.4, H, tolerance=1e-11, coupling="implicit"))
+        for H in sizes
+    ]
+    assert slope(sizes, errors) == pytest.approx(2.0, abs=0.2)  # loads are straight lines
+
+
+# ---- stability and energy -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [0.5, 2.0])
+def test_explicit_coupling_multiplies_the_force_s_error_by_the_ratio_of_effective_masses(
+    component: Components, ratio: float
+) -> None:
+    """Rods at a right angle: Θ = m_2 along the lower rod meets m_1, so the gain of a sweep is -m_2/m_1."""
+    system = System("right angle")
+    first = system.add("first", component("Pendulum"), theta_0=0.0)
+    second = system.add("second", component("Pendulum"), theta_0=math.pi / 2, mass=ratio, theta_dot_0=1.0)
+    system.connect(first["bob"], second["pivot"])
+    force = system.simulate(4e-5, 1e-5, coupling="jacobi")["second.pivot_x_force"]
+    changes = np.diff(force)
+    # the force by itself moves by some 1e-4 a step, the first error is of order 1 and falls or grows with the gain
+    np.testing.assert_allclose(changes[1:] / changes[:-1], -ratio, rtol=0.05)
+
+
+@pytest.mark.parametrize("mass", [0.01, 1.0, 100.0])
+def test_implicit_coupling_is_stable_for_any_ratio_of_masses(component: Components, mass: float) -> None:
+    start = {"theta_2_0": 0.4}
+    system = _double(component, mass=mass, theta_0=0.4)
+    result = system.simulate(1.0, 0.005, tolerance=1e-12, coupling="implicit")
+    # quadrature of the load, H⁴/720 · rate⁴ · load/m_1 · t: rate² = 2 · 9.81 (1 + mass), load 9.81 · mass, all N/kg
+    bound = 0.005**4 / 720 * (2 * 9.81 * (1 + mass)) ** 2 * max(1.0, 9.81 * mass) + 1e-11
+    assert _error(component, result, mass_2=mass, **start) <= bound
+    handed = np.abs(result["first.work"] + result["second.work"])
+    assert np.max(handed) <= bound * 9.81 * (1 + mass)  # what one does is done to the other: no energy comes or goes
+
+
+def test_power_leaves_one_mechanism_as_it_enters_the_other(component: Components) -> None:
+    result = _double(component).simulate(1.0, 0.01, tolerance=1e-10, coupling="implicit")
+    for axis in "xz":
+        given = -result[f"first.bob_{axis}_load"] * result[f"first.bob_{axis}_dot"]
+        taken = result[f"second.pivot_{axis}_power"]
+        # both ends fit to 1e-12 of their size, 20 N and 1 m/s
+        np.testing.assert_allclose(given + taken, 0, atol=1e-10)
+
+
+def test_acceleration_and_force_fit_from_the_first_point_on(component: Components) -> None:
+    result = _double(component, mass=30.0).simulate(0.1, 0.01, tolerance=1e-10, coupling="implicit")
+    for axis in "xz":
+        force = result[f"second.pivot_{axis}_force"]
+        np.testing.assert_allclose(result[f"first.bob_{axis}_load"], force, rtol=0, atol=1e-9 * 300)
+        moved = result[f"second.pivot_{axis}_ddot"]
+        np.testing.assert_allclose(result[f"first.bob_{axis}_ddot"], moved, rtol=0, atol=1e-9 * 300)
+
+
+def test_repetition_fails_where_newton_does_not(component: Components) -> None:
+    system = _double(component, mass=10.0, theta_0=1.5)
+    with pytest.raises(
+        SimulationError, match=r"^first, second: .* does not converge at t = 0 s, .*coupling='implicit'"
+    ):
+        system.simulate(0.1, 0.001, coupling="waveform")
+    assert system.simulate(0.01, 0.001, coupling="implicit").time[-1] == 0.01
+
+
+def test_both_iterations_end_at_the_same_motion(component: Components) -> None:
+    newton, picard = (
+        _double(component).simulate(0.5, 0.02, tolerance=1e-12, coupling=c) for c in ("implicit", "waveform")
+    )
+    # interface tolerance 1e-13 of values up to 20, over 25 steps
+    np.testing.assert_allclose(picard["second.theta"], newton["second.theta"], rtol=0, atol=1e-10)
+
+
+# ---- adapted steps --------------------------------------------------------------------------------------------------
+
+
+def test_adapted_steps_keep_the_tolerance(component: Components) -> None:
+    errors, points = [], []
+    for tolerance in (1e-5, 1e-8):
+        result = _double(component).simulate(1.0, 0.01, tolerance=1e-12, error_tolerance=tolerance)
+        errors.append(_error(component, result))
+        points.append(len(result.time))
+        assert result.time[-1] == 1.0
+    assert errors[0] <= 1e-5 * points[0]  # a tolerance a step, relative to about 1
+    assert errors[1] <= 1e-8 * points[1]
+    # fifth order a step: 1000 times less error for 4 times as many points, a factor 2 for the ends of the run
+    assert points[1] / points[0] == pytest.approx(1000**0.2, rel=1.0)
+
+
+def test_adapted_steps_shorten_where_something_happens(component: Components) -> None:
+    system = System("jump")
+    motor = system.add("motor", component("SmoothStep"), start_value=1.0, end_value=0.8, start_time=1.0, duration=0.1)
+    swing = system.add("swing", component("Pendulum"), theta_0=0.5)
+    system.connect(motor["y"], swing["length"])
+    result = system.simulate(2.0, 0.2, tolerance=1e-10, error_tolerance=1e-6, coupling="gauss-seidel")
+    sizes = np.diff(result.time)
+    during = sizes[(result.time[:-1] >= 1.0) & (result.time[:-1] < 1.1)]
+    assert np.median(during) < 0.5 * np.median(sizes[result.time[:-1] < 0.9])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"error_tolerance": 0.0}, r"error_tolerance = 0\.0: must be > 0"),
+        ({"error_tolerance": 1e-3, "coupling": "jacobi"}, r"cannot be kept by 'jacobi'.* -> second\.pivot_x_force -> "),
+    ],
+)
+def test_adapted_steps_that_cannot_be(component: Components, arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        _double(component).simulate(1.0, 0.1, **arguments)
+
+
+# ---- FMUs of other makes --------------------------------------------------------------------------------------------
+
+
+def _ring(fmu: FmuPaths, names: tuple[str, str], **starts: float) -> System:
+    system = System("ring")
+    mass = system.add("mass", fmu(names[0]), q_0=1.0)
+    spring = system.add("spring", fmu(names[1]), **starts)
+    system.connect(mass["q"], spring["length"])
+    return system
+
+
+def test_foreign_fmus_that_can_go_back_are_coupled_in_second_order(fmu: FmuPaths) -> None:
+    def error(H: float) -> float:
+        result = _ring(fmu, ("Cart", "Buffer")).simulate(2.0, H)
+        return float(np.max(np.abs(result["mass.q"] - np.cos(math.sqrt(2.0) * result.time))))
+
+    sizes = (0.1, 0.05, 0.025)
+    # the mean of both ends is held: the trapezoidal rule for the velocity
+    assert slope(sizes, [error(H) for H in sizes]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_saved_states_are_given_back(fmu: FmuPaths, trace: Trace) -> None:
+    _ring(fmu, ("Cart", "Buffer")).simulate(0.5, 0.1)
+    calls = trace()
+    for name in ("mass", "spring"):
+        assert calls.index(f"{name} forget") < calls.index(f"{name} free")
+
+
+def test_fmu_that_cannot_go_back_is_named(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    system = _ring(fmu, ("Cart", "Spring"))
+    with pytest.raises(SimulationError, match=r"'implicit' .* spring \(Spring\.fmu\) .* canGetAndSetFMUstate is false"):
+        system.simulate(1.0, 0.1, coupling="implicit")
+    with pytest.raises(SimulationError, match=r"error_tolerance .* spring \(Spring\.fmu\) cannot: its canGetAndSetFMU"):
+        system.simulate(1.0, 0.1, error_tolerance=1e-3)
+    caplog.clear()
+    assert len(system.simulate(1.0, 0.1).time) == 11  # by default it goes on as it can, and says so
+    assert "spring (Spring.fmu) cannot go back" in caplog.text
+
+
+def test_fmu_that_must_not_interpolate_by_itself_is_named(component: Components) -> None:
+    system = _double(component, ("Pendulum", "python/Pendulum"), input_reconstruction=1)
+    with pytest.raises(SimulationError, match=r"second: input_reconstruction=1 .* 'implicit'.* or set 2"):
+        system.simulate(1.0, 0.1, coupling="implicit")
+
+
+def test_library_that_crashes_when_it_is_loaded_does_not_take_us_along(fmu: FmuPaths) -> None:
+    system = System("crash")
+    system.add("bad", fmu("Crashing"))
+    with pytest.raises(SimulationError, match=r"bad: the library of Crashing\.fmu crashes when it is loaded \(SIGABRT"):
+        system.simulate(1.0, 0.1)
+
+
+def test_input_without_source_and_without_start_value_is_named(fmu: FmuPaths) -> None:
+    system = System("unfed")
+    system.add("unfed", fmu("Unfed"))
+    with pytest.raises(SimulationError, match=r"unfed\.u is an input without a start value and nothing feeds it"):
+        system.simulate(1.0, 0.1)
+
+
+def test_half_connected_port_is_reported(component: Components, caplog: pytest.LogCaptureFixture) -> None:
+    system = System("half")
+    motor = system.add("motor", component("Sinusoid"), offset=1.0, amplitude=0.1)
+    swing = system.add("swing", component("Pendulum"))
+    system.connect(motor["y_dot"], swing["length_dot"])
+    system.simulate(0.1, 0.1)
+    assert caplog.records == []  # a rate alone may be meant
+    system.join([Link(motor["y"], swing["length"])])
+    system.simulate(0.1, 0.1)
+    assert "swing.length is fed, but swing.length_ddot is not" in caplog.text
+
+
+def test_failing_step_in_an_iteration_names_component_and_time(component: Components) -> None:
+    system = System("shrinking")
+    motor = system.add("motor", component("Ramp"), offset=1.0, rate=-1.0)
+    swing = system.add("swing", component("Pendulum"))
+    system.connect(motor["y"], swing["length"])
+    with pytest.raises(
+        IncompleteError, match=r"swing: fmi2DoStep from t = 0\.9 s to t = 1 s returned Discard"
+    ) as caught:
+        system.simulate(2.0, 0.1, coupling="implicit")
+    assert caught.value.result.time[-1] == pytest.approx(0.9)
+
+
+# ---- the parts ------------------------------------------------------------------------------------------------------
+
+
+def test_polynomials_go_through_values_and_derivatives_at_both_ends() -> None:
+    quintic, cubic = np.polynomial.Polynomial([1, 2, -3, 0.5, 0.7, -0.2]), np.polynomial.Polynomial([0.3, 1, 2, -1])
+    H = 0.3
+
+    def signals(t: float) -> list[float]:
+        return [quintic(t), quintic.deriv()(t), quintic.deriv(2)(t), cubic(t), cubic.deriv()(t), 0.0]
+
+    port = (0, 1, 2)
+    curves = [Curve(port, 0, 1), Curve(port, 1, 2), Curve(port, 2, 5), Curve((3, 4), 0, 4)]
+    found = Polynomials(curves, 6, 5)(np.array(signals(0.0) + signals(H)), H)
+    sources = (quintic, quintic.deriv(), quintic.deriv(2), cubic)
+    expected = [source.deriv(order)(0.0) for source in sources for order in range(1, 6)]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-15 * 360 * 5 / H**5)  # differences of 5, times 6!/2/H⁵
+
+
+def test_algebraic_loop_is_found_and_told_in_order() -> None:
+    feeds = {("b", "u"): ("a", "y"), ("a", "u"): ("b", "y"), ("c", "u"): ("b", "y")}
+    loop = [("a", "y"), ("b", "u"), ("b", "y"), ("a", "u"), ("a", "y")]
+    (found,) = algebraic_loops(feeds, lambda _output, _input: True)
+    assert found == loop
+    assert algebraic_loops(feeds, lambda output, _: output[0] == "b") == []

@@ -1,0 +1,337 @@
+"""Arrays: one variable in FMI 3.0, their elements in FMI 2.0, rows in the C tables; small or large alike."""
+
+from __future__ import annotations
+
+import ctypes as c
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import driver3
+import fmpy
+import numpy as np
+import pytest
+from driver import DISCARD, ERROR, MODEL_EXCHANGE, OK, reals
+from fmpy.validation import validate_fmu
+from handmade import ring
+from scipy.integrate import solve_ivp
+
+from liaisons.fmu.code import model_code
+from liaisons.fmu.compiler import system_compiler
+from liaisons.fmu.description import model_description
+from liaisons.fmu.description3 import model_description3
+from liaisons.mechanics.model import Model
+
+GUID = "{00000000-0000-0000-0000-000000000001}"
+OUTPUTS = ("x", "x_dot", "p", "p_dot", "anchor_force", "kinetic_energy", "work", "power", "weights")
+
+
+def elements(*names: str) -> list[str]:
+    return [f"{name}[{i}]" for name in names for i in (1, 2, 3)]
+
+
+def description3(model: Model) -> ElementTree.Element:
+    return ElementTree.fromstring(model_description3(model, token=GUID))
+
+
+# ---- description -------------------------------------------------------------------------------------------------
+
+
+def test_validators_find_nothing(ring_library, ring3) -> None:
+    for library in (ring_library, ring3):
+        assert validate_fmu(str(library.path)) == []
+
+
+def test_arrays_of_fmi3(ring3) -> None:
+    variables = {v.name: v for v in ring3.description.modelVariables}
+    assert [v.name for v in ring3.description.modelVariables[:17]] == [v.name for v in ring(3).variables]
+    assert [v.valueReference for v in ring3.description.modelVariables[:17]] == list(range(17))
+    size = variables["n"]
+    assert (size.type, size.causality, size.variability) == ("UInt64", "structuralParameter", "fixed")
+    element = description3(ring(3)).find("ModelVariables/UInt64")
+    assert element is not None
+    assert [element.get(bound) for bound in ("min", "start", "max")] == ["3", "3", "3"]
+    assert [d.variable for d in variables["x"].dimensions] == [size]
+    assert variables["work"].dimensions == []
+    assert variables["x_dot"].derivative is variables["x"]
+    assert variables["x_0"].start == "0.5 -0.25 0.0"
+    assert variables["bond"].start == "0.75"  # one number for all
+    assert variables["time"].causality == "independent"
+    assert [d.variable.name for d in ring3.description.derivatives] == ["x_dot", "p_dot", "power"]
+    jumping = {e.get("name") for e in description3(ring(3)).iter("Float64") if e.get("reinit") == "true"}
+    assert jumping == {"work"}
+
+
+def dependencies(unknowns) -> dict[str, set[str]]:
+    return {u.variable.name: {known.name for known in u.dependencies} for u in unknowns}
+
+
+def test_dependencies_of_fmi3_are_those_of_the_formulas(ring3) -> None:
+    """From the docstring of the ring; the work of an impulse is a difference of kinetic energies."""
+    outputs = dependencies(ring3.description.outputs)
+    assert outputs["x"] == {"x"}
+    assert outputs["x_dot"] == {"mass", "p"}
+    assert outputs["anchor_force"] == {"mass", "stiffness", "anchor", "anchor_ddot", "x"}
+    assert outputs["work"] == {"mass", "anchor_dot", "p", "work"}
+    derivatives = dependencies(ring3.description.derivatives)
+    assert derivatives["p_dot"] == {"stiffness", "bond", "anchor", "force", "x"}
+    initial = dependencies(ring3.description.initialUnknowns)
+    assert initial["p_dot"] == {"stiffness", "bond", "anchor", "force", "x_0"}
+    assert initial["x"] == {"x_0"}
+    assert initial["weights"] == {"mass", "bond"}
+    assert initial.keys() == {v.name for v in ring(3).outputs}
+
+
+def test_dependency_on_time_is_declared(kick3) -> None:
+    assert dependencies(kick3.description.outputs) == {"x": {"x"}, "x_dot": {"time", "t_1"}}
+
+
+def test_dependencies_of_fmi2_are_those_of_elements() -> None:
+    """Neighbours only: in a ring of four, number 3 is no neighbour of number 1."""
+    root = ElementTree.fromstring(model_description(ring(4), guid=GUID, backend="native"))
+    names = [element.attrib["name"] for element in root.iter("ScalarVariable")]
+    (unknown,) = (
+        unknown
+        for unknown in root.findall("ModelStructure/Derivatives/Unknown")
+        if names[int(unknown.attrib["index"]) - 1] == "p_dot[1]"
+    )
+    found = {names[int(index) - 1] for index in unknown.attrib["dependencies"].split()}
+    assert found == {"x[4]", "x[1]", "x[2]", "anchor[1]", "force[1]"}
+
+
+def test_elements_of_fmi2(ring_library) -> None:
+    names = [v.name for v in ring_library.description.modelVariables]
+    assert names == [*(v.name for v in ring(3).flat().variables), "input_reconstruction", "n"]
+    size = ring_library.description.modelVariables[-1]
+    assert (size.type, size.variability, size.start) == ("Integer", "constant", "3")
+    instance = ring_library.start()
+    value = (c.c_int * 1)()
+    assert instance.call("GetInteger", instance.refs(["n"]), 1, value) == OK
+    assert value[0] == 3
+
+
+def test_dependencies_of_very_many_numbers_are_left_out() -> None:
+    """FMI defines a missing list as "all"."""
+    root = ElementTree.fromstring(model_description(ring(1000), guid=GUID, backend="native"))
+    unknowns = list(root.iter("Unknown"))
+    assert len(unknowns) > 6000
+    assert not any("dependencies" in unknown.attrib for unknown in unknowns)
+
+
+# ---- values ------------------------------------------------------------------------------------------------------
+
+
+def test_start_values(ring3, ring_library) -> None:
+    """One number for all, leading ones, and how both versions show them."""
+    instance = ring3.instantiate()
+    assert instance.get("x_0", "bond", "anchor").tolist() == [0.5, -0.25, 0, 0.75, 0.75, 0.75, 0.125, 0.125, 0.125]
+    by_elements = ring_library.instantiate().get(*elements("x_0", "bond", "anchor"))
+    np.testing.assert_array_equal(by_elements, instance.get("x_0", "bond", "anchor"))
+    assert instance.set(x_0=[1, 2, 3]) == OK
+    assert instance.call("Reset") == OK
+    assert instance.get("x_0").tolist() == [0.5, -0.25, 0]
+
+
+def test_order_of_references_does_not_matter(ring3) -> None:
+    instance = ring3.start()
+    assert instance.step(0.0, 0.4).status == OK
+    whole: dict[str, Any] = dict(
+        zip(OUTPUTS, np.split(instance.get(*OUTPUTS), [3, 6, 9, 12, 15, 16, 17, 18]), strict=True)
+    )
+    assert {name: array.size for name, array in whole.items()} == {name: ring3.counts[name] for name in OUTPUTS}
+    mixed = ("weights", "time", "mass", "x", "x", "work", "force", "anchor_force")
+    whole |= {"time": [0.4], "mass": [1.0], "force": [0, 0, 0]}
+    np.testing.assert_array_equal(instance.get(*mixed), np.concatenate([whole[name] for name in mixed]))
+
+
+def test_motion(ring3, ring_library) -> None:
+    """Against SciPy, from the formulas in the docstring of the ring."""
+    force = np.array([0.1, -0.2, 0.3])
+
+    def rates(_: float, y: np.ndarray) -> np.ndarray:
+        x, p = y[:3], y[3:]
+        spring = 0.75 * (np.roll(x, 1) - x)
+        return np.concatenate([p, 2 * np.sin(0.125 - x) + spring - np.roll(spring, -1) + force])
+
+    y = solve_ivp(rates, (0, 4), [0.5, -0.25, 0, 0, 0, 0], method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    instance = ring3.start(tolerance=1e-11, force=force)
+    assert instance.step(0.0, 4.0).status == OK
+    np.testing.assert_allclose(instance.get("x", "p"), y, atol=1e-9)  # some 50 steps of 1e-12 each
+    two = ring_library.start(tolerance=1e-11, **dict(zip(elements("force"), force, strict=True)))
+    assert two.step(0.0, 4.0) == OK
+    assert two.get(*elements("x", "p")).tobytes() == instance.get("x", "p").tobytes()
+
+
+def test_moved_anchors_follow_their_quintic(ring3) -> None:
+    """Interpolation, element by element: three anchors on three ways, against SciPy on the exact ways."""
+    shift = np.array([0.0, 1.0, 2.0])
+
+    def inputs(t: float) -> dict[str, np.ndarray]:
+        wave = t + shift
+        return {"anchor": np.sin(wave), "anchor_dot": np.cos(wave), "anchor_ddot": -np.sin(wave)}
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        x, p = y[:3], y[3:]
+        spring = 0.75 * (np.roll(x, 1) - x)
+        return np.concatenate([p, 2 * np.sin(np.sin(t + shift) - x) + spring - np.roll(spring, -1)])
+
+    y = solve_ivp(rates, (0, 2), [0.5, -0.25, 0, 0, 0, 0], method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    instance = ring3.start(tolerance=1e-11, input_reconstruction=2, **inputs(0.0))
+    for i in range(40):
+        assert instance.set(inputs((i + 1) * 0.05)) == OK
+        assert instance.step(i * 0.05, 0.05).status == OK
+    # The quintic errs by H⁶/46080 = 3e-13 of an amplitude of 1; 40 steps of 1e-12.
+    np.testing.assert_allclose(instance.get("x", "p"), y, atol=1e-9)
+
+
+def test_states_of_arrays_can_be_set_one_by_one_in_model_exchange(ring3) -> None:
+    instance = ring3.start(driver3.MODEL_EXCHANGE)
+    instance.update()
+    assert instance.call("EnterContinuousTimeMode") == OK
+    assert instance.set(p=[4, 5, 6], work=7, x=[1, 2, 3]) == OK
+    assert instance.vector("GetContinuousStates", 7).tolist() == [1, 2, 3, 4, 5, 6, 7]
+    assert instance.get("x_dot").tolist() == [4, 5, 6]
+    assert instance.set(x_dot=[0, 0, 0]) == ERROR
+    assert instance.messages == ["x_dot[1] = 0: it is calculated; set parameters and inputs"]
+
+
+# ---- saved states ------------------------------------------------------------------------------------------------
+
+
+def test_saved_state(ring3) -> None:
+    instance = ring3.start(input_reconstruction=2)
+    assert instance.set(anchor=[0.2, 0.3, 0.4], force=[1, 2, 3]) == OK
+    assert instance.step(0.0, 0.3).status == OK
+    assert instance.set(anchor=[0.1, 0.1, 0.1]) == OK
+    content = instance.serialize()
+    other = ring3.instantiate()
+    assert other.deserialize(content) == OK
+    for i in (instance, other):
+        assert i.step(0.3, 0.3).status == OK
+    assert instance.get(*OUTPUTS).tobytes() == other.get(*OUTPUTS).tobytes()
+
+
+# ---- messages ----------------------------------------------------------------------------------------------------
+
+
+_MESSAGES = [
+    "bond[2] = nan: set a finite number; it stays 0.75",
+    "bond[2] = -1 at t = 0: it must be >= 0; set another value and initialize again",
+    "anchor[2] = 11 at t = 0: it must be <= 10; the step from t = 0 is taken back",
+]
+
+
+def test_messages_name_the_element(ring3) -> None:
+    instance = ring3.instantiate()
+    assert instance.initialize() == OK
+    assert instance.set(bond=[0.0, np.nan, 0.0]) == DISCARD
+    assert instance.set(bond=[0.0, -1.0, 0.0]) == OK
+    assert instance.call("ExitInitializationMode") == ERROR
+    assert instance.set(bond=[0.0, 1.0, 0.0]) == OK
+    assert instance.call("ExitInitializationMode") == OK
+    assert instance.set(anchor=[0.0, 11.0, 0.0]) == OK
+    assert instance.step(0.0, 0.1).status == DISCARD
+    assert instance.messages == _MESSAGES
+
+
+def test_messages_of_fmi2_are_the_same(ring_library) -> None:
+    instance = ring_library.instantiate()
+    assert instance.setup() == OK
+    assert instance.call("EnterInitializationMode") == OK
+    assert instance.set({"bond[2]": np.nan}) == DISCARD
+    assert instance.set({"bond[2]": -1.0}) == OK
+    assert instance.call("ExitInitializationMode") == ERROR
+    assert instance.set({"bond[2]": 1.0}) == OK
+    assert instance.call("ExitInitializationMode") == OK
+    assert instance.set({"anchor[2]": 11.0}) == OK
+    assert instance.step(0.0, 0.1) == DISCARD
+    assert instance.messages == _MESSAGES
+
+
+def test_states_that_are_not_finite_are_named(ring_library) -> None:
+    instance = ring_library.start(MODEL_EXCHANGE)
+    instance.new_discrete_states()
+    assert instance.call("EnterContinuousTimeMode") == OK
+    assert instance.call("SetContinuousStates", reals([0, 0, 0, 0, 0, np.inf, 0]), 7) == DISCARD
+    assert instance.messages == ["p[3] = inf: set a finite number"]
+    assert instance.call("SetContinuousStates", reals([0, 1e308, -1e308, 0, 0, 0, 0]), 7) == OK
+    assert instance.call("GetDerivatives", reals([0.0] * 7), 7) == DISCARD
+    assert instance.messages[1].startswith("p_dot[")
+    assert instance.messages[1].endswith("inf at t = 0: the motion ends there")
+
+
+@pytest.mark.parametrize("function", ["GetFloat64", "SetFloat64"])
+@pytest.mark.parametrize("count", [0, 3, 5, 6])
+def test_numbers_of_values_that_do_not_fit(ring3, function, count) -> None:
+    instance = ring3.start()
+    references = instance.refs(["force", "stiffness"])
+    assert instance.call(function, references, 2, reals([0.0] * 8), count) == ERROR
+    assert instance.messages == [f"{count} values for variables that hold 4"]
+
+
+# ---- structural parameters ---------------------------------------------------------------------------------------
+
+
+def test_configuration_mode(ring3, pendulum3) -> None:
+    instance = ring3.instantiate()
+    size, n = instance.refs(["n"]), (c.c_uint64 * 1)()
+    assert instance.call("SetUInt64", size, 1, (c.c_uint64 * 1)(3), 1) == ERROR
+    assert instance.call("EnterConfigurationMode") == OK
+    assert instance.call("GetUInt64", size, 1, n, 1) == OK
+    assert n[0] == 3
+    assert instance.call("SetUInt64", size, 1, (c.c_uint64 * 1)(3), 1) == OK
+    assert instance.call("SetUInt64", size, 1, (c.c_uint64 * 1)(4), 1) == ERROR
+    assert instance.initialize() == ERROR
+    assert instance.call("ExitConfigurationMode") == OK
+    assert instance.initialize() == OK
+    assert instance.call("EnterConfigurationMode") == ERROR
+    assert instance.messages == [
+        "fmi3SetUInt64 must not be called before initialization",
+        "n = 4: this FMU is built for 3; build another one",
+        "fmi3EnterInitializationMode must not be called in configuration mode",
+        "fmi3EnterConfigurationMode must not be called in initialization mode",
+    ]
+    plain = pendulum3.instantiate()
+    assert plain.call("EnterConfigurationMode") == ERROR
+    assert plain.messages == ["fmi3EnterConfigurationMode: there are no structural parameters"]
+
+
+# ---- sizes -------------------------------------------------------------------------------------------------------
+
+
+def test_code_does_not_grow_with_the_arrays(tmp_path) -> None:
+    """One row a variable, loops in the functions: only digits are added; and it compiles without a warning."""
+    small, large = (model_code(ring(n), GUID, "3") for n in (3, 100_000))
+    assert len(large) < 1.1 * len(small)
+    # In XML only an array whose elements start differently has a list of them.
+    small_xml, large_xml = (description3(ring(n)) for n in (3, 100_000))
+    for variable in (*small_xml.iter("Float64"), *large_xml.iter("Float64")):
+        if variable.get("name") == "x_0":
+            variable.set("start", "")
+    assert len(ElementTree.tostring(large_xml)) < 1.1 * len(ElementTree.tostring(small_xml))
+    compiler = system_compiler()
+    if compiler is not None:
+        (tmp_path / "model.c").write_text(large)
+        runtime = Path(__file__).parents[2] / "components" / "liaisons" / "fmu" / "runtime"
+        flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{runtime}", "-fsyntax-only"]
+        subprocess.run([*compiler, *flags, tmp_path / "model.c"], check=True)
+
+
+def test_one_element_is_an_array_too() -> None:
+    model = replace(ring(1), name="HandRingOfOne")
+    root = ElementTree.fromstring(model_description(model, guid=GUID, backend="native"))
+    names = {element.attrib["name"] for element in root.iter("ScalarVariable")}
+    assert {"x[1]", "anchor_dot[1]"} <= names
+    assert "1, 1, 0," in next(line for line in model_code(model, GUID, "3").splitlines() if '{"x",' in line)
+
+
+def test_fmpy_simulates_arrays(ring3) -> None:
+    result = fmpy.simulate_fmu(
+        str(ring3.path), stop_time=1.0, output_interval=0.5, start_values={"x_0": [0.3, 0.2, 0.1]}, output=["x", "work"]
+    )
+    instance = ring3.start(x_0=[0.3, 0.2, 0.1])
+    for i in range(2):
+        assert instance.step(i * 0.5, 0.5).status == OK
+    np.testing.assert_allclose(result["x"][-1], instance.get("x"), rtol=1e-12)

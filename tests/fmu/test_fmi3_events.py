@@ -1,0 +1,214 @@
+"""FMI 3.0 co-simulation: event mode, early return, intermediate update."""
+
+from __future__ import annotations
+
+import ctypes as c
+
+import numpy as np
+import pytest
+from driver import DISCARD, ERROR, OK
+from driver3 import CO_SIMULATION, Instance3, Library3
+from handmade import breathing
+
+from liaisons.fmu import build
+from liaisons.models import Ramp
+
+WITH_EVENTS = {"events": True, "early": True}
+NAMES = ("length", "length_dot", "length_ddot")
+
+
+def stepping(library: Library3, **start: float) -> Instance3:
+    """An instance with event mode that has left it."""
+    instance = library.start(options=WITH_EVENTS, **start)
+    instance.update()
+    assert instance.call("EnterStepMode") == OK
+    return instance
+
+
+# ---- instants of the component -----------------------------------------------------------------------------------
+
+
+def test_instant_inside_a_step_returns_early(kick3) -> None:
+    """x' = 1 up to t_1, then 3: the value before the event first, after it that behind; then the rest of the step."""
+    instance = kick3.start(options=WITH_EVENTS, t_1=0.7)
+    assert instance.update().next_time == 0.7
+    assert instance.call("EnterStepMode") == OK
+    assert instance.step(0.0, 0.5) == (OK, False, False, 0.5)
+    assert instance.step(0.5, 0.5) == (OK, True, True, 0.7)
+    assert instance.get("x_dot", "time").tolist() == [1.0, 0.7]
+    assert instance["x"] == pytest.approx(0.7, rel=1e-14)
+    assert instance.call("EnterEventMode") == OK
+    assert instance["x_dot"] == 3.0
+    assert instance.update().next_time is None
+    assert instance.call("EnterStepMode") == OK
+    step = instance.step(0.7, 0.3)
+    assert step == (OK, False, False, pytest.approx(1.0, rel=1e-15))
+    assert instance["x"] == pytest.approx(0.7 + 3 * 0.3, rel=1e-14)
+
+
+@pytest.mark.parametrize(("t_1", "size"), [(0.5, 0.5), (0.9, 0.3), (0.3, 0.1)])
+def test_instant_at_the_end_of_a_step(kick3, t_1, size) -> None:
+    """Or where rounding puts it beside: 3 · 0.3 < 0.9, 0.2 + 0.1 > 0.3.  That is no early return."""
+    instance = stepping(kick3, t_1=t_1)
+    steps = [instance.step(i * size, size) for i in range(round(t_1 / size))]
+    assert [step[:3] for step in steps] == [(OK, False, False)] * (len(steps) - 1) + [(OK, True, False)]
+    assert steps[-1].time == t_1
+    assert instance["x_dot"] == 1.0
+    assert instance.call("EnterEventMode") == OK
+    assert instance["x_dot"] == 3.0
+
+
+def test_operator_without_states_stops_too(folder) -> None:
+    instance = stepping(Library3(build(Ramp.model(), folder, backend="native", fmi="3")), start_time=0.25)
+    assert instance.step(0.0, 1.0) == (OK, True, True, 0.25)
+    assert instance.get("y", "y_dot").tolist() == [0.0, 0.0]
+    assert instance.call("EnterEventMode") == OK
+    assert instance.get("y", "y_dot").tolist() == [0.0, 1.0]
+    assert instance.call("EnterStepMode") == OK
+    assert instance.step(0.25, 1.0) == (OK, False, False, 1.25)
+    assert instance.get("y", "y_dot").tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("options", [{"events": True}, {"early": True}, {}])
+def test_instants_are_handled_inside_where_the_importer_cannot(kick3, options) -> None:
+    instance = kick3.start(options=options, t_1=0.7)
+    if "events" in options:
+        assert instance.call("EnterStepMode") == OK
+    assert instance.step(0.0, 1.0) == (OK, False, False, 1.0)
+    assert instance["x"] == pytest.approx(0.7 + 3 * 0.3, rel=1e-14)
+
+
+# ---- jumps of inputs ---------------------------------------------------------------------------------------------
+
+
+def test_jump_in_event_mode_while_inputs_are_interpolated(pendulum3) -> None:
+    """In step mode values belong to the end of the step to come; in event mode to the present: l' jumps by 0.3 m/s.
+
+    The jump does the work m/2 0.3² (M eq. 28 integrated); angle and momentum stay.
+    """
+    instance = stepping(pendulum3, input_reconstruction=2, theta_0=0.8)
+    assert instance.step(0.0, 0.5).status == OK
+    before = instance.get("theta", "p_theta", "work")
+    assert instance.call("EnterEventMode") == OK
+    assert instance.set(length_dot=0.3) == OK
+    assert instance.get("theta", "p_theta").tolist() == before[:2].tolist()
+    assert instance["work"] == pytest.approx(before[2] + 0.3**2 / 2, rel=1e-12)
+    assert instance.update().states_changed
+    assert instance.call("EnterStepMode") == OK
+    assert instance.set(length=1.15) == OK  # at the end of the next step, at the same rate
+    assert instance.step(0.5, 0.5).status == OK
+    assert instance["length"] == 1.15
+    assert abs(instance["energy_balance"]) <= 1e-7  # tolerance 1e-8 of energies of 10 J
+
+
+def test_early_return_keeps_the_way_that_inputs_were_on(pendulum3) -> None:
+    """An interpolated step that is interrupted and completed is the step: a quintic goes on as it is."""
+
+    def run(stop: float | None) -> np.ndarray:
+        def observer(_: Instance3, time: float) -> float | None:
+            return stop if stop is not None and time < stop else None
+
+        options = {"early": True, "observer": observer}
+        start = dict(zip(NAMES, breathing(0.0), strict=True))
+        instance = pendulum3.start(options=options, tolerance=1e-12, input_reconstruction=2, theta_0=0.8, **start)
+        assert instance.set(dict(zip(NAMES, breathing(0.5), strict=True))) == OK
+        step = instance.step(0.0, 0.5)
+        if stop is not None:
+            assert step == (OK, False, True, stop)
+            assert instance.step(stop, 0.5 - stop).status == OK
+        assert instance["length"] == breathing(0.5)[0]
+        return instance.get("theta", "p_theta", "work", "energy_balance")
+
+    np.testing.assert_allclose(run(0.2), run(None), atol=1e-11)  # two solutions at a tolerance of 1e-12
+
+
+# ---- intermediate update -----------------------------------------------------------------------------------------
+
+
+def test_every_step_of_the_solver_is_shown(pendulum3) -> None:
+    """Increasing times up to the end, outputs of the motion there, rates of outputs; and the result is not touched."""
+    seen: list[tuple[float, float, float, float]] = []
+
+    def observer(instance: Instance3, time: float) -> None:
+        rate = (instance.refs(["theta"]), 1, (c.c_int32 * 1)(1))
+        value = (c.c_double * 1)()
+        assert instance.call("GetOutputDerivatives", *rate, value, 1) == OK
+        theta, theta_dot, clock = instance.get("theta", "theta_dot", "time")
+        assert clock == time
+        assert value[0] == pytest.approx(theta_dot, rel=1e-13)
+        seen.append((time, theta, instance["energy_balance"], instance["energy"]))
+
+    watched = pendulum3.start(options={"observer": observer}, theta_0=2.0)
+    alone = pendulum3.start(theta_0=2.0)
+    assert watched.step(0.0, 3.0) == alone.step(0.0, 3.0) == (OK, False, False, 3.0)
+    names = ("theta", "p_theta", "work", "energy_balance")
+    assert watched.get(*names).tobytes() == alone.get(*names).tobytes()
+    times = np.array([row[0] for row in seen])
+    assert len(times) > 5
+    assert np.all(np.diff(times) > 0)
+    assert times[-1] == 3.0
+    energies = np.array([row[3] for row in seen])
+    np.testing.assert_allclose(energies, energies[0], atol=1e-7)  # 10 J at a tolerance of 1e-8
+    assert set(watched.seen) == {(False, True, True, False)}  # outputs of finished steps, no inputs, no early return
+
+
+def test_importer_returns_early(pendulum3) -> None:
+    """At once, at a later time, or not at all where it has not been allowed."""
+
+    def observer(_: Instance3, time: float) -> float | None:
+        return time if 1.0 <= time < 2.0 else None
+
+    instance = pendulum3.start(options={"observer": observer, "early": True}, theta_0=2.0)
+    step = instance.step(0.0, 3.0)
+    assert step[:3] == (OK, False, True)
+    assert 1.0 <= step.time < 3.0
+    assert instance["time"] == step.time
+    while step.time < 3.0:
+        step = instance.step(step.time, 3.0 - step.time)
+        assert step.status == OK
+    reference = pendulum3.start(theta_0=2.0)
+    assert reference.step(0.0, 3.0).status == OK
+    assert instance["theta"] == pytest.approx(reference["theta"], abs=1e-6)  # two solutions at 1e-8, amplified
+    refused = pendulum3.start(options={"observer": observer}, theta_0=2.0)
+    assert refused.step(0.0, 3.0) == (OK, False, False, 3.0)
+
+
+def test_failure_behind_a_request_to_return(pendulum3) -> None:
+    """The length passes zero before the wanted time: the step is refused, not waited for."""
+    options = {"observer": lambda *_: 0.9, "early": True}
+    instance = pendulum3.start(options=options, theta_0=0.5, length_dot=-2.0)
+    before = instance.get("theta", "p_theta", "length")
+    assert instance.step(0.0, 1.0).status == DISCARD
+    np.testing.assert_array_equal(instance.get("theta", "p_theta", "length"), before)
+    assert instance.set(length_dot=0.0) == OK
+    assert instance.step(0.0, 1.0)[:3] == (OK, False, True)
+
+
+def test_only_reading_inside_a_step(pendulum3) -> None:
+    statuses: list[int] = []
+
+    def observer(instance: Instance3, _: float) -> None:
+        statuses.append(instance.set(theta_force=1.0))
+        statuses.append(instance.call("Terminate"))
+        statuses.append(instance.call("Reset"))
+
+    instance = pendulum3.start(options={"observer": observer})
+    assert instance.step(0.0, 0.1).status == OK
+    assert set(statuses) == {ERROR}
+    assert set(instance.messages) == {
+        f"fmi3{name} must not be called inside a communication step" for name in ("SetFloat64", "Terminate", "Reset")
+    }
+
+
+def test_states_of_an_event_belong_to_instances_with_event_mode(kick3) -> None:
+    instance = stepping(kick3, t_1=0.7)
+    assert instance.step(0.0, 1.0).early
+    content = instance.serialize()
+    other = kick3.instantiate(CO_SIMULATION, **WITH_EVENTS)
+    assert other.deserialize(content) == OK
+    assert other["x_dot"] == 1.0  # still before the event
+    assert other.call("EnterEventMode") == OK
+    assert other["x_dot"] == 3.0
+    plain = kick3.instantiate()
+    assert plain.deserialize(content) == ERROR
+    assert plain.messages == ["the saved state belongs to an instance for co-simulation with events"]

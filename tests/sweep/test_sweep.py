@@ -1,0 +1,174 @@
+"""Sweeps in processes of this machine, against one simulation after the other."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from liaisons import Result, System, build, simulate
+from liaisons.errors import SimulationError
+from liaisons.models import Pendulum
+from liaisons.sweeps import SweepError, grid, sweep
+
+SPAN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.05}
+CASES = grid({"theta_0": np.linspace(0.1, 3.0, 6), "length": [0.5, 1.0]})
+
+
+def one_by_one(fmu: Path) -> list[Result]:
+    cases: list[dict[str, Any]] = [{**SPAN, **CASES.case(number)} for number in range(CASES.count)]
+    return [simulate(fmu, **case) for case in cases]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_case_is_the_same_as_alone(pendulum, workers) -> None:
+    keep = ["theta", "theta:max", "energy:min"]
+    table = sweep(pendulum, CASES, keep, workers=workers, **SPAN)
+    results = one_by_one(pendulum)
+    assert table["theta"].tolist() == [result["theta"][-1] for result in results]
+    assert table["theta:max"].tolist() == [result["theta"].max() for result in results]
+    assert table["energy:min"].tolist() == [result["energy"].min() for result in results]
+    assert np.array_equal(table["length"], CASES["length"])
+    assert dict(table.units) == {"theta_0": "rad", "length": "m", "theta": "rad", "theta:max": "rad", "energy:min": "J"}
+
+
+@pytest.mark.parametrize("kind", ["FMI 3.0", "Python"])
+def test_other_kinds_of_fmus(folder, kind) -> None:
+    model = Pendulum.model()
+    fmu = build(model, folder, fmi="3") if kind == "FMI 3.0" else build(model, folder, backend="python")
+    cases = {"theta_0": [0.1, -1.0, 2.0], "mass": [1.0, -1.0, 2.0]}
+    table = sweep(fmu, cases, ["theta", "p_theta"], workers=1, **SPAN)
+    for number in (0, 2):
+        alone = simulate(fmu, **SPAN, theta_0=cases["theta_0"][number], mass=cases["mass"][number])
+        assert (table["theta"][number], table["p_theta"][number]) == (alone["theta"][-1], alone["p_theta"][-1])
+    assert "mass" in table.failures[1]
+
+
+def test_functions_of_the_result_and_settings_in_common(pendulum) -> None:
+    keep = {"swing": lambda result: np.ptp(result["theta"]), "end": "theta"}
+    table = sweep(pendulum, {"input_reconstruction": [0, 1]}, keep, starts={"theta_0": 0.7, "length_dot": 0.1}, **SPAN)
+    for number in range(2):
+        alone = simulate(pendulum, **SPAN, theta_0=0.7, length_dot=0.1, input_reconstruction=number)
+        assert (table["swing"][number], table["end"][number]) == (np.ptp(alone["theta"]), alone["theta"][-1])
+    assert table["end"][0] != table["end"][1]
+
+
+@pytest.mark.parametrize("coupling", [None, "jacobi"])
+def test_a_system(swing, coupling) -> None:
+    cases = {"motor.amplitude": [0.0, 0.1, 0.2], "bob.theta_0": [0.5, 0.6, 0.7]}
+    table = sweep(swing, cases, ["bob.theta", "motor.y:max"], coupling=coupling, **SPAN)
+    for number in range(3):
+        alone = System("alone")
+        bob = alone.add("bob", swing.components["bob"].fmu.path, theta_0=cases["bob.theta_0"][number])
+        motor = alone.add(
+            "motor",
+            swing.components["motor"].fmu.path,
+            offset=1.0,
+            angular_frequency=6.0,
+            amplitude=cases["motor.amplitude"][number],
+        )
+        alone.connect(motor["y"], bob["length"])
+        result = alone.simulate(1.0, 0.05, coupling=coupling)
+        assert table["bob.theta"][number] == result["bob.theta"][-1]
+        assert table["motor.y:max"][number] == result["motor.y"].max()
+
+
+def test_a_system_that_is_coupled_implicitly(pendulum) -> None:
+    system = System("double")
+    upper = system.add("upper", pendulum, theta_0=0.3)
+    lower = system.add("lower", pendulum, theta_0=-0.2)
+    system.connect(upper["bob"], lower["pivot"])
+    table = sweep(system, {"lower.mass": [0.5, 1.0]}, ["lower.theta"], workers=1, **SPAN)
+    # mass 1 is what the FMU has by itself
+    assert table["lower.theta"][1] == system.simulate(1.0, 0.05)["lower.theta"][-1]
+
+
+def test_cases_that_fail_are_recorded_and_the_others_go_on(pendulum, caplog) -> None:
+    table = sweep(pendulum, {"mass": [1.0, -1.0, 2.0, 0.0, 3.0]}, ["theta"], workers=1, **SPAN)
+    assert table.failures.keys() == {1, 3}
+    assert "mass = -1" in table.failures[1]
+    assert np.isnan(table["theta"][[1, 3]]).all()
+    assert table["theta"][4] == simulate(pendulum, **SPAN, mass=3.0)["theta"][-1]
+    assert not caplog.records  # no complaint when what failed is put away
+
+
+def test_a_function_that_fails_is_a_case_that_fails(pendulum) -> None:
+    table = sweep(pendulum, {"theta_0": [0.1]}, {"x": lambda result: result["no_such"]}, **SPAN)
+    assert "no_such" in table.failures[0]
+
+
+def test_a_killed_process_loses_no_case(pendulum, tmp_path) -> None:
+    killed = tmp_path / "killed"
+
+    def theta(result: Result) -> float:
+        if result["theta"][0] > 1.5 and not killed.exists():
+            killed.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return result["theta"][-1]
+
+    table = sweep(pendulum, CASES, {"theta": theta}, workers=2, **SPAN)
+    assert killed.exists()
+    assert not table.failures
+    assert table["theta"].tolist() == [result["theta"][-1] for result in one_by_one(pendulum)]
+
+
+def test_a_case_that_always_kills_its_process_is_given_up(pendulum) -> None:
+    def theta(result: Result) -> float:
+        if result["theta"][0] == 0.3:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return result["theta"][-1]
+
+    table = sweep(pendulum, {"theta_0": [0.1, 0.2, 0.3, 0.4, 0.5]}, {"theta": theta}, workers=2, **SPAN)
+    assert table.failures.keys() == {2}
+    assert "died" in table.failures[2]
+
+
+def test_a_file_has_the_same_numbers(pendulum, tmp_path) -> None:
+    table = sweep(pendulum, {"mass": [1.0, -1.0], "theta_0": [0.1, 1 / 3]}, ["theta"], **SPAN)
+    table.to_csv(tmp_path / "table.csv")
+    with (tmp_path / "table.csv").open(encoding="utf-8", newline="") as file:
+        names, units, *rows = csv.reader(file)
+    assert names == ["mass", "theta_0", "theta", "failure"]
+    assert units == ["# kg", "rad", "rad", ""]
+    assert [float(cell) for cell in rows[0][:3]] == list(table.rows[0].tolist())
+    assert rows[1][3] == table.failures[1]
+
+
+def test_progress(pendulum, capsys) -> None:
+    sweep(pendulum, CASES, ["theta"], progress=True, **SPAN)
+    assert "12 of 12 cases, 0 s left" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (({"theta0": [1.0]}, ["theta"]), SimulationError, "did you mean 'theta_0'"),
+        (({"theta": [1.0]}, ["theta_dot"]), SimulationError, "cannot be set"),
+        (({"theta_0": [1.0]}, ["tehta"]), SimulationError, "did you mean 'theta'"),
+        (({"theta_0": [1.0]}, ["theta:mx"]), SweepError, "did you mean 'max'"),
+        (({"theta_0": [1.0]}, []), SweepError, "nothing is kept"),
+        (({"theta_0": [1.0]}, "theta"), SweepError, "give a list"),
+        (({"theta_0": [1.0]}, {"x": 7}), SweepError, "x = 7"),
+        (({}, ["theta"]), SweepError, "nothing is varied"),
+        (({"theta_0": []}, ["theta"]), SweepError, "theta_0 has values of shape"),
+        (({"length": [1.0]}, ["length"]), SweepError, "'length' is varied and kept"),
+        (({"input_reconstruction": [0.5]}, ["theta"]), SimulationError, "input_reconstruction"),
+    ],
+)
+def test_misuse(pendulum, arguments, error, message) -> None:
+    with pytest.raises(error, match=message):
+        sweep(pendulum, *arguments, **SPAN)
+
+
+def test_misuse_of_settings(pendulum, swing) -> None:
+    with pytest.raises(SweepError, match="workers = 0"):
+        sweep(pendulum, CASES, ["theta"], workers=0, **SPAN)
+    with pytest.raises(SimulationError, match="no component 'bop'; did you mean 'bob'"):
+        sweep(swing, {"bop.theta_0": [1.0]}, ["bob.theta"], **SPAN)
+    with pytest.raises(SimulationError, match="stop_time"):
+        sweep(swing, {"bob.theta_0": [1.0]}, ["bob.theta"])
