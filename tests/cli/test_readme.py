@@ -19,8 +19,16 @@ def test_the_scenario_of_the_readme(liaisons: Cli, tmp_path: Path) -> None:
 def test_the_system_of_the_readme() -> None:
     (system,) = [block for block in blocks("README.md", "python") if "System(" in block]
     names: dict[str, object] = {}
-    exec(system.replace("stop_time=60", "stop_time=1"), names)
-    assert names["result"]["swing.theta"][0] == 0.05  # type: ignore[index]
+    exec(system.replace("stop_time=10", "stop_time=1"), names)
+    assert names["result"]["lower.theta"][0] == -0.2  # type: ignore[index]
+
+
+@pytest.mark.usefixtures("liaisons")
+def test_the_sweep_of_the_readme() -> None:
+    (sweep,) = [block for block in blocks("README.md", "python") if "sweep(" in block]
+    names: dict[str, object] = {}
+    exec(sweep, names)
+    assert len(names["table"]) == 6  # type: ignore[arg-type]
 
 
 def test_the_readme_has_two_commands_first() -> None:

@@ -290,8 +290,9 @@ def test_three_masses_are_the_molecule_of_equal_atoms(sized, fmu) -> None:
 def test_closed_forms_say_where_they_hold() -> None:
     refused: list[dict[str, Any]] = [{"u_0": [1.0]}, {"mass": 0.0}, {"stiffness": -1.0}]
     for bad in refused:
+        arguments: dict[str, Any] = {"u_0": [1.0, 0.0]} | bad
         with pytest.raises(ValidityError, match="OscillatorChain"):
-            OscillatorChain.exact(1.0, **({"u_0": [1.0, 0.0]} | bad))
+            OscillatorChain.exact(1.0, **arguments)
     with pytest.raises(ValidityError, match="DrivenChain: n = 1"):
         DrivenChain.exact(1.0, n=1)
     with pytest.raises(ValidityError, match="gravity = 0"):

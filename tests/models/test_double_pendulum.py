@@ -289,8 +289,13 @@ def test_a_pivot_that_accelerates_upwards_is_more_gravity(fmu) -> None:
     assert max_error(rising["energy_balance"], 0.0) <= 10 * 1e-12 * 5 * float(np.max(np.abs(rising["energy"])))
 
 
-def test_two_coupled_pendulum_fmus_tend_to_it_in_first_order(fmu) -> None:
-    """The force at the joint is one step old: an error in proportion to the step, and nothing else is left."""
+COUPLINGS: dict[Any, tuple[float, float]] = {"gauss-seidel": (1, 0.02), "implicit": (4, 1e-9)}
+"""Order in the step of each, and the error at the last of the steps below [rad]."""
+
+
+@pytest.mark.parametrize("coupling", COUPLINGS)
+def test_two_coupled_pendulum_fmus_tend_to_it(fmu, coupling: Any) -> None:
+    """Explicitly the force at the joint is one step old; implicitly the loads are cubic within a step."""
     lengths, masses = (1.0, 0.7), (1.0, 0.1)
     theta = (0.8, -0.3)
     steps, found = [0.02, 0.01, 0.005, 0.0025], []
@@ -307,14 +312,15 @@ def test_two_coupled_pendulum_fmus_tend_to_it_in_first_order(fmu) -> None:
             pivot_z=-np.cos(theta[0]),
         )
         system.connect(upper["bob"], lower["pivot"])
-        coupled = system.simulate(stop_time=2.0, step_size=step_size, tolerance=1e-10)
+        coupled = system.simulate(stop_time=2.0, step_size=step_size, tolerance=1e-12, coupling=coupling)
         start: Any = {"theta_1_0": theta[0], "theta_2_0": theta[1], "mass_2": masses[1], "length_2": lengths[1]}
-        double = simulate(fmu(DoublePendulum), stop_time=2.0, step_size=step_size, tolerance=1e-10, **start)
+        double = simulate(fmu(DoublePendulum), stop_time=2.0, step_size=step_size, tolerance=1e-12, **start)
         found.append(
             max(max_error(coupled[f"{k}.theta"], double[f"theta_{i}"]) for i, k in ((1, "upper"), (2, "lower")))
         )
-    assert found[-1] <= 0.02
-    assert 0.9 <= slope(steps, found) <= 1.2  # and the limit is the double pendulum
+    order, error = COUPLINGS[coupling]
+    assert found[-1] <= error
+    assert order - 0.1 <= slope(steps, found) <= order + 0.2  # and the limit is the double pendulum
 
 
 @pytest.mark.parametrize("name", ["mass_1", "mass_2", "length_1", "length_2"])

@@ -133,7 +133,8 @@ def _symbol(like: Any) -> Any:
 
 def _dense_vectors(model: Model, expressions: Sequence[Any], vectors: str) -> list[Any]:
     dense = [_dense(x, _blocks(model, vector)) for x, vector in zip(expressions, vectors, strict=True)]
-    return list(ca.cse(dense))
+    scalar = all(isinstance(x, ca.SX) for x in dense)  # what maps share is shared already, and cse is slow on them
+    return list(ca.cse(dense)) if scalar else dense
 
 
 def _dense(vector: Any, blocks: Sequence[int]) -> Any:

@@ -47,9 +47,9 @@ def simulate(plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver)
                 deliver(future.result())
             elif future.status == "cancelled":
                 raise SweepError("the Dask cluster has cancelled the sweep; is its scheduler still there?")
-            elif len(chunk) == 1:
+            elif len(chunk) == 1 and future.status == "error":
                 deliver({chunk[0]: f"Dask: {future.exception()}"})
-            else:
+            else:  # several cases, one of which is to blame, or a result that was lost with its worker
                 for case in chunk:
                     again = client.submit(_simulate, shipment, [case], pure=False)
                     chunks[again] = [case]

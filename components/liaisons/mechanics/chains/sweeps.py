@@ -89,7 +89,13 @@ def _moved(handed: ca.MX, start: ca.MX, inward: bool) -> ca.MX:
     """What each link meets, where this is what each hands on."""
     if handed.nnz() == 0 and start.nnz() == 0:
         return handed
-    return ca.horzcat(handed[:, 1:], ca.densify(start)) if inward else ca.horzcat(ca.densify(start), handed[:, :-1])
+    edge = start if start.nnz() else _dense_zeros(handed[:, 0])
+    return ca.horzcat(handed[:, 1:], edge) if inward else ca.horzcat(edge, handed[:, :-1])
+
+
+def _dense_zeros(like: ca.MX) -> ca.MX:
+    """Zeros that stay dense when they are differentiated; zeros by structure make tables as long as the chain."""
+    return ca.fmin(like**2, 0)
 
 
 def _tree(link: ca.Function, n: int, carried: int, each: int, inward: bool) -> ca.Function:

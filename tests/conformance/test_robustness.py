@@ -1,0 +1,166 @@
+"""What an FMU stands: any call in any order, crowds, threads, long runs; under valgrind and sanitizers too."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+from trial import (
+    HEADERS,
+    compile_library,
+    every_component,
+    every_version,
+    reals,
+    rows,
+    run,
+    some_components,
+)
+
+CALLS = 20_000  # at random, a run; some hundred times as many by hand
+# Functions that are there because the standard asks for them, and that are refused wherever they are called.
+ALWAYS_REFUSED = {
+    "2": {"Instantiate", "CancelStep", "GetStatus", "GetIntegerStatus", "GetStringStatus"},
+    "3": {
+        *("InstantiateModelExchange", "InstantiateCoSimulation", "InstantiateScheduledExecution"),
+        *("EvaluateDiscreteStates", "ActivateModelPartition"),
+        *("GetNumberOfVariableDependencies", "GetVariableDependencies"),
+        *("EnterConfigurationMode", "ExitConfigurationMode", "SetUInt64"),  # without structural sizes
+    },
+}
+NEVER_REFUSED = {"GetTypesPlatform", "GetVersion", "FreeInstance"}
+MEMORY = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+THREADS = ("-fsanitize=thread",)
+
+linux_only = pytest.mark.skipif(sys.platform != "linux", reason="the programs need POSIX")
+
+
+@pytest.fixture(scope="session")
+def sanitized(program, trial) -> Callable[..., str]:
+    """Run one of our programs and the FMU's own sources, both compiled with a sanitizer; it ends at the first fault."""
+
+    @cache
+    def library(name: str, version: str, flags: tuple[str, ...]) -> Path:
+        return compile_library(trial(name, version), flags[0].removeprefix("-fsanitize="), ["-g", "-O1", *flags])
+
+    def ran(flags: tuple[str, ...], command: str, name: str, version: str, *arguments: str) -> str:
+        options = {"ASAN_OPTIONS": "detect_leaks=1", "TSAN_OPTIONS": "halt_on_error=1"}
+        executable = program(command, *flags)
+        return run(
+            executable, library(name, version, flags), trial(name, version).plan, *arguments, environment=options
+        )
+
+    return ran
+
+
+# ---- any call in any order ---------------------------------------------------------------------------------------
+
+
+@linux_only
+@every_version
+@every_component
+def test_calls_at_random(program, trial, name, version) -> None:
+    """None crashes, hangs, is wrongly taken or refused, or leaves a trace when it is refused; see fuzz.c."""
+    it = trial(name, version)
+    run(program("fuzz"), it.library, it.plan, str(len(name)), str(CALLS))
+
+
+@linux_only
+@every_version
+def test_calls_at_random_reach_everything(program, trial, version) -> None:
+    it = trial("Pendulum", version)
+    lines = run(program("fuzz"), it.library, it.plan, "1", str(10 * CALLS)).splitlines()
+    counts = {name: (int(taken), int(refused)) for name, taken, refused in (line.split() for line in lines[:-1])}
+    assert len(counts) == (HEADERS / f"fmi{version}Functions.h").read_text().count(f"fmi{version}FullName(fmi")
+    assert {name for name, (taken, _) in counts.items() if taken == 0} <= ALWAYS_REFUSED[version]
+    assert {name for name, (_, refused) in counts.items() if refused == 0} <= NEVER_REFUSED | ALWAYS_REFUSED[version]
+
+
+@linux_only
+@every_version
+@some_components
+def test_calls_at_random_under_sanitizers(sanitized, name, version) -> None:
+    sanitized(MEMORY, "fuzz", name, version, "1", str(CALLS))
+
+
+@linux_only
+@pytest.mark.slow
+@every_version
+@every_component
+def test_many_calls_at_random(program, sanitized, trial, name, version) -> None:
+    it = trial(name, version)
+    for seed in range(2, 12):
+        run(program("fuzz"), it.library, it.plan, str(seed), str(50 * CALLS), time_out=900)
+    sanitized(MEMORY, "fuzz", name, version, "12", str(10 * CALLS))
+
+
+# ---- many instances ----------------------------------------------------------------------------------------------
+
+
+@every_version
+@some_components
+def test_two_thousand_instances_do_not_know_of_each_other(program, trial, name, version) -> None:
+    it = trial(name, version)
+    run(program("host"), it.library, it.plan, "crowd", "2000")
+
+
+@linux_only
+@every_version
+@some_components
+def test_threads_do_not_know_of_each_other(program, trial, name, version) -> None:
+    """The results are those of a single thread to the last bit."""
+    it = trial(name, version)
+    run(program("host"), it.library, it.plan, "threads", "16")
+
+
+@linux_only
+@every_version
+@pytest.mark.parametrize("name", ["Pendulum"])
+def test_threads_share_no_memory(sanitized, name, version) -> None:
+    sanitized(THREADS, "host", name, version, "threads", "8")
+
+
+# ---- memory ------------------------------------------------------------------------------------------------------
+
+
+@linux_only
+@every_version
+@some_components
+def test_lives_under_sanitizers(sanitized, tmp_path, name, version) -> None:
+    for command in (("life", str(tmp_path / "state")), ("exchange",), ("crowd", "5"), ("lives", "6")):
+        sanitized(MEMORY, "host", name, version, *command)
+
+
+@linux_only
+@every_version
+@pytest.mark.parametrize("name", ["Pendulum", "SpatialCat"])
+def test_lives_under_valgrind(program, trial, tmp_path, name, version) -> None:
+    """No invalid access, no number that was never written, no leak in the binary as it is delivered."""
+    if not shutil.which("valgrind"):
+        pytest.skip("valgrind is not installed")
+    it = trial(name, version)
+    valgrind = ("valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9")
+    for command in (("life", tmp_path / "state"), ("exchange",), ("crowd", "3"), ("lives", "6")):
+        run(*valgrind, program("host"), it.library, it.plan, *command)
+
+
+# ---- long runs ---------------------------------------------------------------------------------------------------
+
+
+@linux_only
+@pytest.mark.slow
+@every_version
+def test_ten_million_steps(program, trial, version) -> None:
+    it = trial("Pendulum", version)
+    printed = run(program("host"), it.library, it.plan, "long", "10000000", time_out=900)
+    growth = float(printed.split()[0])
+    (largest,) = rows(printed)
+    names = [variable.name for variable in reals(it.description, "output")]
+    energy, balance = (largest[names.index(name)] for name in ("energy", "energy_balance"))
+    # From the hundredth part of the run on no page more than the loader's own: one lost byte a step would be 10 MB.
+    assert growth <= 64  # kB
+    # Local errors of 0.02 * 1e-8, whose signs change with the swing, add up as in a random walk.
+    assert balance <= 1e7**0.5 * 0.02 * 1e-8 * energy

@@ -1,0 +1,159 @@
+"""What it takes to put an FMU through a program in C: the program, the FMU's library, and a plan of what it has."""
+
+from __future__ import annotations
+
+import subprocess
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.model_description import ModelDescription, ModelVariable
+from numpy.typing import NDArray
+
+from liaisons.fmu import compiler
+from liaisons.models import CATALOGUE
+
+Version = Literal["2", "3"]  # of FMI
+
+COMPONENTS = {component.__name__: component for component in CATALOGUE}
+VERSIONS: tuple[Version, ...] = get_args(Version)
+SOURCES = Path(__file__).parent
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror")
+
+every_version = pytest.mark.parametrize("version", VERSIONS, ids=[f"fmi{v}" for v in VERSIONS])
+every_component = pytest.mark.parametrize("name", COMPONENTS)
+# Free and driven, constrained, rotating with quaternions, with events, and without any state.
+some_components = pytest.mark.parametrize(
+    "name", ["Pendulum", "CartesianPendulum", "SpatialCat", "SwingPump", "SmoothStep"]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """An FMU that is unpacked."""
+
+    description: ModelDescription
+    folder: Path
+    library: Path
+    plan: Path
+
+    @property
+    def step(self) -> float:
+        """The communication step of the trials [s]."""
+        return step_size(self.description)
+
+
+def unpack(fmu: Path, folder: Path, platform: tuple[str, str] | None = None) -> Trial:
+    """Unpack an FMU and write its plan; platform: folder in ``binaries`` and extension, else those of this machine."""
+    description = fmpy.read_model_description(str(fmu), validate=False)
+    with zipfile.ZipFile(fmu) as archive:
+        archive.extractall(folder)
+    host = fmpy.platform if major_version(description) == "2" else fmpy.platform_tuple
+    directory, extension = platform or (host, fmpy.sharedLibraryExtension)
+    plan = folder / "plan"
+    plan.write_text(plan_text(description))
+    return Trial(description, folder, folder / "binaries" / directory / f"{description.modelName}{extension}", plan)
+
+
+# ---- what the FMU has --------------------------------------------------------------------------------------------
+
+
+def plan_text(description: ModelDescription) -> str:
+    """The words that ``read_plan`` in fmu.c reads."""
+    token = description.guid or description.instantiationToken
+    states = sum(elements(unknown.variable) for unknown in description.derivatives if unknown.variable)
+    groups = [group(title, reals(description, title)) for title in ("parameter", "input", "output")]
+    groups.append(group("local", reals(description, "local", "calculatedParameter", "independent")))
+    for title, types in (("integer", {"Integer", "Int32"}), ("size", {"UInt64"})):
+        groups.append(group(title, [v for v in description.modelVariables if v.type in types]))
+    return "\n".join([f"{major_version(description)} {token} {step_size(description)!r} {states}", *groups, ""])
+
+
+def major_version(description: ModelDescription) -> str:
+    """``"2"`` or ``"3"``."""
+    return (description.fmiVersion or "")[:1]
+
+
+def group(title: str, variables: Sequence[ModelVariable]) -> str:
+    """Title, number of variables and of their elements, references and sizes, start values (0 if there are none)."""
+    values = np.concatenate([start_values(variable) for variable in variables]) if variables else ()
+    places = [f"{variable.valueReference} {elements(variable)}" for variable in variables]
+    return " ".join([title, str(len(variables)), str(len(values)), *places, *(repr(float(v)) for v in values)])
+
+
+def step_size(description: ModelDescription) -> float:
+    """A communication step of whole microseconds; forty are some part of the default experiment [s]."""
+    experiment = description.defaultExperiment
+    return min(round(float((experiment and experiment.stopTime) or 1.0) / 40, 6), 0.05)
+
+
+def reals(description: ModelDescription, *causalities: str) -> list[ModelVariable]:
+    """The variables of type Real or Float64 with these causalities."""
+    return [v for v in description.modelVariables if v.type in {"Real", "Float64"} and v.causality in causalities]
+
+
+def elements(variable: ModelVariable) -> int:
+    """1 of a scalar; of an array, how many."""
+    return int(np.prod(variable.shape or ()))
+
+
+def start_values(variable: ModelVariable) -> NDArray:
+    """One value for each element."""
+    return np.broadcast_to(np.array((variable.start or "0").split(), dtype=float), elements(variable))
+
+
+# ---- programs ----------------------------------------------------------------------------------------------------
+
+
+def compile_program(
+    sources: Iterable[Path], output: Path, flags: Iterable[str] = (), cc: Sequence[str] | None = None
+) -> Path:
+    """Compile a C program of ours, without a warning."""
+    cc = cc or compiler.system_compiler() or compiler.zig_compiler()
+    assert cc is not None
+    libraries = [] if output.suffix == ".exe" else ["-lm", "-ldl", "-lpthread"]
+    run(*cc, *STRICT, "-O1", "-g", f"-I{HEADERS}", *flags, *sources, "-o", output, *libraries)
+    return output
+
+
+def compile_library(trial: Trial, name: str, flags: Sequence[str], cc: Sequence[str] | None = None) -> Path:
+    """Compile the FMU's own sources anew, without a warning, with other flags."""
+    cc = cc or compiler.system_compiler() or compiler.zig_compiler()
+    assert cc is not None
+    library = trial.folder / f"{name}.so"
+    sources = sorted((trial.folder / "sources").glob("*.c"))
+    run(*cc, *STRICT, "-fPIC", "-shared", *flags, *sources, "-o", library, "-lm")
+    return library
+
+
+def run(
+    *command: str | Path,
+    time_out: float = 300.0,
+    environment: dict[str, str] | None = None,
+    folder: Path | None = None,
+) -> str:
+    """What a program prints that ends well within this time [s]."""
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=time_out,
+        env=environment,
+        cwd=folder,
+        check=False,
+    )
+    assert done.returncode == 0, f"{' '.join(map(str, command))}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def rows(printed: str) -> NDArray:
+    """The numbers that host.c prints, bit by bit; shape (rows, outputs)."""
+    lines = [line.split()[1:] for line in printed.splitlines()]
+    return np.array([[int(word, 16) for word in line] for line in lines], dtype=np.uint64).view(np.float64)
