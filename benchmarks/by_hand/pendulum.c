@@ -42,7 +42,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real H, fmi2Boolean keep)
     static const double size[4] = {1, 1, 9.81, 9.81};
     Pendulum *it = c;
     double work[SOLVER_COLUMNS * 4], from = 0;
-    const Problem problem = {4, 0.02 * 1e-8, size, solver_rates, solver_accept, it->v};
+    const Problem problem = {4, 4, 0.02 * 1e-8, size, solver_rates, solver_rates, solver_accept, it->v};
     (void)t; (void)keep;
     return solver_advance(&problem, &from, H, it->v + THETA, it->low, &it->step, work) == REACHED ? fmi2OK : fmi2Error;
 }

@@ -271,10 +271,11 @@ static Setting some_setting(void) {
     return setting;
 }
 
-static int *reconstructions(size_t n) {
+/* Of integers: how inputs are reconstructed, and how many symplectic steps are made. */
+static int *integer_settings(size_t n) {
     int *values = take(n * sizeof *values);
     for (size_t i = 0; i < n; i++) {
-        values[i] = one_in(10) ? (one_in(2) ? -1 : 3) : (int)below(3);
+        values[i] = one_in(10) ? (one_in(2) ? -1 : 100001) : (int)below(3);
         if (values[i] < 0 || values[i] > 2) expect(FAILS);
     }
     return values;

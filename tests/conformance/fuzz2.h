@@ -64,7 +64,7 @@ static int get_integer2(void) {
 static int set_integer2(void) {
     size_t n = below(3), count;
     unsigned *references = references_of(&it.library->plan.integers, n, &count);
-    int *values = reconstructions(n);
+    int *values = integer_settings(n);
     if (n > 0) expect(it.phase > INITIALIZATION ? FAILS : MAY_FAIL); /* constants are among them */
     return F.SetInteger(component(), given(references, n), n, given(values, n));
 }

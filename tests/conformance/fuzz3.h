@@ -139,7 +139,7 @@ static int get_int32_3(void) {
 static int set_int32_3(void) {
     size_t n = below(3), count;
     unsigned *references = references_of(&it.library->plan.integers, n, &count);
-    int *values = reconstructions(n);
+    int *values = integer_settings(n);
     count = length_of(n);
     if (count > n) values = take(count * sizeof *values);
     if (n > 0 && it.phase > INITIALIZATION) expect(FAILS);

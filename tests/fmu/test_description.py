@@ -51,8 +51,8 @@ def test_same_bytes_for_same_model() -> None:
 def test_reference_is_place_and_index_is_place_plus_one(native) -> None:
     names = [variable.name for variable in pendulum().variables]
     elements = list(native.iter("ScalarVariable"))
-    assert [element.get("name") for element in elements] == [*names, "input_reconstruction"]
-    assert [int(element.attrib["valueReference"]) for element in elements] == list(range(len(names) + 1))
+    assert [element.get("name") for element in elements] == [*names, "input_reconstruction", "symplectic_steps"]
+    assert [int(element.attrib["valueReference"]) for element in elements] == list(range(len(names) + 2))
     _, real = scalar(native, "theta_dot")
     assert names[int(real["derivative"]) - 1] == "theta"
 

@@ -71,7 +71,8 @@ class Instance:
         return np.array(self.fmu.getReal([self.references[name] for name in names]))
 
     def everything(self) -> list[float]:
-        return self.fmu.getReal([r for name, r in self.references.items() if name != "input_reconstruction"])
+        settings = {"input_reconstruction", "symplectic_steps"}
+        return self.fmu.getReal([r for name, r in self.references.items() if name not in settings])
 
     def step(self, t: float, size: float) -> None:
         self.fmu.doStep(t, size)

@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 from liaisons.errors import BuildError
-from liaisons.fmu.dependencies import shown_states
+from liaisons.fmu.dependencies import coupled, shown_states
 from liaisons.fmu.description import sources
 from liaisons.fmu.layout import TIME, Fmi, places, scalars
 from liaisons.fmu.markup import document, element
@@ -24,7 +24,7 @@ _FMI_HEADERS = {
     "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     "3": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
-_HEADERS = ("core.h", "face.h", "instance.h", "solver.h")
+_HEADERS = ("core.h", "face.h", "instance.h", "solver.h", "symplectic.h")
 
 
 def source_files(model: Model, guid: str, fmi: Fmi = "2") -> dict[str, bytes]:
@@ -49,6 +49,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
     functions = {
         "start": model.start,
         "derivatives": model.derivatives,
+        "motion": _motion(model),
         "calculate": model.outputs_function,
         "jump": model.jump,
         "remember": model.remember,
@@ -62,7 +63,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
     if fmi == "3":  # where adjoint derivatives can be asked for
         functions |= _reverse(model)
     generator = ca.CodeGenerator("model", {"with_header": False, "with_export": False, "verbose": False})
-    for function in functions.values():
+    for function in {function.name(): function for function in functions.values()}.values():
         generator.add(function)
     return "\n".join(
         [
@@ -72,7 +73,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
             "#ifdef __GNUC__",
             '#pragma GCC diagnostic ignored "-Wunused-parameter"',
             "#endif",
-            generator.dump(),
+            generator.dump().replace("hypot(x, y)", "sqrt(x * x + y * y)"),  # hypot is five times slower
             *_tables(model),
             "const Model model = {",
             *(f"    .{name} = {value}," for name, value in _fields(model, guid, functions).items()),
@@ -80,6 +81,19 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
             "",
         ]
     )
+
+
+def _motion(model: Model) -> ca.Function:
+    """The rates of the states that act on the motion, without the work to find those of integrals along it.
+
+    Of maps nothing would be saved: there it is ``derivatives``.
+    """
+    function = model.derivatives
+    if not function.is_a("SXFunction"):
+        return function
+    arguments: Any = function.sx_in()
+    (rates,) = function.call(arguments)
+    return ca.Function("motion", arguments, [rates[: coupled(model)]])
 
 
 def _forward(model: Model) -> dict[str, ca.Function]:
@@ -160,6 +174,7 @@ def _fields(model: Model, guid: str, functions: dict[str, ca.Function]) -> dict[
         "inputs": sum(variable.count for variable in model.inputs),
         "outputs": sum(variable.count for variable in model.outputs),
         "states": model.start.numel_out(0),
+        "coupled": functions["motion"].numel_out(0),
         "memory": model.start.numel_out(1),
         "events": model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,

@@ -56,6 +56,12 @@ def between_variables(
     return np.column_stack(columns) if columns else np.zeros((len(counts), 0), dtype=bool)
 
 
+def coupled(model: Model) -> int:
+    """How many of the first numbers of y act on any of dy/dt; behind them are integrals along the motion."""
+    columns = between_numbers(model.derivatives, [1]).nonzero()[1]
+    return int(columns.max(initial=-1)) + 1
+
+
 def shown_states(model: Model) -> tuple[Variable, ...]:
     """The variables that show the states, in the order of y."""
     named = {variable.name: variable for variable in model.outputs}

@@ -17,14 +17,14 @@ from scipy.sparse import csr_array
 
 from liaisons import __version__, units
 from liaisons.fmu.dependencies import between_numbers, initial, running, shown_states, states_that_jump
-from liaisons.fmu.layout import RECONSTRUCTION, Fmi, places, reconstruction_reference, scalars
+from liaisons.fmu.layout import SYMPLECTIC_STEPS, Fmi, Setting, places, scalars, settings, size_references
 from liaisons.fmu.markup import document, element
 from liaisons.mechanics.model import Model, Variable
 
 Backend = Literal["native", "python"]
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
-_SOURCES = ("model.c", "core.c", "derivatives.c", "face.c", "solver.c", "step.c")
+_SOURCES = ("model.c", "core.c", "derivatives.c", "face.c", "solver.c", "step.c", "symplectic.c")
 
 # What the back ends can do; attributes that are not named are false or 0.
 _BOTH = {
@@ -124,6 +124,11 @@ def default_experiment(model: Model) -> Iterator[str]:
     yield from element("DefaultExperiment", {name: repr(float(value)) for name, value in experiment.items()})
 
 
+def integer_attributes(setting: Setting) -> dict[str, str]:
+    """What values a setting may have."""
+    return {"min": "0", "max": str(setting.most), "start": str(setting.start)}
+
+
 def general_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
     """Who a variable is, and how it comes by its value."""
     # min and max include the bounds; that a bound itself is forbidden can only be said in words.
@@ -184,14 +189,14 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
             if variable.derivative_of:
                 real["derivative"] = str(of_derivative + i + 1)
             yield from _scalar(general_attributes(variable, scalar.name, first + i), "Real", real)
-    reference = reconstruction_reference(model, "2")
-    if model.inputs:
-        attributes = general_attributes(RECONSTRUCTION, RECONSTRUCTION.name, reference)
-        yield from _scalar(attributes, "Integer", {"min": "0", "max": "2", "start": "1"})
-    for i, dimension in enumerate(model.dimensions, start=1):
+    for reference, setting in settings(model, "2").items():
+        if backend == "native" or setting is not SYMPLECTIC_STEPS:
+            attributes = general_attributes(setting.variable, setting.variable.name, reference)
+            yield from _scalar(attributes, "Integer", integer_attributes(setting))
+    for dimension in model.dimensions:
         attributes = {
             "name": dimension.name,
-            "valueReference": str(reference + i),
+            "valueReference": str(size_references(model, "2")[dimension.name]),
             "description": dimension.description,
             "causality": "local",
             "variability": "constant",

@@ -1,7 +1,7 @@
 """modelDescription.xml of FMI 3.0: arrays are variables, structural sizes are structural parameters.
 
 A variable's value reference is its index in :attr:`Model.variables`; see :mod:`liaisons.fmu.layout` for those of the
-time, of ``input_reconstruction`` and of the structural sizes.
+time, of the settings and of the structural sizes.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from liaisons.fmu.dependencies import Pattern, between_variables, initial, runni
 from liaisons.fmu.description import (
     default_experiment,
     general_attributes,
+    integer_attributes,
     log_categories,
     nominals,
     real_attributes,
     unit_definitions,
 )
-from liaisons.fmu.layout import RECONSTRUCTION, TIME, reconstruction_reference
+from liaisons.fmu.layout import TIME, settings, size_references
 from liaisons.fmu.markup import document, element
 from liaisons.mechanics.model import Dimension, Model, Variable
 
@@ -77,8 +78,7 @@ def _variables(model: Model) -> Iterator[str]:
     reference = _references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model)
-    reconstruction = reconstruction_reference(model, "3")
-    size_references = {size.name: reconstruction + i for i, size in enumerate(model.dimensions, start=1)}
+    reference_of_size = size_references(model, "3")
     for variable in model.variables:
         attributes = general_attributes(variable, variable.name, reference[variable.name])
         attributes |= real_attributes(variable, max(sizes.get(variable.name, (1.0,)))) | _start(variable)
@@ -89,16 +89,16 @@ def _variables(model: Model) -> Iterator[str]:
         if variable.variability == "continuous" and variable.causality != "input":
             attributes["intermediateUpdate"] = "true"
         size = variable.dimension
-        shape = element("Dimension", {"valueReference": str(size_references[size.name])}) if size else ()
+        shape = element("Dimension", {"valueReference": str(reference_of_size[size.name])}) if size else ()
         yield from element("Float64", attributes, shape)
     attributes = general_attributes(TIME, TIME.name, reference[TIME.name]) | real_attributes(TIME, 1.0)
     del attributes["initial"]
     yield from element("Float64", attributes | {"causality": "independent"})
-    if model.inputs:
-        attributes = general_attributes(RECONSTRUCTION, RECONSTRUCTION.name, reconstruction)
-        yield from element("Int32", attributes | {"min": "0", "max": "2", "start": "1"})
+    for of_setting, setting in settings(model, "3").items():
+        attributes = general_attributes(setting.variable, setting.variable.name, of_setting)
+        yield from element("Int32", attributes | integer_attributes(setting))
     for size in model.dimensions:
-        yield from _size(size, size_references[size.name])
+        yield from _size(size, reference_of_size[size.name])
 
 
 def _start(variable: Variable) -> dict[str, str]:

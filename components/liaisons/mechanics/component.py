@@ -155,7 +155,7 @@ def _reject_name_clashes(cls: type[Component]) -> None:
                 f"it must be {variable.domain()}"
             )
     seen: set[str] = set()
-    for name in [*cls.variable_names(), "input_reconstruction", "time"]:
+    for name in [*cls.variable_names(), "input_reconstruction", "symplectic_steps", "time"]:
         if name in seen:
             raise ComponentError(
                 f"{cls.__name__}: two variables would be called {name!r}; rename the parameter, coordinate, "

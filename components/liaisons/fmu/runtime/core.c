@@ -8,6 +8,7 @@
 
 #include "instance.h"
 #include "solver.h"
+#include "symplectic.h"
 
 /* Tolerances are kept between these: below, rounding errors take over. */
 static const double TIGHTEST = 1e-14, LOOSEST = 1e-2;
@@ -157,7 +158,7 @@ int core_check_finite(Instance *self, const double *values, int derivatives, dou
 
 Instance *core_new(const Model *model, const Options *options) {
     const size_t n = model->states, settable = model->parameters + model->inputs;
-    const size_t moving = model->inputs + 2 * n + model->memory;
+    const size_t moving = model->inputs + 2 * n + model->memory + HISTORY * model->coupled;
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
     const size_t scratch = 2 * (n + settable) + model->memory + model->outputs + SOLVER_COLUMNS * n
                            + model->start_conditions + model->events + model->reals;
@@ -188,7 +189,8 @@ Instance *core_new(const Model *model, const Options *options) {
     self->y = self->u + model->inputs;
     self->low = self->y + n;
     self->m = self->low + n;
-    self->taylor = self->m + model->memory;
+    self->history = self->m + model->memory;
+    self->taylor = self->history + HISTORY * model->coupled;
     self->size = self->taylor + COEFFICIENTS * model->inputs;
     self->k = self->size + n;
     self->set = self->k + model->parameters;
@@ -465,32 +467,46 @@ Status core_set(Instance *self, const unsigned references[], size_t n, const dou
     return SUCCESS;
 }
 
-static Status check_reconstruction(const Instance *self, unsigned reference) {
-    if (self->model->inputs > 0 && reference == self->references) return SUCCESS;
-    return core_report(self, ERROR, "value reference %u belongs to no integer variable", reference);
+enum { RECONSTRUCTION, SYMPLECTIC_STEPS, SETTINGS };
+
+static const struct {
+    const char *name, *values;
+    int most;
+} SETTING[SETTINGS] = {
+    {"input_reconstruction", "0 (hold), 1 (extrapolate) or 2 (interpolate)", INTERPOLATE},
+    {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", 100000},
+};
+
+/* Where the value of a setting is; NULL, and a report, if there is none. */
+static int32_t *setting(const Instance *self, unsigned reference) {
+    if (reference == self->references + RECONSTRUCTION && self->model->inputs > 0) return &self->s->reconstruction;
+    if (reference == self->references + SYMPLECTIC_STEPS && self->model->states > 0) return &self->s->symplectic_steps;
+    core_report(self, ERROR, "value reference %u belongs to no integer variable", reference);
+    return NULL;
 }
 
-Status core_get_reconstruction(Instance *self, unsigned reference, int *value) {
-    if (check_reconstruction(self, reference) != SUCCESS) return ERROR;
-    *value = self->s->reconstruction;
+Status core_get_setting(const Instance *self, unsigned reference, int *value) {
+    const int32_t *place = setting(self, reference);
+    if (place == NULL) return ERROR;
+    *value = *place;
     return SUCCESS;
 }
 
-Status core_set_reconstruction(Instance *self, const unsigned references[], size_t n, const int values[]) {
+Status core_set_settings(Instance *self, const unsigned references[], size_t n, const int values[]) {
     for (size_t i = 0; i < n; i++) {
-        if (check_reconstruction(self, references[i]) != SUCCESS) return ERROR;
-        if (values[i] < HOLD || values[i] > INTERPOLATE)
-            return core_report(self, ERROR,
-                               "input_reconstruction = %d: set 0 (hold), 1 (extrapolate) or 2 (interpolate)", values[i]);
+        if (setting(self, references[i]) == NULL) return ERROR;
+        const size_t which = references[i] - self->references;
+        if (values[i] < 0 || values[i] > SETTING[which].most)
+            return core_report(self, ERROR, "%s = %d: set %s", SETTING[which].name, values[i], SETTING[which].values);
         if (self->s->phase >= EVENT)
-            return core_report(self, ERROR, "input_reconstruction = %d: %s", values[i], FIXED);
+            return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
     }
-    if (n > 0) self->s->reconstruction = values[n - 1];
+    for (size_t i = 0; i < n; i++) *setting(self, references[i]) = values[i];
     return SUCCESS;
 }
 
 const Dimension *core_dimension(const Instance *self, unsigned reference) {
-    const size_t first = self->references + 1;
+    const size_t first = self->references + SETTINGS;
     if (reference < first || reference >= first + self->model->dimension_rows) return NULL;
     return &self->model->dimensions[reference - first];
 }

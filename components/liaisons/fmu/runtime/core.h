@@ -52,6 +52,7 @@ typedef struct {
     const char *name, *guid;
     double tolerance; /* where the importer gives none */
     size_t parameters, inputs, outputs, states, memory, events; /* numbers */
+    size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
     size_t conditions, start_conditions; /* asked of the motion, and of the start: these and more */
     size_t variable_rows, start_rows, active_rows, state_rows, dimension_rows;
     const Variable *variables; /* in the order of their places; the time follows them */
@@ -62,6 +63,7 @@ typedef struct {
     const char *const *condition_texts;
     Function *start;       /* (t, u, k) -> (y, m) */
     Function *derivatives; /* (t, y, u, k) -> dy/dt */
+    Function *motion;      /* likewise -> of the coupled states only, or of all */
     Function *calculate;   /* (t, y, u, k, m) -> z */
     Function *jump;        /* (t, y, u, k, m) -> y */
     Function *remember;    /* (t, y, u, k, m) -> m */
@@ -131,9 +133,10 @@ void core_terminate(Instance *);
 /* `count` values of n variables; ERROR if they have more or less numbers. */
 Status core_get(Instance *, const unsigned references[], size_t n, double values[], size_t count);
 Status core_set(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
-/* Behind the references to variables follow that to the reconstruction of the inputs and those to structural sizes. */
-Status core_get_reconstruction(Instance *, unsigned reference, int *value);
-Status core_set_reconstruction(Instance *, const unsigned references[], size_t n, const int values[]);
+/* Behind the references to variables follow those to the settings, "input_reconstruction" and "symplectic_steps", and
+ * those to structural sizes. */
+Status core_get_setting(const Instance *, unsigned reference, int *value);
+Status core_set_settings(Instance *, const unsigned references[], size_t n, const int values[]);
 const Dimension *core_dimension(const Instance *, unsigned reference); /* NULL if it is none */
 
 /* J direction, and the sums of `weights` J, where J are the derivatives of the unknown by the known variables. */

@@ -120,7 +120,7 @@ fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference refe
     for (size_t i = 0; i < n; i++) {
         const Dimension *dimension = core_dimension(core, references[i]);
         if (dimension != NULL) values[i] = (int)dimension->count;
-        else if (core_get_reconstruction(core, references[i], &values[i]) != SUCCESS) return fmi2Error;
+        else if (core_get_setting(core, references[i], &values[i]) != SUCCESS) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -131,7 +131,7 @@ fmi2Status fmi2SetInteger(fmi2Component component, const fmi2ValueReference refe
     if (n == 0) return fmi2OK;
     NEED(references);
     NEED(values);
-    return (fmi2Status)core_set_reconstruction(core, references, n, values);
+    return (fmi2Status)core_set_settings(core, references, n, values);
 }
 
 fmi2Status fmi2GetBoolean(fmi2Component component, const fmi2ValueReference references[], size_t n,

@@ -239,7 +239,7 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference referenc
     NEED(references);
     NEED(values);
     for (size_t i = 0; i < n; i++)
-        if (core_get_reconstruction(core, references[i], &values[i]) != SUCCESS) return fmi3Error;
+        if (core_get_setting(core, references[i], &values[i]) != SUCCESS) return fmi3Error;
     return fmi3OK;
 }
 
@@ -250,7 +250,7 @@ fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference referenc
     if (n == 0) return fmi3OK;
     NEED(references);
     NEED(values);
-    return (fmi3Status)core_set_reconstruction(core, references, n, values);
+    return (fmi3Status)core_set_settings(core, references, n, values);
 }
 
 /* The structural parameter of a reference; NULL, and a report, if there is none. */

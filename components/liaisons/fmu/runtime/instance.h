@@ -27,6 +27,8 @@ typedef struct {
     int32_t unstarted; /* y and m are still to be calculated from u and k */
     int32_t jumped;    /* inputs or parameters were set since m was remembered */
     int32_t expanded;  /* derivatives of inputs are given for the next step */
+    int32_t symplectic_steps; /* in a communication step; 0: the error-controlled solver makes its own */
+    int32_t known;            /* history holds something */
 } Scalars;
 
 struct Instance {
@@ -41,6 +43,7 @@ struct Instance {
     double *u;       /* inputs at the present time */
     double *y, *low; /* states, and the part of their sum that is too small for them */
     double *m;
+    double *history; /* of the symplectic solver */
     double *taylor;  /* given derivatives of the inputs, COEFFICIENTS each; the 0th says whether there are any */
     double *size;    /* of the states: scales the tolerance */
     double *k, *set; /* parameters, inputs as they were set last */

@@ -55,8 +55,8 @@ static const double SMALLEST = 1e-13;
 
 #define FOR_EACH(i) for (size_t i = 0; i < n; i++)
 
-#define STAGE(s, sum)                                    \
-    FOR_EACH(i) x[i] = y[i] + h * (sum);                 \
+#define STAGE(s, rates, sum)                                           \
+    for (size_t i = 0; i < p->coupled; i++) x[i] = y[i] + h * (sum); \
     if (p->rates(p->context, t + c_##s * h, x, k##s) == STOP) return STOP
 
 /* All stages but the first, which is in k1 already; then sum = the increment of order 8 divided by h, and
@@ -66,19 +66,21 @@ static Signal stages(const Problem *p, double t, double h, const double *y, doub
     double *k1 = work, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *k5 = k4 + n, *k6 = k5 + n, *k7 = k6 + n,
            *k8 = k7 + n, *k9 = k8 + n, *k10 = k9 + n, *k11 = k10 + n, *k12 = k11 + n, *x = k12 + n, *sum = x + n;
 
-    STAGE(2, a_2_1 * k1[i]);
-    STAGE(3, a_3_1 * k1[i] + a_3_2 * k2[i]);
-    STAGE(4, a_4_1 * k1[i] + a_4_3 * k3[i]);
-    STAGE(5, a_5_1 * k1[i] + a_5_3 * k3[i] + a_5_4 * k4[i]);
-    STAGE(6, a_6_1 * k1[i] + a_6_4 * k4[i] + a_6_5 * k5[i]);
-    STAGE(7, a_7_1 * k1[i] + a_7_4 * k4[i] + a_7_5 * k5[i] + a_7_6 * k6[i]);
-    STAGE(8, a_8_1 * k1[i] + a_8_4 * k4[i] + a_8_5 * k5[i] + a_8_6 * k6[i] + a_8_7 * k7[i]);
-    STAGE(9, a_9_1 * k1[i] + a_9_4 * k4[i] + a_9_5 * k5[i] + a_9_6 * k6[i] + a_9_7 * k7[i] + a_9_8 * k8[i]);
-    STAGE(10, a_10_1 * k1[i] + a_10_4 * k4[i] + a_10_5 * k5[i] + a_10_6 * k6[i] + a_10_7 * k7[i] + a_10_8 * k8[i]
+    memcpy(x, y, n * sizeof *x);
+    /* The first stages have no weight in the sums at the end. */
+    STAGE(2, coupled_rates, a_2_1 * k1[i]);
+    STAGE(3, coupled_rates, a_3_1 * k1[i] + a_3_2 * k2[i]);
+    STAGE(4, coupled_rates, a_4_1 * k1[i] + a_4_3 * k3[i]);
+    STAGE(5, coupled_rates, a_5_1 * k1[i] + a_5_3 * k3[i] + a_5_4 * k4[i]);
+    STAGE(6, rates, a_6_1 * k1[i] + a_6_4 * k4[i] + a_6_5 * k5[i]);
+    STAGE(7, rates, a_7_1 * k1[i] + a_7_4 * k4[i] + a_7_5 * k5[i] + a_7_6 * k6[i]);
+    STAGE(8, rates, a_8_1 * k1[i] + a_8_4 * k4[i] + a_8_5 * k5[i] + a_8_6 * k6[i] + a_8_7 * k7[i]);
+    STAGE(9, rates, a_9_1 * k1[i] + a_9_4 * k4[i] + a_9_5 * k5[i] + a_9_6 * k6[i] + a_9_7 * k7[i] + a_9_8 * k8[i]);
+    STAGE(10, rates, a_10_1 * k1[i] + a_10_4 * k4[i] + a_10_5 * k5[i] + a_10_6 * k6[i] + a_10_7 * k7[i] + a_10_8 * k8[i]
               + a_10_9 * k9[i]);
-    STAGE(11, a_11_1 * k1[i] + a_11_4 * k4[i] + a_11_5 * k5[i] + a_11_6 * k6[i] + a_11_7 * k7[i] + a_11_8 * k8[i]
+    STAGE(11, rates, a_11_1 * k1[i] + a_11_4 * k4[i] + a_11_5 * k5[i] + a_11_6 * k6[i] + a_11_7 * k7[i] + a_11_8 * k8[i]
               + a_11_9 * k9[i] + a_11_10 * k10[i]);
-    STAGE(12, a_12_1 * k1[i] + a_12_4 * k4[i] + a_12_5 * k5[i] + a_12_6 * k6[i] + a_12_7 * k7[i] + a_12_8 * k8[i]
+    STAGE(12, rates, a_12_1 * k1[i] + a_12_4 * k4[i] + a_12_5 * k5[i] + a_12_6 * k6[i] + a_12_7 * k7[i] + a_12_8 * k8[i]
               + a_12_9 * k9[i] + a_12_10 * k10[i] + a_12_11 * k11[i]);
 
     double fifth = 0, third = 0;
@@ -88,8 +90,9 @@ static Signal stages(const Problem *p, double t, double h, const double *y, doub
         const double e5 = e_1 * k1[i] + e_6 * k6[i] + e_7 * k7[i] + e_8 * k8[i] + e_9 * k9[i] + e_10 * k10[i]
                           + e_11 * k11[i] + e_12 * k12[i];
         const double e3 = sum[i] - bhh_1 * k1[i] - bhh_9 * k9[i] - bhh_12 * k12[i];
-        const double scale = p->tolerance * (p->size[i] + fmax(fabs(y[i]), fabs(y[i] + h * sum[i])));
-        const double ratio5 = fabs(e5) / scale, ratio3 = fabs(e3) / scale;
+        const double before = fabs(y[i]), after = fabs(y[i] + h * sum[i]);
+        const double scale = 1 / (p->tolerance * (p->size[i] + (after > before ? after : before)));
+        const double ratio5 = fabs(e5) * scale, ratio3 = fabs(e3) * scale;
         if (ratio5 > fifth || isnan(ratio5)) fifth = ratio5; /* NaN stays */
         if (ratio3 > third || isnan(ratio3)) third = ratio3;
     }

@@ -6,13 +6,14 @@
 
 typedef enum { GO_ON, STOP } Signal;
 typedef enum { REACHED, STOPPED, STUCK, EXHAUSTED } Outcome;
+typedef Signal Rates(void *context, double t, const double y[], double f[]); /* f = dy/dt */
 
 typedef struct {
-    size_t n;
+    size_t n, coupled; /* states; the first so many act on the rates, the others are integrals along the motion */
     double tolerance;
     const double *size; /* of each component: the error of a step stays below tolerance * (size + |y|) */
-    Signal (*rates)(void *context, double t, const double y[], double f[]); /* f = dy/dt */
-    Signal (*accept)(void *context, double t, double y[]);                  /* asked after each step; may correct y */
+    Rates *rates, *coupled_rates;                          /* of all, and of the coupled ones, which cost less */
+    Signal (*accept)(void *context, double t, double y[]); /* asked after each step; may correct y */
     void *context;
 } Problem;
 

@@ -3,6 +3,7 @@
 
 #include "instance.h"
 #include "solver.h"
+#include "symplectic.h"
 
 /* A step of the solver may have this part of the tolerance as its error: those of many steps add up. */
 static const double SHARE = 0.02;
@@ -124,8 +125,15 @@ static int move_inputs(Instance *self, double t) {
 
 static Signal rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    if (!move_inputs(self, t)) return STOP;
+    if (self->moving > 0 && !move_inputs(self, t)) return STOP;
     evaluate(self, self->model->derivatives, self->step_start + t, y, f);
+    return GO_ON;
+}
+
+static Signal coupled_rates(void *context, double t, const double y[], double f[]) {
+    Instance *self = context;
+    if (self->moving > 0 && !move_inputs(self, t)) return STOP;
+    evaluate(self, self->model->motion, self->step_start + t, y, f);
     return GO_ON;
 }
 
@@ -172,6 +180,9 @@ static int explain_stuck(Instance *self, double t) {
     /* An input that is about to leave its domain, where a singularity lies as a rule. */
     for (double ahead = 1e-12; ahead < 1e-2; ahead *= 10)
         if (!move_inputs(self, t + ahead * self->step_size)) return 0;
+    if (self->s->symplectic_steps > 0)
+        return core_because(self, "the symplectic step from t = %.9g does not converge: symplectic_steps = %d is not enough",
+                            time, (int)self->s->symplectic_steps);
     return core_because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
 }
 
@@ -189,13 +200,17 @@ static void pass_instant(Instance *self, double time) {
 /* The states from the start of the step to where it leads, event by event. */
 static int move_states(Instance *self) {
     const double start = self->step_start;
-    const Problem problem = {self->model->states, SHARE * self->s->tolerance, self->size, rates, accept, self};
+    const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->size,
+                             rates, coupled_rates, accept, self};
     double t = 0, event = start, end = 0;
     while (t < self->reach) {
         if (t == end) event = core_next_instant(self, event);
         self->s->limit = event;
         end = event < start + self->reach ? event - start : self->reach;
-        switch (solver_advance(&problem, &t, end, self->y, self->low, &self->s->step, self->work)) {
+        switch (self->s->symplectic_steps == 0
+                    ? solver_advance(&problem, &t, end, self->y, self->low, &self->s->step, self->work)
+                    : symplectic_advance(&problem, &t, end, self->step_size / self->s->symplectic_steps, self->y,
+                                         self->low, self->history, &self->s->known, self->work)) {
         case STOPPED:
             if (!self->returning) return 0;
             self->returning = 0;

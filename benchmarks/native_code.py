@@ -1,0 +1,55 @@
+"""Hand-written C for benchmarks: compiled with the flags that FMUs are compiled with, called through ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from liaisons.fmu import build
+from liaisons.fmu.compiler import FLAGS
+from liaisons.mechanics.model import Model
+
+BY_HAND = Path(__file__).parent / "by_hand"
+
+
+def compile_library(folder: Path, name: str, sources: Iterable[Path], *flags: str) -> ctypes.CDLL:
+    """Compile C sources with the host's compiler and load the result; they may include headers that the folder has."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        sys.exit("this benchmark needs a C compiler called cc")
+    library = folder / f"{name}.so"
+    common = [flag for flag in FLAGS if flag != "-fvisibility=hidden"]
+    common += ["-D_POSIX_C_SOURCE=200809L", f"-I{folder}", f"-I{BY_HAND}"]  # clock_gettime is not in C99
+    subprocess.run([compiler, *common, *flags, *map(str, sources), "-o", str(library), "-lm"], check=True)
+    return ctypes.CDLL(str(library))
+
+
+def component_library(model: Model, folder: Path, *by_hand: str) -> ctypes.CDLL:
+    """The sources of a native FMU without what is FMI's of them, by_hand/component.c, and more files from by_hand."""
+    with zipfile.ZipFile(build(model, folder, backend="native")) as archive:
+        for member in archive.namelist():
+            if member.startswith("sources/") and member.endswith((".c", ".h")):
+                (folder / Path(member).name).write_bytes(archive.read(member))
+    sources = [path for path in sorted(folder.glob("*.c")) if not path.name.startswith(("fmi", "face"))]
+    library = compile_library(folder, "component", [*sources, *(BY_HAND / name for name in ("component.c", *by_hand))])
+    library.component_open.restype = ctypes.c_void_p
+    library.component_advance.restype = ctypes.c_double
+    return library
+
+
+def open_component(
+    library: ctypes.CDLL, tolerance: float, *, symplectic_steps: int = 0, counting: bool = False
+) -> ctypes.c_void_p:
+    """An initialized instance, with the values that were given to the library's ``begin``."""
+    return ctypes.c_void_p(library.component_open(ctypes.c_double(tolerance), symplectic_steps, int(counting)))
+
+
+def doubles(values: Iterable[float]) -> ctypes.Array[ctypes.c_double]:
+    """A C array."""
+    listed = list(values)
+    return (ctypes.c_double * len(listed))(*listed)
