@@ -37,9 +37,9 @@ class ChargedParticle(Mechanism):
     E_x = Parameter(0.0, "V/m", "electric field along x")
     E_y = Parameter(0.0, "V/m", "electric field along y")
     E_z = Parameter(0.0, "V/m", "electric field along z")
-    x = Coordinate("m", "position", start_rate=1.0)
-    y = Coordinate("m", "position")
-    z = Coordinate("m", "position", start_rate=0.1)
+    x = Coordinate("m", "position along x", start_rate=1.0)
+    y = Coordinate("m", "position along y")
+    z = Coordinate("m", "position along z", start_rate=0.1)
     experiment = Experiment(stop_time=20.0, step_size=0.02)
 
     @property

@@ -30,9 +30,9 @@ class IsokineticOscillator(Mechanism):
     mass = Parameter(1.0, "kg", "mass", above=0)
     stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0)
     thermal_energy = Parameter(1.0, "J", "Boltzmann's constant times temperature", above=0)
-    x = Coordinate("m", "position", start=1.0, start_rate=1.0)
-    y = Coordinate("m", "position", start_rate=1.0)
-    z = Coordinate("m", "position", start_rate=1.0)
+    x = Coordinate("m", "position along x", start=1.0, start_rate=1.0)
+    y = Coordinate("m", "position along y", start_rate=1.0)
+    z = Coordinate("m", "position along z", start_rate=1.0)
     experiment = Experiment(stop_time=20.0, step_size=0.02)
 
     def _speed_squared(self) -> ca.SX:

@@ -30,8 +30,8 @@ class KeplerOrbit(Mechanism):
 
     mass = Parameter(1.0, "kg", "mass of the planet", above=0)
     mu = Parameter(1.0, "m3/s2", "gravitational constant times mass of the star", above=0)
-    x = Coordinate("m", "position", start=1.0)
-    y = Coordinate("m", "position", start_rate=1.0)
+    x = Coordinate("m", "position along x", start=1.0)
+    y = Coordinate("m", "position along y", start_rate=1.0)
     experiment = Experiment(stop_time=20.0, step_size=0.02)
 
     @property

@@ -27,8 +27,8 @@ class PlanarOscillator(Mechanism):
 
     mass = Parameter(1.0, "kg", "mass", above=0)
     stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
-    x = Coordinate("m", "position", start=1.0)
-    y = Coordinate("m", "position", start_rate=0.5)
+    x = Coordinate("m", "position along x", start=1.0)
+    y = Coordinate("m", "position along y", start_rate=0.5)
     experiment = Experiment(stop_time=20.0, step_size=0.01)
 
     def kinetic_energy(self) -> ca.SX:
