@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from liaisons.fmu import build
 from liaisons.fmu.layout import places
 from liaisons.mechanics.model import Model
-from liaisons.models import CartesianPendulum, CircularHoop, Ramp
+from liaisons.models import CartesianPendulum, CircularHoop, OscillatorChain, PendulumChain, Ramp
 
 MODELS = {
     "pendulum": pendulum,
@@ -24,6 +24,8 @@ MODELS = {
     "rod": CartesianPendulum.model,  # constraints: projection after each step of the solver
     "ramp": Ramp.model,  # no states, no inputs, an event
     "ring": lambda: ring(3),  # arrays
+    "masses": lambda: OscillatorChain.model(9),  # loops, links at the ends written out
+    "chain": lambda: PendulumChain.model(4),  # loops that carry something; active coordinates
 }
 STEP = 0.1
 

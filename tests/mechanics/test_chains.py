@@ -197,6 +197,16 @@ def test_axes_of_base_and_tip_are_those_of_the_joint() -> None:
                 return {"x": self.pivot_x, "y": self.pivot_z}
 
 
+def test_more_start_values_than_links() -> None:
+    class Row(OscillatorChain):
+        """With a wave at its begin."""
+
+        u = Coordinate("m", "displacements", start=(1.0, 2.0, 3.0))
+
+    with pytest.raises(ComponentError, match=r"Row: n = 2: u starts with 3 values; take a longer chain"):
+        Row.model(n=2)
+
+
 def test_kinetic_energy_is_quadratic() -> None:
     with pytest.raises(ComponentError, match=r"Quartic\.kinetic_energy must be quadratic"):
 

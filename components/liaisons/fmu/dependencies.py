@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -10,9 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack
 
+from liaisons.fmu.layout import TIME
 from liaisons.mechanics.model import Model, Variable
+from liaisons.mechanics.sweeps import Program, dependencies
 
 Pattern = NDArray[np.bool_]
+
+
+def while_running(model: Model) -> Pattern:
+    """Which outputs depend on which of time, states, inputs and parameters."""
+    programs = _programs(model)
+    if programs:
+        return _between_entries(programs["outputs"], 0, range(4))
+    groups = {0: (TIME,), 1: shown_states(model), 2: model.inputs, 3: model.parameters}
+    return _between_variables(running(model), model.outputs, groups)
+
+
+def at_start(model: Model) -> Pattern:
+    """Which outputs depend on which of time, inputs and parameters at initialization."""
+    programs = _programs(model)
+    if not programs:
+        return _between_variables(initial(model), model.outputs, {0: (TIME,), 1: model.inputs, 2: model.parameters})
+    on_motion = _between_entries(programs["outputs"], 0, (1, 4))
+    of_motion = np.vstack([_between_entries(programs["start"], result, range(3)) for result in range(2)])
+    return _between_entries(programs["outputs"], 0, (0, 2, 3)) | (on_motion @ of_motion)
 
 
 def running(model: Model) -> ca.Function:
@@ -32,7 +53,7 @@ def between_numbers(function: ca.Function, arguments: Sequence[int]) -> csr_arra
     return csr_array(hstack([_pattern(function, argument) for argument in arguments], format="csr"))
 
 
-def between_variables(
+def _between_variables(
     function: ca.Function, results: Sequence[Variable], arguments: Mapping[int, Sequence[Variable]]
 ) -> Pattern:
     """Which variables of a function's result depend on which variables of some arguments, side by side.
@@ -58,6 +79,10 @@ def between_variables(
 
 def coupled(model: Model) -> int:
     """How many of the first numbers of y act on any of dy/dt; behind them are integrals along the motion."""
+    if model.programs:
+        of = _programs(model)["derivatives"]
+        rows = np.flatnonzero(_between_entries(of, 0, [1]).any(axis=0))
+        return of.arguments[1].offsets(of.n)[rows.max(initial=-1) + 1]
     columns = between_numbers(model.derivatives, [1]).nonzero()[1]
     return int(columns.max(initial=-1)) + 1
 
@@ -71,9 +96,28 @@ def shown_states(model: Model) -> tuple[Variable, ...]:
 def states_that_jump(model: Model) -> set[str]:
     """States that a jump of the inputs changes, e.g. the work that an impulse brings in."""
     states = shown_states(model)
-    pattern = between_variables(model.jump, states, {1: states, 2: model.inputs})
+    programs = _programs(model)
+    if programs:
+        pattern = _between_entries(programs["jump"], 0, (1, 2))
+    else:
+        pattern = _between_variables(model.jump, states, {1: states, 2: model.inputs})
     pattern[np.diag_indices(len(states))] = False
     return {state.name for state, row in zip(states, pattern, strict=True) if row.any()}
+
+
+def _programs(model: Model) -> dict[str, Program]:
+    return {program.name: program for program in model.programs}
+
+
+def _between_entries(program: Program, result: int, arguments: Iterable[int]) -> Pattern:
+    """Which variables of a result depend on which variables of some arguments, side by side."""
+    pieces = []
+    for argument in arguments:
+        piece = np.zeros((program.results[result].entries.numel(), program.arguments[argument].entries.numel()), bool)
+        for row, entries in enumerate(dependencies(program, result, argument)):
+            piece[row, list(entries)] = True
+        pieces.append(piece)
+    return np.hstack(pieces)
 
 
 def _call(function: ca.Function, *arguments: ca.MX) -> list[Any]:

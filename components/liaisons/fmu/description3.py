@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 
 from liaisons import __version__
-from liaisons.fmu.dependencies import Pattern, between_variables, initial, running, shown_states, states_that_jump
+from liaisons.fmu.dependencies import Pattern, at_start, shown_states, states_that_jump, while_running
 from liaisons.fmu.description import (
     default_experiment,
     general_attributes,
@@ -86,7 +86,7 @@ def _variables(model: Model) -> Iterator[str]:
             attributes["derivative"] = str(reference[variable.derivative_of])
         if variable.name in jumping:
             attributes["reinit"] = "true"
-        if variable.variability == "continuous" and variable.causality != "input":
+        if variable.variability == "continuous":
             attributes["intermediateUpdate"] = "true"
         size = variable.dimension
         shape = element("Dimension", {"valueReference": str(reference_of_size[size.name])}) if size else ()
@@ -130,12 +130,9 @@ def _references(model: Model) -> dict[str, int]:
 
 def _structure(model: Model) -> Iterator[str]:
     states = shown_states(model)
-    runs = between_variables(
-        running(model), model.outputs, {0: (TIME,), 1: states, 2: model.inputs, 3: model.parameters}
-    )
-    starts = between_variables(initial(model), model.outputs, {0: (TIME,), 1: model.inputs, 2: model.parameters})
-    while_running = (TIME, *states, *model.inputs, *model.parameters)
-    at_start = (TIME, *model.inputs, *model.parameters)
+    runs, starts = while_running(model), at_start(model)
+    known = (TIME, *states, *model.inputs, *model.parameters)
+    known_at_start = (TIME, *model.inputs, *model.parameters)
     outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
     derivatives = [state.derivative for state in model.states]
     unknown_at_start = {*outputs, *derivatives, *(state.name for state in states)}
@@ -143,9 +140,9 @@ def _structure(model: Model) -> Iterator[str]:
         v.name for v in model.outputs if v.name in unknown_at_start or v.causality == "calculatedParameter"
     ]
     yield from chain(
-        _unknowns(model, "Output", outputs, while_running, runs),
-        _unknowns(model, "ContinuousStateDerivative", derivatives, while_running, runs),
-        _unknowns(model, "InitialUnknown", initial_unknowns, at_start, starts),
+        _unknowns(model, "Output", outputs, known, runs),
+        _unknowns(model, "ContinuousStateDerivative", derivatives, known, runs),
+        _unknowns(model, "InitialUnknown", initial_unknowns, known_at_start, starts),
     )
 
 

@@ -23,7 +23,18 @@ class Vectors:
     k: Any
 
 
-def functions(
+def functions(at: Vectors, **expressions: Any) -> dict[str, Any]:
+    """Members of :class:`Model` by name: start, motion, outputs and the booking of impulses.
+
+    :param expressions: as :func:`definitions` takes them.
+    """
+    return {
+        name: None if defined is None else function(name.removesuffix("_function"), *defined)
+        for name, defined in definitions(at, **expressions).items()
+    }
+
+
+def definitions(
     at: Vectors,
     *,
     initial: Any,
@@ -32,8 +43,9 @@ def functions(
     outputs: Sequence[tuple[Variable, Any]],
     nominals: Any,
     landed: Any = None,
+    energy_at_start: Any = None,
 ) -> dict[str, Any]:
-    """Members of :class:`Model` by name: start, motion, outputs and the booking of impulses.
+    """Arguments and results of the functions, (arguments, result, ...), by the names of the members of Model.
 
     :param at: the vectors that the expressions are written in.
     :param initial: state at the start, of (t, u, k).
@@ -42,15 +54,17 @@ def functions(
     :param outputs: variables with their expressions; those of the balance are filled in here.
     :param nominals: sizes of the states.
     :param landed: state after the inputs have jumped, the last two states left out of account; None: as it was.
+    :param energy_at_start: T + V of (t, u, k); None: what the energy is at the initial state.
     """
     t, y, u, k = at.t, at.y, at.u, at.k
     memory = type(y).sym("m", len(MEMORY))
     energy_start, energy_booked = memory[0], memory[1]
     moving, work, dissipated = y[:-2], y[-2], y[-1]
+    if energy_at_start is None:
+        energy_at_start = ca.substitute(energy, y, initial)
 
     # When an operator makes σ̇ jump, p stays and the energy jumps with it: that much work came in as an impulse.
     impulse = energy - energy_booked
-    energy_at_start = ca.substitute(energy, y, initial)
     landing = impulse if landed is None else ca.substitute(energy, y, landed) - energy_booked
     balance = {
         "work": work + impulse,
@@ -60,13 +74,13 @@ def functions(
     z = [balance.get(variable.name, expression) for variable, expression in outputs]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)
     return {
-        "start": function("start", [t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start)),
-        "derivatives": function("derivatives", [t, y, u, k], rates),
-        "outputs_function": function("outputs", [t, y, u, k, memory], ca.vertcat(*z)),
-        "jump": function("jump", [t, y, u, k, memory], after),
-        "remember": function("remember", [t, y, u, k, memory], ca.vertcat(energy_start, energy)),
-        "project": None if landed is None else function("project", [t, y, u, k], landed),
-        "nominals": function("nominals", [t, y, u, k], nominals),
+        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start)),
+        "derivatives": ([t, y, u, k], rates),
+        "outputs_function": ([t, y, u, k, memory], ca.vertcat(*z)),
+        "jump": ([t, y, u, k, memory], after),
+        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy)),
+        "project": None if landed is None else ([t, y, u, k], landed),
+        "nominals": ([t, y, u, k], nominals),
     }
 
 

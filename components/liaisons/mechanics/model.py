@@ -21,6 +21,8 @@ from typing import Literal
 
 import casadi as ca
 
+from liaisons.mechanics.sweeps import Program
+
 Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
 PortKind = Literal["free", "active", "point", "signal"]
 Variability = Literal["fixed", "tunable", "continuous"]
@@ -190,6 +192,7 @@ class Model:
     equations: tuple[Equation, ...] = ()  # for the documentation
     closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
     dimensions: tuple[Dimension, ...] = ()
+    programs: tuple[Program, ...] = ()  # what those of the functions that run along links were made from
 
     @property
     def variables(self) -> tuple[Variable, ...]:

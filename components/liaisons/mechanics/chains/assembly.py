@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import casadi as ca
 
 from liaisons.mechanics import variables
-from liaisons.mechanics.bookkeeping import MEMORY, Vectors, function, functions
-from liaisons.mechanics.chains.chain import Chain, column, link_of
+from liaisons.mechanics.algebra import stack
+from liaisons.mechanics.bookkeeping import MEMORY, Vectors, definitions
+from liaisons.mechanics.chains.chain import Chain, Link, column, link_of
+from liaisons.mechanics.chains.graphs import graph
 from liaisons.mechanics.chains.motion import Base, Motion, inertias, momenta, motion
-from liaisons.mechanics.chains.sweeps import Columns
 from liaisons.mechanics.model import ActiveInput, Dimension, Model, Variable
 from liaisons.mechanics.printing import closed_form, of_chain
+from liaisons.mechanics.sweeps import Program, Step, Sum, Vector, program, renamed, substituted, sweep
+
+_VECTORS = {
+    "start": ("tuk", "ym"),
+    "derivatives": ("tyuk", "y"),
+    "outputs_function": ("tyukm", "z"),
+    "jump": ("tyukm", "y"),
+    "remember": ("tyukm", "m"),
+    "nominals": ("tyuk", "y"),
+}
+"""Which vectors of Model the functions take, and which they return."""
 
 
 @cache
@@ -24,41 +39,53 @@ def assemble(component: type[Chain], n: int) -> Model:
     :param n: how many links, at least ``component.n.minimum``.
     """
     m = component(n)
-    link, dimension = link_of(m), Dimension("n", n, component.n.description)
+    dimension = Dimension("n", n, component.n.description)
     parameters, inputs = _parameters(component, dimension), _inputs(m, dimension)
-    f = len(component.coordinates)
+    given = {v.name: m.symbols.get(v.name, ca.SX.sym(v.name)) for v in (*parameters, *inputs)}
+    link = _driven(link_of(m), m, given)
 
-    # The vectors of Model, and what their parts are called.
-    t = ca.MX.sym("t")
-    y = ca.MX.sym("y", 2 * f * n + 2)
-    u, k = (ca.MX.sym(name, sum(v.count for v in found)) for name, found in (("u", inputs), ("k", parameters)))
-    given, values = _by_name(parameters, k), _by_name(inputs, u)
-    shared = ((m.parameter_column, k[: len(component.parameters)]),) if component.parameters else ()
-    s, s_dot, s_ddot = (_gather(values, [f"{s.name}{end}" for s in m.actives]) for end in ("", "_dot", "_ddot"))
-    base, slope = _base(m, shared, s, s_dot, s_ddot)
-    q, p = (ca.reshape(y[i * f * n : (i + 1) * f * n], n, f).T for i in (0, 1))
-    names = [q.name for q in component.coordinates]
-    drives = _rows(values, [f"{q}_force" for q in names]) - _rows(values, [f"{q}_load" for q in names])
-    loads = _rows(values, [f"{name}_load" for name in m.point_components])
-    bonded = ca.horzcat(0 if m.base() is None else 1, ca.MX.ones(1, n - 1))
-    chain = Columns(n, ((link.bonded, bonded),), shared)
+    # The vectors of Model, with one symbol for a number, or for the numbers of all links.
+    t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
+    y = ca.vertcat(link.q, link.p, work, dissipated)
+    u, k = (stack(given[v.name] for v in group) for group in (inputs, parameters))
 
-    moving = motion(link, base, chain & [(link.q, q), (link.p, p), (link.drive, drives), (link.loads, loads)])
-    q_0, v_0 = (_rows(given, [f"{q}{end}_0" for q in names]) for end in ("", "_dot"))
-    p_0 = momenta(link, base, chain & [(link.q, q_0), (link.v, v_0)])
+    base, slope = _base(m)
+    moving = motion(link, base)
+    steps = [sweep(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), *moving.steps]
+    energy = moving.kinetic_energy + moving.potential_energy
+    to_start, initial, energy_at_start = _start(link, base, given, steps, energy)
+    to_sizes, nominals = _nominals(component, link)
 
     forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
-    eta = _shared(link.eta, shared)
-    power = ca.dot(forces, s_dot) + moving.power
-    dissipation = 2 * eta * moving.kinetic_energy
+    power = ca.dot(forces, m.s_dot) + moving.power
+    dissipation = 2 * link.eta * moving.kinetic_energy
     outputs = [
-        *_of_coordinates(component, dimension, q, p, moving),
-        *(row for i, s in enumerate(m.actives) for row in variables.of_active(s, forces[i], s_dot[i])),
+        *_of_coordinates(dimension, link, m, moving),
+        *(row for i, s in enumerate(m.actives) for row in variables.of_active(s, forces[i], m.s_dot[i])),
         *_of_points(m, dimension, moving),
         *variables.of_energies(moving.kinetic_energy, moving.potential_energy, power, dissipation),
-        *(variables.of_calculated(c, _shared(getattr(m, c.name), shared)) for c in component.calculated_parameters),
+        *(variables.of_calculated(c, ca.SX(getattr(m, c.name))) for c in component.calculated_parameters),
     ]
-    rates = ca.vertcat(_column(moving.rates), _column(moving.momentum_rates), power, dissipation)
+    found = definitions(
+        Vectors(t, y, u, k),
+        initial=ca.vertcat(initial, 0, 0),
+        rates=ca.vertcat(moving.rates, moving.momentum_rates, power, dissipation),
+        energy=energy,
+        outputs=outputs,
+        nominals=nominals,
+        energy_at_start=energy_at_start,
+    )
+    shapes = {
+        "t": (False,),
+        "y": (True,) * (2 * link.q.shape[0]) + (False, False),
+        "u": _shape(inputs),
+        "k": _shape(parameters),
+        "m": (False,) * len(MEMORY),
+        "z": _shape(variable for variable, _ in outputs),
+    }
+    programs = _programs(found, [*steps, *to_start, *to_sizes], shapes, n)
+    functions: dict[str, Any] = {name: graph(of) for name, of in programs.items()}
+    at = [ca.MX.sym(name, functions["derivatives"].numel_in(i)) for i, name in enumerate("tyuk")]
     return Model(
         name=component.__name__,
         description=component.summary(),
@@ -66,19 +93,13 @@ def assemble(component: type[Chain], n: int) -> Model:
         parameters=parameters,
         inputs=inputs,
         outputs=tuple(variable for variable, _ in outputs),
-        states=variables.moving(*names, *(f"p_{q}" for q in names)),
+        states=variables.moving(*(q.name for q in m.coordinates), *(f"p_{q.name}" for q in m.coordinates)),
         memory=MEMORY,
-        **functions(
-            Vectors(t, y, u, k),
-            initial=ca.vertcat(_column(q_0), _column(p_0), 0, 0),
-            rates=rates,
-            energy=moving.kinetic_energy + moving.potential_energy,
-            outputs=[(variable, _column(expression)) for variable, expression in outputs],
-            nominals=_nominals(component, inertias(link, base, chain & [(link.q, q)])),
-        ),
-        conditions=function("conditions", [t, y, u, k], ca.MX(0, 1)),
+        **functions,
+        programs=tuple(programs.values()),
+        conditions=ca.Function("conditions", at, [ca.MX(0, 1)]),
         condition_texts=(),
-        events=function("events", [k], ca.MX(0, 1)),
+        events=ca.Function("events", at[3:], [ca.MX(0, 1)]),
         active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in component.actives),
         ports=_ports(m),
         experiment=component.experiment,
@@ -86,6 +107,21 @@ def assemble(component: type[Chain], n: int) -> Model:
         closed_form=closed_form(component),
         dimensions=(dimension,),
     )
+
+
+def _programs(
+    found: Mapping[str, Any], steps: Sequence[Step], shapes: Mapping[str, tuple[bool, ...]], n: int
+) -> dict[str, Program]:
+    return {
+        name: program(
+            name.removesuffix("_function"),
+            n,
+            [Vector(x, shapes[vector]) for x, vector in zip(found[name][0], taken, strict=True)],
+            steps,
+            [Vector(ca.densify(x), shapes[vector]) for x, vector in zip(found[name][1:], returned, strict=True)],
+        )
+        for name, (taken, returned) in _VECTORS.items()
+    }
 
 
 def _parameters(component: type[Chain], dimension: Dimension) -> tuple[Variable, ...]:
@@ -102,25 +138,23 @@ def _inputs(m: Chain, dimension: Dimension) -> tuple[Variable, ...]:
     )
 
 
-def _of_coordinates(
-    component: type[Chain], dimension: Dimension, q: ca.MX, p: ca.MX, moving: Motion
-) -> list[variables.Row]:
-    matrices = (q, moving.rates, moving.accelerations, p, moving.momentum_rates)
+def _of_coordinates(dimension: Dimension, link: Link, m: Chain, moving: Motion) -> list[variables.Row]:
+    columns = (link.q, moving.rates, moving.accelerations, link.p, moving.momentum_rates)
     return [
         row
-        for i, item in enumerate(component.coordinates)
-        for row in variables.of_coordinate(item, *(matrix[i, :] for matrix in matrices), dimension=dimension)
+        for i, item in enumerate(m.coordinates)
+        for row in variables.of_coordinate(item, *(column[i] for column in columns), dimension=dimension)
     ]
 
 
 def _of_points(m: Chain, dimension: Dimension, moving: Motion) -> list[variables.Row]:
-    matrices = (moving.points, moving.point_rates, moving.point_accelerations)
+    columns = (moving.points, moving.point_rates, moving.point_accelerations)
     places = {point.name: point for point in m.points}
     return [
         row
         for i, name in enumerate(m.point_components)
         for row in variables.of_point(
-            name, places[name.rpartition("_")[0]], *(matrix[i, :] for matrix in matrices), dimension=dimension
+            name, places[name.rpartition("_")[0]], *(column[i] for column in columns), dimension=dimension
         )
     ]
 
@@ -138,51 +172,43 @@ def _point_units(m: Chain) -> dict[str, str]:
     return {name: unit[name.rpartition("_")[0]] for name in m.point_components}
 
 
-def _base(m: Chain, shared: tuple, s: ca.MX, s_dot: ca.MX, s_ddot: ca.MX) -> tuple[Base, ca.MX]:
+def _driven(link: Link, m: Chain, given: Mapping[str, ca.SX]) -> Link:
+    """The link with the forces and loads that are given to it as inputs."""
+    forces, loads = (stack(given[f"{q.name}{end}"] for q in m.coordinates) for end in ("_force", "_load"))
+    return replace(link, drive=forces - loads, loads=stack(given[f"{name}_load"] for name in m.point_components))
+
+
+def _base(m: Chain) -> tuple[Base, ca.SX]:
     """Motion of the first joint w = B(s), and B_s, (d, a)."""
-    d, components = len(type(m).joint.axes), m.base()
+    components = m.base()
     if components is None:
-        return Base(*(ca.MX(d, 1) for _ in range(3))), ca.MX(d, 0)
+        d = m.w.shape[0]
+        return Base(*(ca.SX.zeros(d) for _ in range(3))), ca.SX(d, 0)
     place = column(components)
     velocity = m.dot(place)
-    symbols = [m.s, m.s_dot, m.s_ddot, *(symbol for symbol, _ in shared)]
-    motion_of = ca.Function("base", symbols, [place, velocity, m.dot(velocity), ca.jacobian(place, m.s)])
-    w, w_dot, w_ddot, slope = motion_of.call([s, s_dot, s_ddot, *(numbers for _, numbers in shared)])
-    return Base(w, w_dot, w_ddot), slope
+    return Base(place, velocity, m.dot(velocity)), ca.jacobian(place, m.s)
 
 
-def _nominals(component: type[Chain], inertia: ca.MX) -> ca.MX:
+def _start(
+    link: Link, base: Base, given: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
+) -> tuple[list[Step], ca.SX, ca.SX]:
+    """(steps, q and p, energy) at the start."""
+    q_0, v_0 = (stack(given[f"{q}{end}"] for q in ca.vertsplit(link.q)) for end in ("_0", "_dot_0"))
+    before, p_0 = renamed(*momenta(link, base))
+    at_start = [(link.q, q_0), (link.v, v_0)]
+    before, p_0 = [step.rewritten(lambda x: substituted(x, at_start)) for step in before], substituted(p_0, at_start)
+    after, energy_0 = renamed(steps, energy)
+    at_start = [(link.q, q_0), (link.p, p_0)]
+    after = [step.rewritten(lambda x: substituted(x, at_start)) for step in after]
+    return [*before, *after], ca.vertcat(q_0, p_0), energy_0
+
+
+def _nominals(component: type[Chain], link: Link) -> tuple[list[Step], ca.SX]:
     """Sizes of the states: of q as declared, of p and of the energies what that size a second amounts to."""
-    sizes = ca.repmat(ca.MX(ca.DM([q.nominal for q in component.coordinates])), 1, inertia.shape[1])
-    energy = ca.sum1(_column(inertia * sizes**2)) / 2
-    return ca.vertcat(_column(sizes), _column(inertia * sizes), energy, energy)
+    sizes, energy = ca.SX(ca.DM([q.nominal for q in component.coordinates])), ca.SX.sym("energy")
+    steps, inertia = inertias(link)
+    return [*steps, Sum(energy, ca.dot(inertia, sizes**2) / 2)], ca.vertcat(sizes, inertia * sizes, energy, energy)
 
 
-def _shared(expression: ca.SX, shared: tuple) -> ca.MX:
-    """An expression of the parameters alone."""
-    value = ca.Function("shared", [symbol for symbol, _ in shared], [ca.densify(ca.SX(expression))])
-    return value.call([ca.MX(numbers) for _, numbers in shared])[0]
-
-
-def _by_name(found: tuple[Variable, ...], vector: ca.MX) -> dict[str, ca.MX]:
-    """Pieces of a vector, (count, 1) each, by the names of the variables that they belong to."""
-    ends = [0]
-    for variable in found:
-        ends.append(ends[-1] + variable.count)
-    pieces = ca.vertsplit(vector, ends) if found else []
-    return {variable.name: piece for variable, piece in zip(found, pieces, strict=True)}
-
-
-def _gather(values: dict[str, ca.MX], names: list[str]) -> ca.MX:
-    return ca.vertcat(*(values[name] for name in names)) if names else ca.MX(0, 1)
-
-
-def _rows(values: dict[str, ca.MX], names: list[str]) -> ca.MX:
-    """Arrays as rows of a matrix, one column a link."""
-    return ca.vertcat(*(values[name].T for name in names)) if names else ca.MX(0, 1)
-
-
-def _column(matrix: ca.MX) -> ca.MX:
-    """Rows of a matrix one after the other, as a column."""
-    whole = ca.MX(matrix)
-    return ca.MX.zeros(whole.numel(), 1) if whole.nnz() == 0 else ca.vec(whole.T)
+def _shape(group: Iterable[Variable]) -> tuple[bool, ...]:
+    return tuple(variable.dimension is not None for variable in group)

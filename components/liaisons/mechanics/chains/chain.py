@@ -104,7 +104,14 @@ class Chain(Component, abstract=True):
         """
         from liaisons.mechanics.chains.assembly import assemble
 
-        return assemble(cls, cls(n).sizes["n"])
+        links = cls(n).sizes["n"]
+        for q in cls.coordinates:
+            if len(q.leading) > links:
+                raise ComponentError(
+                    f"{cls.__name__}: n = {links}: {q.name} starts with {len(q.leading)} values; "
+                    "take a longer chain, or declare fewer"
+                )
+        return assemble(cls, links)
 
     @classmethod
     def variable_names(cls) -> list[str]:

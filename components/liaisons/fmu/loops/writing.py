@@ -1,0 +1,230 @@
+"""The C text of a program's passages."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from liaisons.fmu.loops.plans import Plan, Plans, operands
+from liaisons.mechanics.sweeps import Program
+from liaisons.statements import OPERATIONS, Node
+
+PREAMBLE = """\
+#if defined __GNUC__ && !defined __clang__
+#define VECTORISED __attribute__((optimize("tree-vectorize", "vect-cost-model=dynamic")))
+#else
+#define VECTORISED
+#endif
+
+enum { BLOCK = 256 }; /* terms of a sum that are calculated before they are added up */
+
+/* Several sums at once: one alone would wait for each of its additions. */
+static inline VECTORISED double total(const double *terms, size_t count) {
+    double sums[8] = {0};
+    size_t i = 0;
+    for (; i + 8 <= count; i += 8)
+        for (size_t k = 0; k < 8; k++) sums[k] += terms[i + k];
+    for (size_t k = 0; i + k < count; k++) sums[k] += terms[i + k];
+    return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
+}
+"""
+
+_LONGEST = 80  # characters of an expression without a name
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """A function in C, and how many numbers of work space it needs."""
+
+    text: str
+    reals: int
+
+
+def loops(program: Program) -> Code:
+    """The function that a program describes; its text needs :data:`PREAMBLE`."""
+    writer = _Writer(Plans(program))
+    lines = [line for place in range(len(writer.plans.plans)) for line in writer.passage(place)]
+    for where, number in writer.plans.ends:
+        value = _bare(writer.single(number))
+        lines += [*writer.pending(), f"{where} = {value};"]
+    body = "".join(f"    {line}\n" for line in lines)
+    pointers = "".join(f"    {line}\n" for name, line in writer.plans.pointers.items() if f"{name}[" in body)
+    head = "const double **argument, double **result, long long *integers, double *work, int memory"
+    text = f"static VECTORISED int {program.name}({head}) {{\n{pointers}{body}    return 0;\n}}\n"
+    return Code(text, len(writer.plans.kept) * program.n)
+
+
+class _Writer:
+    """Texts of single numbers, and statements for them that are still to be written, in front of what needs them."""
+
+    def __init__(self, plans: Plans) -> None:
+        self.plans = plans
+        self._texts: dict[int, str] = {}
+        self._inverses: dict[int, str] = {}
+        self._pending: list[str] = []
+        ends = [x for _, x in plans.ends]
+        for plan in plans.plans:
+            ends += [x for _, x in plan.edges] + [x for _, _, edges in plan.sums for x in edges]
+            ends += [x for _, x, _ in plan.carried]
+        in_loops = [i for plan in plans.plans for i in plan.targets]
+        for node, each in zip(plans.nodes, plans.each, strict=True):
+            in_loops += operands(node) if each else ()
+        alone = [node for node, each in zip(plans.nodes, plans.each, strict=True) if not each]
+        self._uses = _uses(alone, ends, in_loops)
+
+    def pending(self) -> list[str]:
+        """Statements that have to come next."""
+        found, self._pending = self._pending, []
+        return found
+
+    def single(self, number: int) -> str:
+        """A single number as an operand; what it needs is pending."""
+        nodes, ahead, needed = self.plans.nodes, [number], set()
+        while ahead:
+            i = ahead.pop()
+            if i not in needed and i not in self._texts:
+                needed.add(i)
+                ahead += operands(nodes[i])
+        for i in sorted(needed):
+            leaf = self.plans.leaf(i)
+            text = leaf.text if leaf else _operation(nodes[i], self._texts.__getitem__)
+            if self._uses[i] > 1 and not _is_short(text):
+                self._pending.append(f"const double s{i} = {_bare(text)};")
+                text = f"s{i}"
+            self._texts[i] = text
+        return self._texts[number]
+
+    def passage(self, place: int) -> list[str]:
+        """The statements of a passage."""
+        plan = self.plans.plans[place]
+        lines = [f"{where} = {_bare(self.single(x))};" for where, x in plan.edges]
+        lines += [f"double {name} = {_bare(self.single(start))};" for name, start, _ in plan.carried]
+        for name, _, edges in plan.sums:
+            lines.append(f"double {name} = {' + '.join(map(self.single, edges)) or '0.0'};")
+        loop = self._loop(place, plan) if plan.links else []
+        return [*self.pending(), *lines, *loop]
+
+    def inverse(self, number: int) -> str:
+        """1/x of a single number, by which products take the place of quotients at each link."""
+        if number not in self._inverses:
+            self._inverses[number] = f"r{number}"
+            divisor = self.single(number)
+            self._pending.append(f"const double r{number} = 1.0 / {divisor};")
+        return self._inverses[number]
+
+    def _loop(self, place: int, plan: Plan) -> list[str]:
+        link = _Link(self, place, plan)
+        body = link.lines
+        body += [f"{name}[i] = {_bare(link.text(x))};" for name, x in (*self.plans.kept_in(place), *plan.rows)]
+        first, end = plan.links.start, plan.links.stop
+        terms = [(name, _bare(link.text(x))) for name, x, _ in plan.sums]
+        if plan.inward is None and terms:
+            body += [f"terms{k}[i - begin] = {text};" for k, (_, text) in enumerate(terms)]
+            return [
+                f"for (size_t begin = {first}; begin < {end}; begin += BLOCK) {{",
+                f"    const size_t end = begin + BLOCK < {end} ? begin + BLOCK : {end};",
+                f"    double {', '.join(f'terms{k}[BLOCK]' for k in range(len(terms)))};",
+                "    for (size_t i = begin; i < end; i++) {",
+                *(f"        {line}" for line in body),
+                "    }",
+                *(f"    {name} += total(terms{k}, end - begin);" for k, (name, _) in enumerate(terms)),
+                "}",
+            ]
+        body += [f"{name} += {text};" for name, text in terms]
+        following = {name: _bare(link.text(x)) for name, _, x in plan.carried}
+        body += [f"const double n{name} = {text};" for name, text in following.items() if text in following]
+        body += [f"{name} = {f'n{name}' if text in following else text};" for name, text in following.items()]
+        turns = f"size_t i = {end}; i-- > {first};" if plan.inward else f"size_t i = {first}; i < {end}; i++"
+        return [f"for ({turns}) {{", *(f"    {line}" for line in body), "}"]
+
+
+class _Link:
+    """Statements for one link of a passage, and how its numbers are called behind them."""
+
+    def __init__(self, writer: _Writer, place: int, plan: Plan) -> None:
+        plans = writer.plans
+        known = {i: array for i, (array, since) in plans.kept.items() if since < place}
+        needed, read = plans.needed(plan.targets, known.__contains__)
+        nodes = [plans.nodes[i] for i in sorted(needed)]
+        quotients = Counter(node.arguments[1] for node in nodes if _is_quotient(node))
+        self.lines: list[str] = []
+        self._writer, self._texts = writer, {i: f"{known[i]}[i]" for i in sorted(read)}
+        self._divisors = {i for i, count in quotients.items() if count > 1 or not plans.each[i]}
+        self._inverses: set[int] = set()
+        self._uses = _uses(
+            nodes,
+            [*(x for _, x in plan.rows), *(x for _, x, _ in plan.sums)],
+            [*self._divisors, *(x for _, _, x in plan.carried), *(x for _, x in plans.kept_in(place))],
+        )
+        for number in sorted(needed | read):
+            text = self._texts[number] if number in read else self._calculated(number)
+            if (self._uses[number] > 1 and not _is_short(text)) or len(text) > _LONGEST:
+                self.lines.append(f"const double a{number} = {_bare(text)};")
+                text = f"a{number}"
+            self._texts[number] = text
+
+    def text(self, number: int) -> str:
+        """A number as an operand."""
+        leaf = self._writer.plans.leaf(number)
+        if number in self._texts:
+            return self._texts[number]
+        return leaf.text if leaf and leaf.each else self._writer.single(number)  # carried, but needed in no operation
+
+    def _calculated(self, number: int) -> str:
+        node, leaf = self._writer.plans.nodes[number], self._writer.plans.leaf(number)
+        if leaf:
+            return leaf.text
+        if _is_quotient(node) and node.arguments[1] in self._divisors:
+            dividend, divisor = node.arguments
+            return f"({self.text(dividend)} * {self._inverse(divisor)})"
+        return _operation(node, self.text)
+
+    def _inverse(self, number: int) -> str:
+        if not self._writer.plans.each[number]:
+            return self._writer.inverse(number)
+        if number not in self._inverses:
+            self._inverses.add(number)
+            self.lines.append(f"const double r{number} = 1.0 / {self.text(number)};")
+        return f"r{number}"
+
+
+def _uses(nodes: Iterable[Node], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
+    """How often numbers are needed, as operands of nodes and otherwise."""
+    found = Counter([*once, *several, *several])
+    for node in nodes:
+        if node.operation is not None:
+            for k, number in enumerate(node.arguments):
+                found[number] += node.operation.c.count(f"{{{k}}}")
+    return found
+
+
+def _operation(node: Node, text_of: Callable[[int], str]) -> str:
+    """An operation, or a constant, as an operand."""
+    if node.operation is None:
+        return _constant(0.0 if node.constant is None else node.constant)
+    text = node.operation.c.format(*map(text_of, node.arguments))
+    return text if node.operation.c[0].isalpha() else f"({text})"  # a call needs no brackets
+
+
+def _constant(value: float) -> str:
+    if not math.isfinite(value):
+        return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
+    return repr(value) if math.copysign(1.0, value) > 0 else f"({value!r})"
+
+
+def _bare(text: str) -> str:
+    """An operand without brackets around all of it."""
+    return text[1:-1] if text.startswith("(") else text
+
+
+def _is_short(text: str) -> bool:
+    """Whether it need not get a name: a name, or a number."""
+    return text.replace(".", "").isalnum() or text.isidentifier()
+
+
+def _is_quotient(node: Node) -> bool:
+    return node.operation is OPERATIONS[ca.OP_DIV]

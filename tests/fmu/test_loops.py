@@ -1,0 +1,191 @@
+"""Loops in C against CasADi's functions of the same chains, and their derivatives against CasADi's own."""
+
+from __future__ import annotations
+
+import ctypes as c
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from liaisons.compiler import FLAGS, system_compiler
+from liaisons.fmu.code import model_code
+from liaisons.fmu.dependencies import at_start, coupled, states_that_jump, while_running
+from liaisons.fmu.loops import PREAMBLE, Code, loop_functions
+from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Joint, Model, Parameter, point
+from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
+
+GUID = "{00000000-0000-0000-0000-000000000000}"
+WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wno-unused-parameter"]
+ROUNDING = 1e-12
+"""Of some hundred terms of order 1, summed in another order and divided by multiplying with inverses; relative to the
+largest number of a result."""
+
+
+class PendulumRow(Chain):
+    """Pendulums in a row, coupled by sines: neighbours matter, but cost too much to be calculated twice."""
+
+    inertia = Parameter(1.2, "kg.m2", "moment of inertia of each pendulum", above=0)
+    stiffness = Parameter(0.8, "N.m", "of what couples them")
+    friction = Parameter(0.1, "1/s", "coefficient of friction")
+    phi = Coordinate("rad", "angles", start=(0.5, -0.2))
+
+    def tip(self) -> dict[str, ca.SX]:
+        return {"x": self.phi}
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.inertia / 2 * self.dot(self.phi) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return -ca.cos(self.phi)
+
+    def bond_energy(self) -> ca.SX:
+        return self.stiffness * (1 - ca.cos(self.phi - self.joint["x"]))
+
+    def friction_coefficient(self) -> ca.SX:
+        return self.friction
+
+
+class Arm(Chain):
+    """Telescopes hung on each other: two coordinates a link, inertia that depends on them, a moved base, friction."""
+
+    mass = Parameter(1.3, "kg", "mass of each body", above=0)
+    friction = Parameter(0.3, "1/s", "coefficient of friction", minimum=0)
+    angle = Coordinate("rad", "absolute angle", start=0.3)
+    reach = Coordinate("m", "length of the link", start=1.0)
+    lift = ActiveCoordinate("m", "height of the base")
+    joint = Joint("m", "x", "z")
+
+    @point("m", "the far end of each link")
+    def end(self) -> dict[str, ca.SX]:
+        x, z = self.joint["x"], self.joint["z"]
+        return {"x": x + self.reach * ca.sin(self.angle), "z": z - self.reach * ca.cos(self.angle)}
+
+    def base(self) -> dict[str, ca.SX]:
+        return {"x": self.lift**2, "z": self.lift}
+
+    def tip(self) -> Mapping[str, ca.SX]:
+        return self.end
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.speed_squared(self.end)
+
+    def potential_energy(self) -> ca.SX:
+        return 9.81 * self.mass * self.end["z"] + (self.reach - 1) ** 2
+
+    def friction_coefficient(self) -> ca.SX:
+        return self.friction
+
+
+def references(model: Model) -> dict[str, ca.Function]:
+    """What the loops have to agree with, by the names of core.h."""
+    found = {name: getattr(model, name) for name in ("start", "derivatives", "jump", "remember", "nominals")}
+    found |= {"calculate": model.outputs_function, "motion": model.derivatives}
+    for name in ("start", "calculate", "remember"):
+        found |= {f"{name}_forward": found[name].forward(1), f"{name}_reverse": found[name].reverse(1)}
+    return found
+
+
+def compiled(codes: dict[str, Code], folder: Path, *flags: str) -> c.CDLL:
+    """The functions, each exported as ``call_NAME(arguments, results, work)``."""
+    compiler = system_compiler()
+    if compiler is None:
+        pytest.skip("no C compiler")
+    calls = [
+        f"int call_{name}(const double **a, double **r, double *w) {{ return {name}(a, r, NULL, w, 0); }}"
+        for name in codes
+    ]
+    texts = ["#include <math.h>", "#include <stddef.h>", PREAMBLE, *(code.text for code in codes.values()), *calls]
+    (folder / "loops.c").write_text("\n".join([*texts, ""]))
+    common = [flag for flag in FLAGS if flag != "-fvisibility=hidden"]
+    command = [*compiler, *common, *WARNINGS, *flags, "loops.c", "-o", "loops.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    return c.CDLL(str(folder / "loops.so"))
+
+
+def called(
+    function: Callable[..., int], arguments: Sequence[NDArray], sizes: Sequence[int], work: int
+) -> list[NDArray]:
+    """Results; what is not written stays NaN, and what is read of the work space before it is written is NaN too."""
+    pointer = c.POINTER(c.c_double)
+    results, space = [np.full(size, np.nan) for size in sizes], np.full(work + 1, np.nan)
+
+    def array(columns: Sequence[NDArray]) -> Any:
+        return (pointer * len(columns))(*(column.ctypes.data_as(pointer) for column in columns))
+
+    assert function(array(arguments), array(results), space.ctypes.data_as(pointer)) == 0
+    return results
+
+
+CHAINS = [(OscillatorChain, n) for n in (2, 3, 4, 700)]  # 700: sums of several blocks
+CHAINS += [(DrivenChain, 2), (DrivenChain, 9), (PendulumRow, 2), (PendulumRow, 300), (PendulumChain, 2)]
+CHAINS += [(PendulumChain, 12), (Arm, 3)]
+
+
+@pytest.mark.parametrize(("component", "n"), CHAINS)
+def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path) -> None:
+    model = component.model(n)
+    codes = loop_functions(model.programs, coupled(model), adjoint=True)
+    # The long ones take gcc seconds when it optimises; that these are right when optimised is shown by their FMUs.
+    library = compiled(codes, tmp_path, *(() if component in (OscillatorChain, DrivenChain) else ("-O0",)))
+    expected = references(model)
+    assert codes.keys() == expected.keys()
+    rng = np.random.default_rng(n)
+    for name, function in expected.items():
+        arguments = [rng.uniform(0.4, 1.3, function.numel_in(i)) for i in range(function.n_in())]
+        values = [np.asarray(x).ravel() for x in function.call([ca.DM(x) for x in arguments])]
+        if name == "motion":
+            values = [values[0][: coupled(model)]]
+        sizes = [value.size for value in values]
+        found = called(getattr(library, f"call_{name}"), arguments, sizes, codes[name].reals)
+        for numbers, value in zip(found, values, strict=True):
+            scale = max(1.0, np.max(np.abs(value), initial=0.0))
+            np.testing.assert_allclose(numbers, value, rtol=0, atol=ROUNDING * scale, err_msg=name)
+
+
+def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
+    """Their mass matrix is diagonal: one loop over independent links, which compilers vectorise."""
+    model = OscillatorChain.model(1000)
+    codes = loop_functions(model.programs, coupled(model), adjoint=True)
+    assert all(code.reals == 0 for code in codes.values())
+    assert codes["derivatives"].text.count("i < ") == 1
+    assert len(PREAMBLE) + len(codes["derivatives"].text) < 20_000
+
+
+def test_sines_are_calculated_once_a_link() -> None:
+    model = PendulumChain.model(50)
+    text = loop_functions(model.programs, coupled(model), adjoint=False)["derivatives"].text
+    assert text.count(" sin(") == text.count(" cos(") == 1
+    assert text.count("for (") == 3  # inward, outward, inward
+
+
+@pytest.mark.parametrize("component", [OscillatorChain, PendulumChain])
+def test_code_is_as_long_for_any_chain(component: type[Chain], tmp_path: Path) -> None:
+    """Only digits are added; without warnings."""
+    small, large = (model_code(component.model(n), GUID, "3") for n in (10, 10_000))
+    assert len(large) < 1.05 * len(small)
+    compiler = system_compiler()
+    if compiler is not None:
+        (tmp_path / "model.c").write_text(large)
+        runtime = Path(__file__).parents[2] / "components" / "liaisons" / "fmu" / "runtime"
+        flags = ["-std=c99", *WARNINGS, f"-I{runtime}", "-fsyntax-only"]
+        subprocess.run([*compiler, *flags, tmp_path / "model.c"], check=True)
+
+
+@pytest.mark.parametrize("component", [OscillatorChain, DrivenChain, PendulumChain, PendulumRow])
+def test_dependencies_are_those_of_the_functions(component: type[Chain]) -> None:
+    """The same whether they are found in the description of one link or in the functions."""
+    model = component.model(3)
+    plain = replace(model, programs=())
+    np.testing.assert_array_equal(while_running(model), while_running(plain))
+    differing = np.flatnonzero((at_start(model) != at_start(plain)).any(axis=1))
+    # At the start the balance is E - E = 0, which is simplified where it stands in one expression.
+    assert {model.outputs[i].name for i in differing} <= {"energy_balance"}
+    assert states_that_jump(model) == states_that_jump(plain) == {"work"}
+    assert coupled(model) == coupled(plain) == 6
