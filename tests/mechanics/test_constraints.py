@@ -293,3 +293,65 @@ def test_a_spinning_skate_let_go_on_a_slope_runs_on_a_cycloid_and_never_gets_dow
 def test_a_start_that_breaks_a_constraint_is_refused_with_its_name_and_residual(skate, backend) -> None:
     with pytest.raises(SimulationError, match=r"edge \(speed across the edge\) must be kept to 1e-06 m/s.*\(-0\.5\)"):
         simulate(skate(backend), stop_time=1.0, step_size=0.1, y_dot_0=0.5)
+
+
+# ---- constraints that say the same ------------------------------------------------------------------------------
+
+
+class Bead(Mechanism):
+    """A bead on a circle in a plane."""
+
+    x = Coordinate("m", "in the plane", start=1.0)
+    y = Coordinate("m", "out of the plane")
+    z = Coordinate("m", "in the plane", start_rate=1.0)
+
+    @constraint("m", "out of the plane")
+    def plane(self) -> ca.SX:
+        return self.y
+
+    @constraint("m2", "circle")
+    def circle(self) -> ca.SX:
+        return self.x**2 + self.z**2 - 1
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.speed_squared({"x": self.x, "y": self.y, "z": self.z}) / 2
+
+    def potential_energy(self) -> ca.SX:
+        return 9.81 * self.z + 2.0 * self.y
+
+
+class TwiceHeldBead(Bead):
+    """The same bead with the circle stated once more, as a sphere that cuts the plane."""
+
+    @constraint("m2", "sphere")
+    def sphere(self) -> ca.SX:
+        return self.x**2 + self.y**2 + self.z**2 - 1
+
+
+def test_redundant_constraints_change_no_motion_and_share_their_force() -> None:
+    state = {"x": 0.6, "z": 0.8, "x_dot": -0.8, "z_dot": 0.6}
+    once, twice = derive(Bead), derive(TwiceHeldBead)
+    same = (e.evaluate("accelerations", **state) for e in (twice, once))
+    np.testing.assert_allclose(*same, rtol=0, atol=1e-12)  # condition 1e3, accelerations of order 1
+    one, two = (
+        ca.Function("forces", list(e.symbols.values()), [e.in_motion(e.multipliers)])(
+            *(state.get(name, 0.0) for name in e.symbols)
+        )
+        for e in (once, twice)
+    )
+    plane, circle = np.asarray(one)[:, 0]
+    # The larger a constraint's usual gradient, the smaller its share: squares 4 (x² + z²) + 4 + 4 of the circle's
+    # gradient and its changes, 4 more of the sphere's.  Rounding of forces of 10 over the regularisation, 1e-10 of 16.
+    shares = [plane, circle * 16 / 28, circle * 12 / 28]
+    np.testing.assert_allclose(np.asarray(two)[:, 0], shares, rtol=0, atol=1e-5)
+
+
+def test_momenta_that_break_a_constraint_die_out() -> None:
+    """p' = ... - 2α (what p has across the constraints): model exchange is not projected."""
+    equations = derive(Bead)
+    alpha = constraints.STABILISATION
+    state = {"x": 1.0, "p_x": 0.3, "p_y": -0.2, "p_z": 1.0}
+    function = ca.Function("back", list(equations.symbols.values()), [equations.momentum_return, equations.velocities])
+    back, velocities = function(*(state.get(name, 0.0) for name in equations.symbols))
+    np.testing.assert_allclose(np.asarray(back)[:, 0], [-2 * alpha * 0.3, 2 * alpha * 0.2, 0.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(velocities)[:, 0], [0.0, 0.0, 1.0], rtol=0, atol=1e-14)

@@ -125,6 +125,14 @@ def test_kinetic_energy_that_is_not_quadratic() -> None:
                 return -self.mass * ca.sqrt(1 - self.dot(self.x) ** 2)
 
 
+def test_kinetic_energy_that_is_not_zero_at_rest() -> None:
+    with pytest.raises(ComponentError, match=r"must be quadratic in the rates; .*belongs to lagrangian"):
+
+        class OnABelt(_Bead):
+            def kinetic_energy(self) -> ca.SX:
+                return self.mass / 2 * (self.dot(self.x) + 1) ** 2
+
+
 def test_singular_start() -> None:
     with pytest.raises(ComponentError, match=r"Polar: the kinetic energy is not finite at the start .*x = 0"):
 

@@ -42,13 +42,7 @@ def assemble(component: type[Mechanism]) -> Model:
     u = stack(symbols[variable.name] for variable in inputs)
     k = stack(symbols[variable.name] for variable in parameters)
 
-    rates = ca.vertcat(
-        m.free.kinematics @ m.free.q_dot,
-        equations.momentum_rates,
-        equations.internal_rates,
-        equations.power,
-        equations.dissipation,
-    )
+    rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
     # A jump of σ̇ through a submersion changes the state.
     projection = equations.projection
     landed = None if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
@@ -144,13 +138,14 @@ def _conditions(component: type[Mechanism], equations: Equations) -> dict[str, c
 def _start_conditions(component: type[Mechanism], equations: Equations) -> dict[str, ca.SX]:
     """The same, asked of the start alone: afterwards the state is put back onto its constraints."""
     found: dict[str, ca.SX] = {}
-    kept = equations.constraints
+    kept, q_dot = equations.constraints, equations.mechanism.free.q_dot
+    rates = ca.substitute(kept.rate_residuals, q_dot, equations.loose_velocities)
     for i, item in enumerate((*component.constraints, *component.non_holonomic, *component.submersions)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         found[text] = CONSISTENT - ca.fabs(kept.residuals[i])
         if i not in kept.of_position:
             continue  # a constraint on rates has no other
-        found[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(kept.rate_residuals[i])
+        found[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(rates[i])
     for turn in component.orientations:
         text = f"{', '.join(turn.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"
         found[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(equations.mechanism, turn.name).quaternion) - 1)

@@ -29,6 +29,7 @@ class Constraints:
     """All constraints of a mechanism: passive ones, non-holonomic ones, submersions, in this order."""
 
     matrix: ca.SX  # C (c, f)
+    squares: ca.SX  # of the entries that C has somewhere near, also where C itself vanishes (c, f)
     targets: ca.SX  # c (c,)
     residuals: ca.SX  # what is not kept of them (c,)
     rate_residuals: ca.SX  # the same of their derivatives; of the non-holonomic ones themselves (c,)
@@ -63,8 +64,10 @@ def constraints(m: Mechanism) -> Constraints:
 
     rows = stack(upheld)
     first, last = len(m.constraints), len(m.constraints) + len(m.non_holonomic)
+    matrix = ca.jacobian(rows, m.free.q_ddot)
     return Constraints(
-        matrix=ca.jacobian(rows, m.free.q_ddot),
+        matrix=matrix,
+        squares=_squares(m, matrix),
         targets=-ca.substitute(rows, m.free.q_ddot, zero),
         residuals=stack(residuals),
         rate_residuals=stack(rate_residuals),
@@ -72,12 +75,40 @@ def constraints(m: Mechanism) -> Constraints:
     )
 
 
+def _squares(m: Mechanism, C: ca.SX) -> ca.SX:
+    """C², and the squares of its changes over the nominal size of each coordinate."""
+    sizes = ca.DM([q.nominal for q in m.coordinates] + [1.0] * 4 * len(m.orientations))
+    entries = stack(C[i, j] for i, j in zip(*C.sparsity().get_triplet(), strict=True))
+    changes = ca.jacobian(entries, m.free.q) @ ca.diag(sizes)
+    return ca.SX(C.sparsity(), entries**2 + ca.sum2(changes**2))
+
+
+def kept_velocities(m: Mechanism, metric: Inertia, loose: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
+    """Velocities that keep the constraints of position: A (ẋ - loose) = Cᵀ μ, C ẋ = σ̇.
+
+    Between two projections the stages of a solver leave the constraints.  Where these come close to a singular
+    configuration (the rods of a parallelogram in line), what the velocities are off by would be divided by the distance
+    to it.  The remedy is that of Gear, Gupta and Leimkuhler (J. Comp. Appl. Math. 12, 1985).
+
+    :param loose: A⁻¹ (p - b), which may break the constraints (f,).
+    :returns: ẋ (f,), and the momenta Cᵀ μ that p lacks (f,).
+    """
+    rows, q_dot = list(kept.of_position), m.free.q_dot
+    if not rows:
+        return loose, ca.SX.zeros(loose.shape)
+    C, zero = kept.matrix[rows, :], ca.SX.zeros(loose.shape)
+    # A residual decays by this, too.
+    off = ca.substitute(kept.rate_residuals[rows, 0], q_dot, loose) + STABILISATION * kept.residuals[rows, 0]
+    correction, mu = metric.under(C, zero, -off, kept.squares[rows, :])
+    return loose + correction, C.T @ mu
+
+
 def multipliers(metric: Inertia, f: ca.SX, kept: Constraints) -> ca.SX:
     """λ of the forces Cᵀ λ that keep C ẍ = c where A ẍ = f + Cᵀ λ, by d'Alembert (K eq. 7, 9); (c,)."""
     C = kept.matrix
     if C.shape[0] == 0:
         return ca.SX(0, 1)
-    return metric.under(C, f, kept.targets)[1]
+    return metric.under(C, f, kept.targets, kept.squares)[1]
 
 
 def gauss(A: ca.SX, f: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
@@ -105,8 +136,10 @@ def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, kept: Constrain
     q, p = m.free.q, m.free.p
     on_constraints = _positions(m, metric, kept)
     momenta, C, zero = p, kept.matrix, ca.SX.zeros(*p.shape)
-    for _ in range(ROUNDS if C.shape[0] else 0):
-        _, push = metric.under(C, zero, kept.rate_residuals)
+    # Of positions the rates are linear: one step is enough, if it is a whole one.
+    rounds = ROUNDS if m.non_holonomic else min(C.shape[0], 1)
+    for _ in range(rounds):
+        _, push = metric.under(C, zero, kept.rate_residuals, kept.squares, iterated=rounds == 1)
         kicked = ca.substitute(p - m.free.frame @ (C.T @ push), m.free.q_dot, velocities)
         momenta = ca.substitute(kicked, ca.vertcat(q, p), ca.vertcat(on_constraints, momenta))
     return ca.vertcat(on_constraints, momenta)
@@ -117,7 +150,8 @@ def _positions(m: Mechanism, metric: Inertia, kept: Constraints) -> ca.SX:
     moved = _with_unit_quaternions(m, q)
     if rows:
         C = kept.matrix[rows, :]
-        away, _ = metric.under(C, ca.SX.zeros(*m.free.p.shape), kept.residuals[rows, 0])
+        residuals, squares = kept.residuals[rows, 0], kept.squares[rows, :]
+        away, _ = metric.under(C, ca.SX.zeros(*m.free.p.shape), residuals, squares, iterated=False)
         step = _with_unit_quaternions(m, q - m.free.kinematics @ away)
         for _ in range(ROUNDS):
             moved = ca.substitute(step, q, moved)

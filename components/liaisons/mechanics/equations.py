@@ -73,7 +73,9 @@ class Equations:
     mass_matrix: ca.SX  # A (f, f)
     momenta: ca.SX  # ∂L/∂ẋ (f,)
     velocities: ca.SX  # ẋ as function of (x, p, s, σ̇) (f,)
+    loose_velocities: ca.SX  # the same by the momenta alone, A⁻¹ (p − b), which may break constraints (f,)
     momentum_rates: ca.SX  # ṗ (f,)
+    momentum_return: ca.SX  # what is added to ṗ off the constraints: momenta that break them decay (f,)
     accelerations: ca.SX  # ẍ (f,)
     operator_forces: ca.SX  # λ (a,)
     effective_mass: ca.SX  # Θ (a, a)
@@ -90,6 +92,12 @@ class Equations:
         """All symbols by name: those of the mechanism, drives and loads."""
         forces = ca.vertsplit(ca.vertcat(self.drives, self.loads, self.point_loads))
         return self.mechanism.symbols | {str(symbol): symbol for symbol in forces}
+
+    @property
+    def state_rates(self) -> ca.SX:
+        """d/dt (q, p) as a solver integrates it, of orientations the quaternion; also off the constraints."""
+        free = self.mechanism.free
+        return ca.vertcat(free.kinematics @ free.q_dot, self.momentum_rates + self.momentum_return)
 
     @property
     def energy(self) -> ca.SX:
@@ -164,13 +172,14 @@ def derive(component: type[Mechanism]) -> Equations:
     metric = inertia(m, L)
     A = metric.matrix
     b = ca.substitute(p, q_dot, ca.SX.zeros(q_dot.shape))
-    velocities = metric.solve(m.free.frame.T @ m.free.p - b)
+    loose = metric.solve(m.free.frame.T @ m.free.p - b)
 
     # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     force = K.T @ gradient(L, q) + Q
     f = force + _gyroscopic(component, m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
     kept = constraints.constraints(m)
     C = kept.matrix
+    velocities, mu = constraints.kept_velocities(m, metric, loose, kept)
     lambdas = constraints.multipliers(metric, f, kept)
     accelerations = metric.solve(f + C.T @ lambdas)
     p_dot = m.free.frame @ (force + C.T @ lambdas)
@@ -179,7 +188,9 @@ def derive(component: type[Mechanism]) -> Equations:
     passive = len(component.constraints) + len(component.non_holonomic)
     rigid = list(kept.of_position)
     Q_s += ca.jacobian(kept.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
-    lambda_s = ca.substitute(m.dot(gradient(L, s_dot)) - gradient(L, s) - Q_s, q_ddot, accelerations)
+    p_s = gradient(L, s_dot)
+    resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))  # what f knows of the points, too
+    lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - Q_s
     operator_forces = ca.vertcat(lambda_s, lambdas[passive:, 0])
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
@@ -191,7 +202,7 @@ def derive(component: type[Mechanism]) -> Equations:
         + ca.dot(drives - loads, q_dot[:driven, 0])
         - ca.dot(point_loads, m.dot(position))
     )
-    dissipation = eta * (ca.dot(gradient(kinetic, q_dot), q_dot) + ca.dot(gradient(kinetic, s_dot), s_dot))
+    dissipation = 2 * eta * kinetic  # T is quadratic in the rates
     internal = m.internal_rates()
     return Equations(
         mechanism=m,
@@ -205,7 +216,9 @@ def derive(component: type[Mechanism]) -> Equations:
         mass_matrix=A,
         momenta=p,
         velocities=velocities,
+        loose_velocities=loose,
         momentum_rates=p_dot,
+        momentum_return=m.free.frame @ (2 * constraints.STABILISATION * mu),
         accelerations=accelerations,
         operator_forces=operator_forces,
         effective_mass=Theta,
@@ -215,7 +228,7 @@ def derive(component: type[Mechanism]) -> Equations:
         power=power,
         dissipation=dissipation - constraint_power,
         internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
-        projection=constraints.projection(m, metric, velocities, kept),
+        projection=constraints.projection(m, metric, loose, kept),
     )
 
 

@@ -17,13 +17,17 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from liaisons.mechanics.algebra import Factors, elimination_order, factorise, solve_symmetric, stack
+from liaisons.mechanics.algebra import Factors, elimination_order, factorise, stack
 
 if TYPE_CHECKING:
     from liaisons.mechanics.mechanism import Mechanism
 
 MANY = 8
 """So many degrees of freedom make it worthwhile to look for structure."""
+
+
+NEGLIGIBLE = 1e-10
+"""So small is the square of what is left of a constraint's gradient, beside its usual size, when it counts as lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,19 +44,35 @@ class Inertia:
             return right / self.system
         return self._factors.solve(self._padded(right))[: self.matrix.shape[0], :]
 
-    def under(self, C: ca.SX, f: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """x and λ with A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of full rank."""
+    def under(self, C: ca.SX, f: ca.SX, c: ca.SX, squares: ca.SX, *, iterated: bool = True) -> tuple[ca.SX, ca.SX]:
+        """x and λ with A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of any rank.
+
+        Where C loses rank, C A⁻¹ Cᵀ is singular: (C A⁻¹ Cᵀ + S) λ = c - C A⁻¹ f is solved in its place, S diagonal and
+        small, and once more for what S λ was wrong by (Tikhonov's regularisation, iterated).  Of what a constraint
+        demands 1 - (S/(σ² + S))² is met, σ being a singular value of C A⁻½: all of it, but for σ² near S where nothing
+        could be relied on.  Redundant constraints share their force.
+
+        :param squares: of the entries that C has somewhere near, (c, f); they say what is small.
+        :param iterated: false where the result is a step of an iteration anyway.
+        """
+        slack = NEGLIGIBLE * squares @ (1 / ca.diag(self.matrix))
         if self.after is None:
-            weight = C @ self.solve(C.T)
-            multipliers = solve_symmetric(weight, c - C @ self.solve(f))
-            return self.solve(f + C.T @ multipliers), multipliers
+            towards = self.solve(C.T)
+            weights = factorise(C @ towards + ca.diag(slack))
+            multipliers = weights.solve(c - C @ self.solve(f))
+            if iterated:
+                multipliers += weights.solve(slack * multipliers)
+            return self.solve(f) + towards @ multipliers, multipliers
         count, free, size = C.shape[0], C.shape[1], self.system.shape[0]
         wide = ca.horzcat(C, ca.SX(count, size - free))
-        system = ca.vertcat(ca.horzcat(self.system, wide.T), ca.horzcat(wide, ca.SX(count, count)))
+        system = ca.vertcat(ca.horzcat(self.system, wide.T), ca.horzcat(wide, -ca.diag(slack)))
         # The pivot of a multiplier comes from the coordinates that its constraint holds.
         held = {size + j: {i for i in range(free) if C.sparsity().has_nz(j, i)} for j in range(count)}
         order, _ = elimination_order(system.sparsity(), {**self.after, **held})
-        solution = factorise(system, order).solve(ca.vertcat(self._padded(f), c))
+        factors = factorise(system, order)
+        solution = factors.solve(ca.vertcat(self._padded(f), c))
+        if iterated:
+            solution += factors.solve(ca.vertcat(ca.SX(size, 1), -slack * solution[size:]))
         return solution[:free], -solution[size:]
 
     @cached_property

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError
+from liaisons.mechanics.algebra import gradient
 from liaisons.mechanics.assembly import assemble
 from liaisons.mechanics.component import Component, call, check_internal_rates, declared, scalar
 from liaisons.mechanics.declarations import (
@@ -296,17 +297,23 @@ def _named(picture: Mechanism, *columns: ca.SX) -> dict[str, ca.SX]:
 
 def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
     name = type(picture).__name__
-    metric = mass_matrix(picture, lagrangian)
-    if ca.depends_on(metric, ca.vertcat(picture.free.q_dot, picture.active.s_dot)):
+    metric, rates = mass_matrix(picture, lagrangian), ca.vertcat(picture.free.q_dot, picture.active.s_dot)
+    if ca.depends_on(metric, rates):
         raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them")
     start = start_values(picture)
-    function = ca.Function("check", list(motion.values()), [metric, kinetic])
-    values, energy = function(*(start[symbol] for symbol in motion))
+    at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
+    function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
+    values, energy, left = function(*(start[symbol] for symbol in motion))
     matrix = np.asarray(values)
     at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*picture.coordinates, *picture.actives))
     if not (np.all(np.isfinite(matrix)) and np.isfinite(float(energy))):
         raise ComponentError(
             f"{name}: the kinetic energy is not finite at the start ({at_start}); move the start value"
+        )
+    if np.any(np.asarray(left) != 0):
+        raise ComponentError(
+            f"{name}.kinetic_energy must be quadratic in the rates; at rest it or its momenta are "
+            f"{np.asarray(left).ravel().tolist()} instead of 0: what is linear in the rates belongs to lagrangian()"
         )
     for column, rate in zip(matrix.T, ca.vertsplit(picture.free.q_dot), strict=True):
         if not column.any():

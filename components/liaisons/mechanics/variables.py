@@ -209,7 +209,8 @@ def port(name: str, unit: str, kind: PortKind) -> Port:
 
 def _of_coordinates(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
     free = equations.mechanism.free
-    columns = (free.q, free.q_dot, free.q_ddot, free.p, equations.momentum_rates)
+    p_dot = equations.state_rates[free.q.shape[0] :]
+    columns = (free.q, free.q_dot, free.q_ddot, free.p, p_dot)
     for i, q in enumerate(component.coordinates):
         yield from of_coordinate(q, *(column[i] for column in columns))
 
@@ -217,16 +218,16 @@ def _of_coordinates(component: type[Mechanism], equations: Equations) -> Iterato
 def _of_orientations(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
     free, first = equations.mechanism.free, len(component.coordinates)
     for turn in component.orientations:
-        turning = free.kinematics @ free.q_dot
+        q_dot, p_dot = ca.vertsplit(equations.state_rates, [0, free.q.shape[0], free.q.shape[0] + free.p.shape[0]])
         for i, name in enumerate(turn.quaternion, first):
             yield _output(name, "1", f"{turn.description}: quaternion, scalar first", free.q[i])
-            yield _derivative(f"{name}_dot", "1/s", f"rate of {name}", turning[i], name)
+            yield _derivative(f"{name}_dot", "1/s", f"rate of {name}", q_dot[i], name)
         for i, name in enumerate(turn.rates, first):
             yield _output(name, "rad/s", f"{turn.description}: angular velocity in the body frame", free.q_dot[i])
             yield _output(f"{name}_dot", "rad/s2", f"rate of {name}", free.q_ddot[i])
         for i, name in enumerate(turn.momenta, first):
             yield _output(name, "kg.m2/s", f"{turn.description}: angular momentum in the inertial frame", free.p[i])
-            yield _derivative(f"{name}_dot", "N.m", f"rate of {name}: torque", equations.momentum_rates[i], name)
+            yield _derivative(f"{name}_dot", "N.m", f"rate of {name}: torque", p_dot[i], name)
 
 
 def _of_internal_states(component: type[Mechanism], equations: Equations) -> Iterator[Row]:

@@ -8,6 +8,7 @@ from liaisons.models.double_pendulum import DoublePendulum
 from liaisons.models.driven_chain import DrivenChain
 from liaisons.models.elliptic_hoop import EllipticHoop
 from liaisons.models.flywheel import Flywheel
+from liaisons.models.four_bars import FourBars, four_bars
 from liaisons.models.fourier_hoop import FourierHoop
 from liaisons.models.fourier_series import FourierSeries
 from liaisons.models.free_particle import FreeParticle
@@ -71,6 +72,7 @@ __all__ = [
     "DrivenChain",
     "EllipticHoop",
     "Flywheel",
+    "FourBars",
     "FourierHoop",
     "FourierSeries",
     "FreeParticle",
@@ -92,5 +94,6 @@ __all__ = [
     "SpatialCat",
     "Swing",
     "SwingPump",
+    "four_bars",
     "marle_swing",
 ]

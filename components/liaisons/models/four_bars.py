@@ -1,0 +1,109 @@
+"""Parallelograms in a row: a mechanism that passes through singular configurations, where its constraints lose rank."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import new_class
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.errors import ComponentError
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, constraint, point
+from liaisons.models import _elliptic
+from liaisons.models._validity import require_positive
+
+
+class FourBars(Mechanism, abstract=True):
+    """Uniform rods of one length: standing ones on pivots in a row, their tops joined by lying ones; abstract.
+
+    Standing rod i = 0 .. N turns by θ_i about (i l, 0), its top is B_i; lying rod i joins B_i-1 and B_i.  A uniform rod
+    whose ends move at v and w has the kinetic energy m (v² + v·w + w²)/6::
+
+        T = Σ m l² θ_i'²/6 + Σ m (B_i-1'² + B_i-1'·B_i' + B_i'²)/6,    V = m g (Σ z(B_i)/2 + Σ (z(B_i-1) + z(B_i))/2)
+        σ_i = (|B_i - B_i-1|² - l²)/2l = 0,    i = 1 .. N
+        parallelograms, θ_i = θ:    J θ'' = -G cos θ,    J = m l² ((N + 1)/3 + N),    G = m g l ((N + 1)/2 + N)
+
+    θ [rad] from the horizontal, m [kg], l [m], g [m/s2].  Where all rods lie in line, θ = 0 and θ = π, the gradients
+    of all σ_i are linearly dependent, N + 1 instead of one degree of freedom are open, and the forces of the rods have
+    poles, unless N = 1; the motion goes through at once.
+
+    Source: IFToMM library of computational benchmark problems, A02; E. Bayo, A. Avello, Nonlinear Dynamics 5 (1994).
+    """
+
+    windows: int
+    mass = Parameter(1.0, "kg", "mass of each rod", above=0)
+    length = Parameter(1.0, "m", "length of each rod", above=0)
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    experiment = Experiment(stop_time=20.0, step_size=0.05)
+
+    @point("m", "B_0, the top of the first rod")
+    def top(self) -> dict[str, ca.SX]:
+        return self._top(0)
+
+    def kinetic_energy(self) -> ca.SX:
+        standing = ca.SX(sum(self.length**2 * self.dot(self.symbols[f"theta_{i}"]) ** 2 for i in self._rods))
+        tops = [{axis: self.dot(z) for axis, z in self._top(i).items()} for i in self._rods]
+        lying = sum(v[a] ** 2 + v[a] * w[a] + w[a] ** 2 for v, w in pairwise(tops) for a in "xz")
+        return self.mass / 6 * (standing + lying)
+
+    def potential_energy(self) -> ca.SX:
+        heights = [self._top(i)["z"] for i in self._rods]
+        lying = sum((one + other) / 2 for one, other in pairwise(heights))
+        return self.mass * self.gravity * (ca.SX(sum(heights)) / 2 + lying)
+
+    @property
+    def _rods(self) -> range:
+        return range(self.windows + 1)
+
+    def _top(self, i: int) -> dict[str, ca.SX]:
+        theta = self.symbols[f"theta_{i}"]
+        return {"x": self.length * (i + ca.cos(theta)), "z": self.length * ca.sin(theta)}
+
+    def stretch(self, i: int) -> ca.SX:
+        """σ_i [m]."""
+        one, other = self._top(i - 1), self._top(i)
+        return (sum((other[axis] - one[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
+
+    @classmethod
+    def exact(
+        cls,
+        t: ArrayLike,
+        *,
+        theta_0: float = np.pi / 2,
+        theta_dot_0: float = -1.0,
+        length: float = 1.0,
+        gravity: float = 9.81,
+    ) -> dict[str, NDArray]:
+        """Motion as parallelograms: θ + π/2 moves like the angle of a pendulum, by Jacobi's elliptic functions.
+
+        :param t: times since the start [s], any shape.
+        :param theta_0: angle of all standing rods at the start [rad]; ``theta_dot_0`` its rate [rad/s].
+        :returns: ``theta`` [rad], ``theta_dot`` [rad/s].
+        :raises ValidityError: for length or gravity that are not positive.
+        """
+        require_positive("FourBars.exact", length=length, gravity=gravity)
+        inertia, weight = (cls.windows + 1) / 3 + cls.windows, (cls.windows + 1) / 2 + cls.windows
+        frequency = np.sqrt(gravity / length * weight / inertia)
+        angle, rate = _elliptic.pendulum(t, theta_0 + np.pi / 2, theta_dot_0, frequency)
+        return {"theta": angle - np.pi / 2, "theta_dot": rate}
+
+
+def four_bars(windows: int) -> type[FourBars]:
+    """A row of parallelograms as a component: coordinates theta_0 .. theta_N, constraints rod_1 .. rod_N.
+
+    :param windows: how many, N; at the start all standing rods are upright and fall to the right at 1 rad/s.
+    :returns: the component; its FMU is called ``FourBars`` and the number.
+    :raises ComponentError: unless there is at least one window.
+    """
+    if windows < 1:
+        raise ComponentError(f"four_bars: windows = {windows}: it must be >= 1")
+    namespace: dict[str, Any] = {"__module__": __name__, "__doc__": FourBars.__doc__, "windows": windows}
+    for i in range(windows + 1):
+        angle = Coordinate("rad", f"angle of standing rod {i} from the horizontal", start=np.pi / 2, start_rate=-1.0)
+        namespace[f"theta_{i}"] = angle
+    for i in range(1, windows + 1):
+        namespace[f"rod_{i}"] = constraint("m", f"stretch of lying rod {i}")(lambda m, i=i: m.stretch(i))
+    return new_class(f"FourBars{windows}", (FourBars,), exec_body=lambda body: body.update(namespace))

@@ -1,0 +1,99 @@
+"""FourBars: parallelograms that pass through singular configurations, where the constraints lose rank."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from liaisons.check import max_error
+from liaisons.cosim import simulate
+from liaisons.errors import ComponentError, ValidityError
+from liaisons.fmu import build
+from liaisons.mechanics import Equations, derive
+from liaisons.models import four_bars
+
+TWO = four_bars(2)
+WEIGHT, INERTIA = 9.81 * 3.5, 3.0  # G and J of two windows
+
+
+@pytest.fixture(scope="module")
+def equations() -> Equations:
+    return derive(TWO)
+
+
+def parallel(theta: float, rate: float) -> dict[str, float]:
+    return {f"theta_{i}": theta for i in range(3)} | {f"theta_{i}_dot": rate for i in range(3)}
+
+
+@pytest.mark.parametrize("theta", [1.2, -0.3, 0.01, np.pi - 1e-3])
+def test_rods_turn_as_one_near_singular_configurations(equations: Equations, theta: float) -> None:
+    """J θ'' = -G cos θ."""
+    found = equations.evaluate("accelerations", **parallel(theta, -5.0))
+    sine = abs(np.sin(theta))
+    # The constraints divide their rounding, 1e-15 times squares of rates of 25, by sin θ; of what they demand,
+    # accelerations of order 10, the share (S/σ²)² is lost, S = 1e-9 at most and σ = sin θ.
+    bound = 1e-13 / sine + 10 * (1e-9 / sine**2) ** 2
+    np.testing.assert_allclose(found, -WEIGHT / INERTIA * np.cos(theta), rtol=0, atol=bound)
+
+
+@pytest.mark.parametrize("theta", [0.0, np.pi])
+def test_in_line_the_rods_are_free_and_every_number_is_finite(equations: Equations, theta: float) -> None:
+    """All gradients of the constraints vanish: A θ'' = -weights, half of each lying rod at either end of it."""
+    state = parallel(theta, -5.0)
+    found, A = (equations.evaluate(quantity, **state) for quantity in ("accelerations", "mass_matrix"))
+    weights = 9.81 * np.array([1.0, 1.5, 1.0]) * np.cos(theta)
+    # sin π is 1e-16, its square 1e-22 far below what is regarded as lost: the forces of the rods are below 1e-6.
+    np.testing.assert_allclose(A @ found, -weights, rtol=0, atol=1e-6)
+
+
+def rest(result: Any) -> NDArray:
+    return np.array([result[f"theta_{i}"] for i in range(3)])
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-7, 1e-9])
+def test_motion_passes_twenty_singular_configurations(tmp_path_factory, tolerance: float) -> None:
+    fmu = build(TWO.model(), tmp_path_factory.getbasetemp() / "four_bars")
+    result = simulate(fmu, stop_time=20.0, step_size=0.05, tolerance=tolerance)
+    exact = TWO.exact(result.time)
+    assert np.sum(np.diff(np.floor(exact["theta"] / np.pi)) != 0) >= 20
+    # Ten tolerances times the time times the rate, 7 rad/s.
+    bound = 10 * tolerance * 20.0 * 7.0
+    assert max_error(rest(result), np.broadcast_to(exact["theta"], (3, result.time.size))) <= bound
+    assert max_error(result["top_x_dot"], -np.sin(exact["theta"]) * exact["theta_dot"]) <= 10 * bound  # rates of 7
+    assert max_error(result["energy"], result["energy"][0]) <= 10 * tolerance * 20.0 * result["kinetic_energy"].max()
+    # The residual of a step is second order in the error of its angles where the gradient is lost.
+    assert max_error(result["rod_1_residual"], 0.0) <= max(1e-14, bound**2)
+
+
+@pytest.mark.parametrize("theta", [1.0, 0.1, -0.01])
+def test_force_of_a_rod_has_a_pole(equations: Equations, theta: float) -> None:
+    """First rod: (1/3 + 1/2) θ'' = -g cos θ + λ_1 sin θ."""
+    values = {"mass": 1.0, "length": 1.0, "gravity": 9.81} | parallel(theta, -5.0)
+    expressions = [equations.in_motion(equations.multipliers)]
+    force = ca.Function("force", list(equations.symbols.values()), expressions)
+    found = force(*(values.get(name, 0.0) for name in equations.symbols))
+    # Rounding over sin² θ, 1e-15 · 25 · 1e4, and what is lost, (1e-9 / 1e-4)².
+    assert float(found[0]) == pytest.approx((9.81 - 5 / 6 * WEIGHT / INERTIA) / np.tan(theta), rel=1e-9)
+
+
+def test_closed_form_obeys_the_equation_of_one_pendulum() -> None:
+    t, h = np.linspace(0.0, 3.0, 301), 1e-4
+    before, here, after = (TWO.exact(t + shift) for shift in (-h, 0.0, h))
+    rate = (after["theta"] - before["theta"]) / (2 * h)
+    acceleration = (after["theta_dot"] - before["theta_dot"]) / (2 * h)
+    # Central differences: h²/6 = 2e-9 times third derivatives of at most 200 and 2000.
+    np.testing.assert_allclose(rate, here["theta_dot"], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(acceleration, -WEIGHT / INERTIA * np.cos(here["theta"]), rtol=0, atol=1e-5)
+    assert here["theta"][0] == pytest.approx(np.pi / 2)
+    assert here["theta_dot"][0] == pytest.approx(-1.0)
+
+
+def test_wrong_sizes_are_refused() -> None:
+    with pytest.raises(ComponentError, match=r"windows = 0: it must be >= 1"):
+        four_bars(0)
+    with pytest.raises(ValidityError, match=r"length = 0\.0 must be > 0"):
+        TWO.exact(1.0, length=0.0)
