@@ -116,6 +116,19 @@ static void log3_message(void *environment, fmi3Status status, fmi3String catego
     log_message(((Fmu *)environment)->library, environment, status, text);
 }
 
+/* An instance that tells of its steps and asks for its inputs inside them, if the importer listens. */
+static void *with_events(Fmu *it, const Library *library) {
+    const Group *inputs = &library->plan.inputs, *outputs = &library->plan.outputs;
+    const size_t n = inputs->n + outputs->n;
+    unsigned *wanted = calloc(n + 1, sizeof *wanted);
+    for (size_t i = 0; i < n; i++)
+        wanted[i] = i < inputs->n ? inputs->references[i] : outputs->references[i - inputs->n];
+    void *made = library->fmi3.InstantiateCoSimulation("it", library->plan.token, NULL, false, true, true, true, wanted, n,
+                                                       it, log3_message, library->intermediate_update);
+    free(wanted);
+    return made;
+}
+
 void *fmu_instantiate(Fmu *it, const Library *library, Interface kind) {
     const char *token = library->plan.token;
     memset(it, 0, sizeof *it);
@@ -130,10 +143,11 @@ void *fmu_instantiate(Fmu *it, const Library *library, Interface kind) {
                                                   token, NULL, &it->callbacks, fmi2False, fmi2True);
     else if (kind == MODEL_EXCHANGE)
         it->component = library->fmi3.InstantiateModelExchange("it", token, NULL, false, true, it, log3_message);
+    else if (kind == CO_SIMULATION_WITH_EVENTS)
+        it->component = with_events(it, library);
     else
-        it->component = library->fmi3.InstantiateCoSimulation(
-            "it", token, NULL, false, true, kind == CO_SIMULATION_WITH_EVENTS, kind == CO_SIMULATION_WITH_EVENTS, NULL, 0,
-            it, log3_message, kind == CO_SIMULATION_WITH_EVENTS ? library->intermediate_update : NULL);
+        it->component = library->fmi3.InstantiateCoSimulation("it", token, NULL, false, true, false, false, NULL, 0, it,
+                                                              log3_message, NULL);
     return it->component;
 }
 

@@ -320,11 +320,19 @@ static void update3(fmi3InstanceEnvironment environment, fmi3Float64 time, fmi3B
     Fmu *fmu = environment;
     bool flags[3];
     double last;
-    (void)settable, (void)finished;
+    (void)finished;
     if (fmu != &it.fmu) return;
     const int worst = messages.worst;
     *early = may_return && one_in(8);
     if (*early) *early_time = one_in(10) ? NAN : time + (one_in(2) ? it.library->plan.step * fraction() : 0);
+    if (settable && it.library->plan.inputs.n > 0) {
+        const Group *inputs = &it.library->plan.inputs;
+        double *values = take(inputs->count * sizeof *values);
+        for (size_t i = 0; i < inputs->count; i++)
+            values[i] = inputs->values[i] * (it.wild ? 1 + 0.01 * fraction() : 1);
+        if (one_in(2) && F.SetFloat64(fmu->component, inputs->references, inputs->n, values, inputs->count) != 0 && !it.wild)
+            now.fault = "inputs cannot be given inside a step";
+    }
     if (readable && it.all.n > 0) {
         double *values = calloc(it.all.count, sizeof *values);
         if (values && F.GetFloat64(fmu->component, it.all.references, it.all.n, values, it.all.count) != 0 && !it.wild)

@@ -26,7 +26,8 @@ from trial import (
     unpack,
 )
 
-from liaisons.fmu import build, compiler
+from liaisons import compiler
+from liaisons.fmu import build
 
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
 COMPILERS = {"gcc": ["gcc"], "clang": ["clang"], "zig": ZIG}

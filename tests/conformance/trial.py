@@ -15,7 +15,7 @@ import pytest
 from fmpy.model_description import ModelDescription, ModelVariable
 from numpy.typing import NDArray
 
-from liaisons.fmu import compiler
+from liaisons import compiler
 from liaisons.models import CATALOGUE
 
 Version = Literal["2", "3"]  # of FMI

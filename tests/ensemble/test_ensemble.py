@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from liaisons import System, build, max_error, slope
+from liaisons import System, build, compiler, max_error, slope
 from liaisons.ensembles import ensemble, kernel
 from liaisons.ensembles.equations import Settable, equations
 from liaisons.ensembles.methods import METHODS
 from liaisons.errors import ComponentError, SimulationError
-from liaisons.fmu import compiler
 from liaisons.models import (
     CartesianPendulum,
     CircularHoop,

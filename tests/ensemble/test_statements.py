@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from liaisons import statements
+from liaisons.compiler import compile_library, host
 from liaisons.errors import ComponentError
-from liaisons.fmu.compiler import compile_library, host
 from liaisons.models import CATALOGUE
-from liaisons.statements import OPERATIONS, c_statements, program
+from liaisons.statements import OPERATIONS, c_parts, c_statements, program
 
 POINTS = 200
 
@@ -165,6 +165,68 @@ def test_what_occurs_twice_is_calculated_once_and_what_cancels_is_not() -> None:
     lines = c_statements([(x, "x[{}]")], [(ca.vertcat(ca.sin(x[2]) + product, ca.sin(x[2])), "f[{}]")])
     assert sum("sin(" in line for line in lines) == 1
     assert not any("cos(" in line for line in lines)
+
+
+def operations(*expressions: ca.SX) -> int:
+    """How many are left of expressions in x and y."""
+    return sum(node.operation is not None for node in program([X, Y], [ca.vertcat(*expressions)]).nodes)
+
+
+X, Y = ca.SX.sym("x", 6), ca.SX.sym("y")
+a, b, c, d, e, f = ca.vertsplit(X)
+
+
+@pytest.mark.parametrize(
+    ("expression", "shortest", "left"),
+    [
+        ((a / 2) * ((b * c + b * c) + (2 * d) * e), a * (b * c + d * e), 4),
+        (c * (a * b) - b * (c * a) + d, d, 0),
+        (-(a - b) * (-c), (a - b) * c, 2),
+        (a * b * ca.sin(d) * ca.sin(d) + b * a * ca.cos(d) ** 2, a * b, 1),
+        ((a * ca.sin(d)) ** 2 + (a * ca.cos(d)) ** 2 - a**2 + e, e, 0),
+        (c * (a * b - d * e) + f - (b * c) * a + (d * c) * e, f, 0),
+        (a * ca.sin(d) ** 2 + b * ca.cos(d) ** 2, a * ca.sin(d) ** 2 + b * ca.cos(d) ** 2, 7),
+        (a * ca.sin(d) ** 2 + a * ca.cos(e) ** 2, a * ca.sin(d) ** 2 + a * ca.cos(e) ** 2, 7),
+    ],
+)
+def test_what_is_left_of_derivatives(expression: ca.SX, shortest: ca.SX, left: int) -> None:
+    assert operations(expression) == left
+    values = np.random.default_rng(5).uniform(0.5, 1.5, (6, POINTS))
+    found = program([X], [expression]).evaluate([values])[0]
+    # A few roundings of numbers up to 10.
+    np.testing.assert_allclose(found, by_casadi(X, shortest, values), rtol=0, atol=1e-14)
+
+
+def test_what_is_known_late_comes_last() -> None:
+    """As a tree: eight terms in three sums, one after the other; and a product waits for one multiplication only."""
+
+    def height(expression: ca.SX) -> int:
+        found = program([X, Y], [expression])
+        heights: list[int] = []
+        for node in found.nodes:
+            under = [heights[number] for number in node.arguments] if node.operation is not None else [-1]
+            heights.append(1 + max(under))
+        return heights[found.outputs[0][0]]
+
+    assert height(a + (b - (c + (d - (e + (f - (Y - a * b))))))) == 4
+    late = ca.exp(ca.exp(ca.exp(a)))
+    assert height(b * (c * (d * late))) == height(late) + 1
+    assert height(b - (c + (d - late))) == height(late) + 1
+
+
+def test_parts_hand_on_what_later_ones_need() -> None:
+    x = ca.SX.sym("x", 4)
+    turned = x
+    for _ in range(5):
+        turned = ca.vertcat(turned[1] * turned[2], turned[2] + turned[3], ca.sin(turned[0]), turned[1] - turned[0])
+    values = np.random.default_rng(6).uniform(-1, 1, 4)
+    parts, kept = c_parts([(x, "x[{}]")], [(turned, "f[{}]")], kept="w[{}]", most=3)
+    assert len(parts) > 4
+    arrays = {"x": values, "w": np.zeros(kept), "f": np.zeros(4), "sin": np.sin}
+    for part in parts:  # these statements are Python, too; names of one part are unknown to the next
+        exec("\n".join(line.removeprefix("const double ").rstrip(";") for line in part), arrays.copy())
+    expected = ca.Function("f", [x], [turned])(values).full()[:, 0]
+    np.testing.assert_allclose(arrays["f"], expected, rtol=0, atol=1e-14)
 
 
 def test_a_call_of_another_function_is_refused() -> None:

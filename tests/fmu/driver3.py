@@ -141,6 +141,7 @@ class Instance3:
         events: bool = False,
         early: bool = False,
         observer: Observer | None = None,
+        wanted: Iterable[str] = (),
     ) -> None:
         self.library = library
         self.messages: list[str] = []
@@ -149,7 +150,8 @@ class Instance3:
         token = token or library.description.instantiationToken or ""
         arguments: list[Any] = [name, token.encode(), None, c.c_bool(False), c.c_bool(logging)]
         if kind == CO_SIMULATION:
-            arguments += [c.c_bool(events), c.c_bool(early), None, N(0)]
+            references = self.refs(wanted)
+            arguments += [c.c_bool(events), c.c_bool(early), references, N(len(references))]
         arguments += [None, self._logger]
         self.seen: list[tuple[bool, bool, bool, bool]] = []
         if kind == CO_SIMULATION:

@@ -18,8 +18,8 @@ from fmpy.validation import validate_fmu
 from handmade import ring
 from scipy.integrate import solve_ivp
 
+from liaisons.compiler import system_compiler
 from liaisons.fmu.code import model_code
-from liaisons.fmu.compiler import system_compiler
 from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
 from liaisons.mechanics.model import Model

@@ -20,8 +20,9 @@ import pytest
 from driver import Library
 from handmade import kick, pendulum
 
+from liaisons import compiler
 from liaisons.errors import BuildError
-from liaisons.fmu import archive, build, compiler
+from liaisons.fmu import archive, build
 from liaisons.fmu.code import source_files
 from liaisons.mechanics.model import Experiment
 

@@ -27,8 +27,9 @@ from driver3 import (
 from fmpy.validation import validate_fmu
 from handmade import pendulum
 
+from liaisons import compiler
 from liaisons.errors import BuildError
-from liaisons.fmu import build, compiler
+from liaisons.fmu import build
 from liaisons.fmu.code import source_files
 
 

@@ -200,6 +200,60 @@ def test_only_reading_inside_a_step(pendulum3) -> None:
     }
 
 
+def test_inputs_inside_a_step(pendulum3) -> None:
+    """Asked for at its fifths, they follow the polynomial through these: as those of many short steps do."""
+    length = np.polynomial.Polynomial([1.0, 0.1, -0.3, 0.2, 0.1, -0.05])  # quintic, as between two communication points
+    torque = np.polynomial.Polynomial([0.2, -0.4, 0.3, 0.5])
+    given = {"length": length, "length_dot": length.deriv(), "length_ddot": length.deriv(2), "theta_force": torque}
+    asked: list[float] = []
+
+    def answer(instance: Instance3, time: float) -> None:
+        asked.append(time)
+        assert instance.set({name: float(curve(time)) for name, curve in given.items()}) == OK
+
+    start = {name: float(curve(0.0)) for name, curve in given.items()} | {"theta_0": 1.0}
+    options = {"observer": answer, "wanted": given}
+    instance = pendulum3.start(options=options, tolerance=1e-12, **start)
+    assert instance.step(0.0, 1.0) == (OK, False, False, 1.0)
+    np.testing.assert_allclose(asked, [0.2, 0.4, 0.6, 0.8, 1.0], rtol=1e-15)
+    assert set(instance.seen) == {(True, False, False, False)}  # inputs, no outputs; no step of the solver is finished
+    fine = pendulum3.start(tolerance=1e-13, input_reconstruction=2, **start)
+    for i in range(1000):
+        end = (i + 1) / 1000
+        assert fine.set({name: float(curve(end)) for name, curve in given.items()}) == OK
+        assert fine.step(i / 1000, end - i / 1000).status == OK
+    names = ("theta", "p_theta", "work", "energy_balance")
+    # the torque is linear in steps of h = 1 ms there: h²/12 · 3.6 N.m/s² · 1 s / (1 kg m²)
+    np.testing.assert_allclose(instance.get(*names), fine.get(*names), rtol=0, atol=1e-6)
+
+
+def test_inputs_that_are_asked_for_and_not_given_move_as_ever(pendulum3) -> None:
+    values = {"length_dot": 0.3, "theta_0": 1.0}
+    asked = pendulum3.start(options={"observer": lambda *_: None, "wanted": ["length"]}, **values)
+    plain = pendulum3.start(**values)
+    assert asked.step(0.0, 1.0).status == plain.step(0.0, 1.0).status == OK
+    names = ("theta", "p_theta", "length")
+    assert asked.get(*names).tobytes() == plain.get(*names).tobytes()
+
+
+def test_only_inputs_are_set_when_asked_for(pendulum3) -> None:
+    statuses: list[int] = []
+
+    def answer(instance: Instance3, _: float) -> None:
+        statuses.append(instance.set(theta=1.0))
+        statuses.append(instance.set(mass=2.0))
+        statuses.append(instance.call("Terminate"))
+
+    instance = pendulum3.start(options={"observer": answer, "wanted": ["length"]})
+    assert instance.step(0.0, 0.1).status == OK
+    assert set(statuses) == {ERROR}
+    assert set(instance.messages) == {
+        "theta is no input",
+        "mass is no input",
+        "fmi3Terminate must not be called while inputs are asked for",
+    }
+
+
 def test_states_of_an_event_belong_to_instances_with_event_mode(kick3) -> None:
     instance = stepping(kick3, t_1=0.7)
     assert instance.step(0.0, 1.0).early

@@ -21,10 +21,10 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.compiler import Target, compile_library, host, system_compiler, zig_compiler
 from liaisons.ensembles.equations import Equations
 from liaisons.ensembles.methods import METHODS, Tableau
 from liaisons.errors import BuildError
-from liaisons.fmu.compiler import Target, compile_library, host, system_compiler, zig_compiler
 from liaisons.statements import c_statements, program
 
 LANES = 32

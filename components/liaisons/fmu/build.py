@@ -11,10 +11,10 @@ from typing import Literal, get_args
 from uuid import UUID
 from xml.etree import ElementTree
 
+from liaisons.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
 from liaisons.errors import BuildError, suggestion
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
-from liaisons.fmu.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
 from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.extras import extra_members

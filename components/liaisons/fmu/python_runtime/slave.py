@@ -21,7 +21,7 @@ from pythonfmu.enums import Fmi2Status
 
 from .calls import Call, view
 from .motion import EXTRAPOLATE, HOLD, INTERPOLATE, LOOSEST, TIGHTEST, Step
-from .table import load
+from .table import load, starts
 
 held: list[dict[str, Any]] = []  # see python_backend
 
@@ -74,6 +74,8 @@ class Slave(Fmi2Slave):
         self._instants = np.zeros(f["events"].numel_out(0))
         self._find_instants = Call(f["events"], (self._k,), (self._instants,))
         self._project = Call(f["project"], point, (self._y_jumped,)) if "project" in f else None
+        for kind, vr, value in starts(resources):
+            (self.set_real if kind == "r" else self.set_integer)([vr], [value])
 
     # ---- initialization ---------------------------------------------------------------------------------------
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -88,6 +90,19 @@ def load(resources: str) -> Table:
     :param resources: the unpacked resources folder.
     """
     return _decode((Path(resources) / "component.json").read_text(encoding="utf-8"))
+
+
+def starts(resources: str) -> Iterator[tuple[str, int, Any]]:
+    """Start values that replace those of the component, if the folder has some: kind, value reference, value.
+
+    See ``starts.c`` of the native FMUs; here every variable is one number.
+    """
+    try:
+        lines = (Path(resources + "/starts.txt")).read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        return
+    for kind, reference, _, bits, *_ in map(str.split, lines):
+        yield kind, int(reference), struct.unpack(">d" if kind == "r" else ">q", bytes.fromhex(bits))[0]
 
 
 @lru_cache(maxsize=64)

@@ -68,6 +68,11 @@ const char *core_name(const Instance *self, size_t place) {
 
 /* ---- generated functions ----------------------------------------------------------------------------------- */
 
+int core_evaluate_at_limit(Instance *self, Function *function, const double *y, double *result) {
+    self->now = before_limit(self, self->s->limit);
+    return evaluate_now(self, function, y, result);
+}
+
 /* y and m at initialization. */
 static void start(Instance *self) {
     if (!self->s->unstarted) return;
@@ -120,11 +125,13 @@ int core_outside(Instance *self, size_t place, double value, double t) {
 
 int core_check_domains(Instance *self, double t) {
     const size_t end = self->model->parameters + self->model->inputs;
+    if (self->allowed) return 1;
     for (const Variable *variable = self->model->variables; variable->first < end; variable++) {
         if (*variable->domain == '\0') continue;
         for (size_t i = variable->first; i < variable->first + variable->count; i++)
             if (!allows(variable, self->k[i])) return core_outside(self, i, self->k[i], t);
     }
+    self->allowed = 1;
     return 1;
 }
 
@@ -160,8 +167,8 @@ Instance *core_new(const Model *model, const Options *options) {
     const size_t n = model->states, settable = model->parameters + model->inputs;
     const size_t moving = model->inputs + 2 * n + model->memory + HISTORY * model->coupled;
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
-    const size_t scratch = 2 * (n + settable) + model->memory + model->outputs + SOLVER_COLUMNS * n
-                           + model->start_conditions + model->events + model->reals;
+    const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + SOLVER_COLUMNS * n
+                           + model->start_conditions + model->events + model->reals + ORDER * model->inputs;
     Instance *self = calloc(1, sizeof *self);
     if (self == NULL) return NULL;
     self->model = model;
@@ -203,10 +210,12 @@ Instance *core_new(const Model *model, const Options *options) {
     self->ey = self->dz + model->outputs;
     self->eu = self->ey + n;
     self->ek = self->eu + model->inputs;
-    self->work = self->ek + model->parameters;
+    self->em = self->ek + model->parameters;
+    self->work = self->em + model->memory;
     self->condition = self->work + SOLVER_COLUMNS * n;
     self->instant = self->condition + model->start_conditions;
     self->reals = self->instant + model->events;
+    self->given = self->reals + model->reals;
     core_reset(self);
     return self;
 }
@@ -239,8 +248,7 @@ void core_reset(Instance *self) {
         for (size_t i = 0; i < variable->count; i++) self->k[variable->first + i] = variable->start;
     for (size_t i = 0; i < model->start_rows; i++) self->k[model->starts[i].place] = model->starts[i].value;
     memcpy(self->u, self->set, model->inputs * sizeof *self->u);
-    self->current = 0;
-    self->apart = 0;
+    self->current = self->apart = self->allowed = 0;
 }
 
 Phase core_phase(const Instance *self) { return (Phase)self->s->phase; }
@@ -335,6 +343,13 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     Rest rest = {references, n, count};
     Span run;
     *self->t = self->s->time;
+    if (self->current && !self->by_variable) { /* numbers that are known: nothing is as fast as to take one by one */
+        for (size_t i = 0; i < n; i++) {
+            if (references[i] >= self->references) return core_check_references(self, references, n, count);
+            if (i < count) values[i] = self->k[references[i]];
+        }
+        return n == count ? SUCCESS : core_check_references(self, references, n, count);
+    }
     while (rest.n > 0) {
         if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
         if (run.first + run.count > calculated) core_update(self);
@@ -431,34 +446,59 @@ static int take(Instance *self, Span run, const double values[], int present) {
     return fresh;
 }
 
-Status core_set(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
-    /* The values belong to the present time, but in interpolation: there to the end of the step to come. */
-    const int interpolating = self->s->reconstruction == INTERPOLATE;
-    const int present = !(self->s->phase == STEP && interpolating);
+/* Set inputs to finite numbers, one by one; returns 0 if that is not all that is asked for, and sets nothing. */
+static int set_inputs(Instance *self, const unsigned references[], size_t n, const double values[], int present,
+                      int *fresh) {
+    const Model *model = self->model;
+    uint64_t differences = 0, before, after;
+    for (size_t i = 0; i < n; i++)
+        if (references[i] - model->parameters >= model->inputs || values[i] - values[i] != 0) return 0;
+    for (size_t i = 0; i < n; i++) {
+        const size_t place = references[i] - model->parameters;
+        self->set[place] = values[i];
+        if (!present) continue;
+        memcpy(&before, &self->u[place], sizeof before);
+        memcpy(&after, &values[i], sizeof after);
+        differences |= before ^ after;
+        self->u[place] = values[i];
+    }
+    *fresh = differences != 0;
+    return 1;
+}
+
+/* Set anything, run by run. */
+static Status set_runs(Instance *self, const unsigned references[], size_t n, const double values[], size_t count,
+                       int present, int *fresh) {
     Rest rest = {references, n, count};
     Span run;
-    const double *value = values;
-    int fresh = 0;
-    for (; rest.n > 0; value += run.count) {
+    for (const double *value = values; rest.n > 0; value += run.count) {
         if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
         const Status status = check_setting(self, run, value);
         if (status != SUCCESS) return status;
     }
     if (rest.count != 0) return core_check_references(self, references, n, count);
     rest = (Rest){references, n, count};
-    value = values;
-    if (n > 0 && run.count == count) { /* one run is all */
-        rest.n = 0;
-        fresh = take(self, run, values, present);
-    }
-    for (; rest.n > 0; value += run.count) {
+    for (const double *value = values; rest.n > 0; value += run.count) {
         next_run(self, &rest, &run);
-        fresh |= take(self, run, value, present);
+        *fresh |= take(self, run, value, present);
+    }
+    return SUCCESS;
+}
+
+Status core_set(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
+    /* The values belong to the present time, but in interpolation: there to the end of the step to come. */
+    const int interpolating = self->s->reconstruction == INTERPOLATE;
+    const int present = !(self->s->phase == STEP && interpolating);
+    int fresh = 0;
+    if (self->by_variable || n != count || !set_inputs(self, references, n, values, present, &fresh)) {
+        const Status status = set_runs(self, references, n, values, count, present, &fresh);
+        if (status != SUCCESS) return status;
     }
     if (present && !interpolating && self->apart) { /* so do those that were set before */
         fresh |= replace(self->u, self->set, self->model->inputs);
         self->apart = 0;
     }
+    self->allowed = 0;
     if (self->s->phase < EVENT) self->s->unstarted = 1;
     if (fresh) {
         self->s->jumped = 1;
@@ -652,7 +692,7 @@ Status core_restore(Instance *self, const void *bytes, size_t size) {
                                ? USES[scalars.use]
                                : "something unknown");
     memcpy(self->s, state, self->state_size);
-    self->current = 0;
+    self->current = self->allowed = 0;
     self->apart = 1;
     return SUCCESS;
 }

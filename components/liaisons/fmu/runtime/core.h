@@ -12,7 +12,7 @@
 
 /* ---- the component: constant tables and functions, generated into model.c ---- */
 
-/* Dense columns in and out; NULL stands for zeros, or for a result that is not wanted. */
+/* Dense columns in and out.  Results must lie elsewhere than arguments; none may be NULL. */
 typedef int Function(const double **arguments, double **results, long long *integers, double *reals, int memory);
 
 typedef enum { FIXED_PARAMETER, TUNABLE_PARAMETER, INPUT, CALCULATED, INDEPENDENT } Kind;
@@ -92,7 +92,8 @@ typedef enum {
     CONTINUOUS = 16,
     STEP = 32,
     INTERMEDIATE = 64, /* inside a communication step, while the importer is told of a step of the solver */
-    TERMINATED = 128
+    TERMINATED = 128,
+    ASKING = 256 /* at the begin of a communication step, while the importer is asked for inputs inside it */
 } Phase;
 
 typedef enum { MODEL_EXCHANGE, CO_SIMULATION, CO_SIMULATION_WITH_EVENTS } Use;
@@ -104,14 +105,17 @@ typedef struct Instance Instance;
 typedef void Report(void *owner, Status status, const char *text);
 /* Told of each step of the solver; returns whether to stop, then *until is the time to go on to before that. */
 typedef int Observe(void *owner, double time, double *until);
+/* Asked for the inputs at a time, which the importer may give by core_give. */
+typedef void Ask(void *owner, double time);
 
 typedef struct {
     Use use;
     int whole; /* references stand for whole variables; a last one stands for the time */
     int early; /* communication steps may stop early: where `observe` says so, and at an instant that is an event */
     Observe *observe; /* or NULL */
+    Ask *ask;         /* or NULL */
     Report *report;
-    void *owner; /* passed to both */
+    void *owner; /* passed to all three */
 } Options;
 
 /* NULL when memory runs out. */
@@ -157,6 +161,8 @@ typedef struct { /* where a communication step has led */
 Status core_set_input_derivatives(Instance *, const unsigned references[], size_t n, const int orders[],
                                   const double values[]);
 Status core_output_derivatives(Instance *, const unsigned references[], size_t n, double values[], size_t count);
+/* What inputs are at the time that is asked for; an input that is given at all of these follows their polynomial. */
+Status core_give(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
 Status core_step(Instance *, double time, double size, Arrival *arrival);
 void core_enter_step_mode(Instance *);
 

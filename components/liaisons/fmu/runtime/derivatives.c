@@ -18,7 +18,8 @@ static void forward(Instance *self, int remembering) {
         model->start_forward(self->arguments, self->results, self->integers, self->reals, 0);
     } else if (remembering) {
         const double *arguments[] = {&t,        self->y,  self->u,  self->k,  self->m, self->m,
-                                     &self->dt, self->dy, self->du, self->dk, NULL};
+                                     &self->dt, self->dy, self->du, self->dk, self->em};
+        memset(self->em, 0, model->memory * sizeof *self->em); /* what is remembered is forgotten */
         memcpy(self->arguments, arguments, sizeof arguments);
         self->results[0] = self->dm;
         model->remember_forward(self->arguments, self->results, self->integers, self->reals, 0);
@@ -57,7 +58,7 @@ static void backward(Instance *self, int remembering) {
         model->start_reverse(self->arguments, self->results, self->integers, self->reals, 0);
     } else if (remembering) {
         const double *arguments[] = {&t, self->y, self->u, self->k, self->m, self->m, self->dm};
-        double *results[] = {&et, self->ey, self->eu, self->ek, NULL};
+        double *results[] = {&et, self->ey, self->eu, self->ek, self->em};
         memcpy(self->arguments, arguments, sizeof arguments);
         memcpy(self->results, results, sizeof results);
         model->remember_reverse(self->arguments, self->results, self->integers, self->reals, 0);

@@ -1,5 +1,6 @@
 #include "face.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -49,6 +50,7 @@ static const char *phase_name(Phase phase) {
     case CONTINUOUS: return "in continuous-time mode";
     case STEP: return "between communication steps";
     case INTERMEDIATE: return "inside a communication step";
+    case ASKING: return "while inputs are asked for";
     default: return "after termination";
     }
 }
@@ -82,11 +84,25 @@ static void *fail(const Face *face, const char *function, const char *why) {
     return NULL;
 }
 
-void *face_open(const Face *face, size_t size, const char *name, const char *guid, Options options,
-                const char *function) {
+/* Whether a guid is that of the binary, or of a copy of the FMU with other start values: then - and more follow. */
+static int fits(const char *guid) {
+    const size_t length = strlen(model.guid);
+    return guid != NULL && strncmp(guid, model.guid, length) == 0 && (guid[length] == '\0' || guid[length] == '-');
+}
+
+static char *path_of_starts(const char *resources) {
+    static const char FORMAT[] = "%s/starts.txt";
+    const size_t size = strlen(resources) + sizeof FORMAT;
+    char *path = malloc(size);
+    if (path != NULL) snprintf(path, size, FORMAT, resources);
+    return path;
+}
+
+void *face_open(const Face *face, size_t size, const char *name, const char *guid, const char *resources,
+                Options options, const char *function) {
     if (name == NULL || name[strspn(name, " \t\r\n")] == '\0')
         return fail(face, function, ": the instance name is missing");
-    if (guid == NULL || strcmp(guid, model.guid) != 0)
+    if (!fits(guid))
         return fail(face, function, ": the guid of the model description is not that of the binary");
     Face *opened = malloc(size);
     if (opened != NULL) {
@@ -95,19 +111,28 @@ void *face_open(const Face *face, size_t size, const char *name, const char *gui
         options.owner = opened;
         opened->name = malloc(strlen(name) + 1);
         opened->core = core_new(&model, &options);
+        opened->starts = resources == NULL ? NULL : path_of_starts(resources);
     }
-    if (opened == NULL || opened->name == NULL || opened->core == NULL) {
+    if (opened == NULL || opened->name == NULL || opened->core == NULL || (resources != NULL && opened->starts == NULL)) {
         face_close(opened);
         return fail(face, function, ": out of memory");
     }
     strcpy(opened->name, name);
-    return opened;
+    if (face_take_starts(opened) == SUCCESS) return opened;
+    face_close(opened);
+    return NULL;
+}
+
+Status face_reset(const Face *face) {
+    core_reset(face->core);
+    return face_take_starts(face);
 }
 
 void face_close(Face *face) {
     if (face == NULL) return;
     core_free(face->core);
     free(face->name);
+    free(face->starts);
     free(face);
 }
 

@@ -14,15 +14,17 @@ struct Face { /* the first member of what an importer's handle points to */
     Write *write;      /* to its log; NULL: it has none */
     const char *marks; /* are doubled in texts */
     unsigned always, logged; /* one bit for each status: reported in any case, and now */
+    char *starts;            /* path of a file with start values, which there need not be */
 };
 
 enum { REFUSALS = 1 << ERROR, EVERYTHING = 1 << WARNING | 1 << DISCARD | 1 << ERROR };
 
 /* A copy of a handle, which is `size` bytes from `face` on, with a new instance.  NULL if that cannot be had, which is
- * reported. */
-void *face_open(const Face *face, size_t size, const char *name, const char *guid, Options options,
-                const char *function);
+ * reported.  `resources` is the path of the directory with the FMU's resources, or NULL. */
+void *face_open(const Face *face, size_t size, const char *name, const char *guid, const char *resources,
+                Options options, const char *function);
 void face_close(Face *);
+Status face_reset(const Face *);
 Status face_set_logging(Face *, int on, size_t n, const char *const categories[]);
 
 /* Report that a function must not be called now; returns NULL. */
@@ -36,6 +38,12 @@ static inline void *face_enter(void *instance, unsigned phases, const char *func
     const Face *face = instance;
     return face == NULL || ((unsigned)core_phase(face->core) & phases) ? instance : face_refuse(face, function);
 }
+
+/* Set the start values in the file of an instance, which replace those of its component: a line
+ *     KIND REFERENCE COUNT BITS ... NAME
+ * for each variable; KIND is r for reals and i for integers; BITS are those of the numbers in hexadecimal digits, since a
+ * locale reads decimal points its own way.  Without the file nothing is set. */
+Status face_take_starts(const Face *);
 
 /* Saved states as the importer holds them. */
 Status face_save(const Face *, void **state, const char *function);

@@ -1,5 +1,7 @@
 /* The face that FMI 2.0 shows: co-simulation and model exchange of one instance of core.h. */
 #include <math.h>
+#include <stdio.h>
+#include <string.h>
 
 #include "face.h"
 #include "fmi2Functions.h"
@@ -23,7 +25,7 @@ enum {
     (void)core
 
 #define NEED(argument) \
-    if (!face_given(&fmu->face, argument, #argument, __func__)) return fmi2Error
+    if ((argument) == NULL && !face_given(&fmu->face, argument, #argument, __func__)) return fmi2Error
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
@@ -35,9 +37,27 @@ static void write(const Face *face, Status status, const char *category, const c
     ((const Fmu *)face)->logger(face->environment, face->name, (fmi2Status)status, category, text);
 }
 
+enum { PATH = 4096 };
+
+/* The path that a URI stands for, file:///directory; NULL if it is too long, or none of a file. */
+static const char *path_in(const char *uri, char path[PATH]) {
+    size_t length = 0;
+    if (uri == NULL || strncmp(uri, "file:", 5) != 0) return NULL;
+    uri += 5;
+    if (strncmp(uri, "//", 2) == 0) uri += 2 + strcspn(uri + 2, "/"); /* and the host */
+    if (uri[0] == '/' && uri[1] != '\0' && uri[2] == ':') uri++;     /* /C:/directory */
+    for (; *uri && length + 1 < PATH; uri++) {
+        unsigned byte = (unsigned char)*uri;
+        if (byte == '%' && sscanf(uri, "%%%2x", &byte) == 1) uri += 2;
+        path[length++] = (char)byte;
+    }
+    path[length] = '\0';
+    return *uri == '\0' ? path : NULL;
+}
+
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
-    (void)resources;
+    char path[PATH];
     (void)visible;
     if (functions == NULL) return NULL;
     const Fmu fmu = {
@@ -50,7 +70,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         .logger = functions->logger,
     };
     const Options options = {.use = type == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION};
-    return face_open(&fmu.face, sizeof fmu, name, guid, options, __func__);
+    return face_open(&fmu.face, sizeof fmu, name, guid, path_in(resources, path), options, __func__);
 }
 
 void fmi2FreeInstance(fmi2Component component) { face_close(component); }
@@ -88,8 +108,7 @@ fmi2Status fmi2Terminate(fmi2Component component) {
 
 fmi2Status fmi2Reset(fmi2Component component) {
     ENTER(ANY);
-    core_reset(core);
-    return fmi2OK;
+    return (fmi2Status)face_reset(&fmu->face);
 }
 
 /* ---- variables --------------------------------------------------------------------------------------------- */

@@ -36,7 +36,7 @@ enum {
     (void)core
 
 #define NEED(argument) \
-    if (!face_given(&fmu->face, argument, #argument, __func__)) return fmi3Error
+    if ((argument) == NULL && !face_given(&fmu->face, argument, #argument, __func__)) return fmi3Error
 
 #define ONLY_MODEL_EXCHANGE \
     if (!serves(core, core_use(core) == MODEL_EXCHANGE, __func__)) return fmi3Error
@@ -72,11 +72,10 @@ static Face listening(fmi3InstanceEnvironment environment, fmi3Boolean logging, 
 fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback logger) {
-    (void)resources;
     (void)visible;
     const Fmu fmu = {.face = listening(environment, logging, logger), .logger = logger, .stop = INFINITY};
     const Options options = {.use = MODEL_EXCHANGE, .whole = 1};
-    return face_open(&fmu.face, sizeof fmu, name, token, options, __func__);
+    return face_open(&fmu.face, sizeof fmu, name, token, resources, options, __func__);
 }
 
 /* Tell the importer of a step of the solver. */
@@ -90,15 +89,29 @@ static int observe(void *owner, double time, double *until) {
     return stop;
 }
 
+/* Ask the importer for inputs at a time. */
+static void ask(void *owner, double time) {
+    const Fmu *fmu = owner;
+    fmi3Boolean stop = fmi3False;
+    double stop_time = time;
+    fmu->intermediate_update(fmu->face.environment, time, fmi3True, fmi3False, fmi3False, fmi3False, &stop, &stop_time);
+}
+
+/* How many of these references belong to inputs. */
+static size_t count_inputs(const fmi3ValueReference references[], size_t n) {
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++)
+        count += references[i] < model.variable_rows && model.variables[references[i]].kind == INPUT;
+    return count;
+}
+
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                          fmi3Boolean logging, fmi3Boolean events, fmi3Boolean early_return,
                                          const fmi3ValueReference intermediate_variables[], size_t n,
                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger,
                                          fmi3IntermediateUpdateCallback intermediate_update) {
-    (void)resources;
+    const size_t inputs = intermediate_variables ? count_inputs(intermediate_variables, n) : 0;
     (void)visible;
-    (void)intermediate_variables; /* all outputs can be had then */
-    (void)n;
     const Fmu fmu = {.face = listening(environment, logging, logger),
                      .logger = logger,
                      .intermediate_update = intermediate_update,
@@ -107,8 +120,10 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     const Options options = {.use = events ? CO_SIMULATION_WITH_EVENTS : CO_SIMULATION,
                              .whole = 1,
                              .early = early_return,
-                             .observe = intermediate_update ? observe : NULL};
-    return face_open(&fmu.face, sizeof fmu, name, token, options, __func__);
+                             /* all outputs can be had, unless only inputs are of interest */
+                             .observe = intermediate_update && (n == 0 || inputs < n) ? observe : NULL,
+                             .ask = intermediate_update && inputs > 0 ? ask : NULL};
+    return face_open(&fmu.face, sizeof fmu, name, token, resources, options, __func__);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
@@ -206,9 +221,8 @@ fmi3Status fmi3Terminate(fmi3Instance instance) {
 
 fmi3Status fmi3Reset(fmi3Instance instance) {
     ENTER(ANY);
-    core_reset(core);
     fmu->stop = INFINITY;
-    return fmi3OK;
+    return (fmi3Status)face_reset(&fmu->face);
 }
 
 /* ---- variables --------------------------------------------------------------------------------------------- */
@@ -224,10 +238,11 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           const fmi3Float64 values[], size_t count) {
-    ENTER(SETTABLE);
+    ENTER(SETTABLE | ASKING);
     if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
     NEED(values);
+    if (core_phase(core) == ASKING) return (fmi3Status)core_give(core, references, n, values, count);
     return (fmi3Status)core_set(core, references, n, values, count);
 }
 

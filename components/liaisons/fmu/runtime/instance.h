@@ -50,6 +50,7 @@ struct Instance {
     double *z, *t;   /* follow k and set in memory, but are no part of the state */
     int current;     /* z belongs to the state */
     int apart;       /* u may have moved away from set */
+    int allowed;     /* k and set are known to be in their domains */
 
     Scalars *backup;
     double step_start, step_size;
@@ -57,12 +58,15 @@ struct Instance {
     int returning; /* the importer has just shortened it */
     Mover *movers;
     size_t moving, *mover_of; /* number of movers; place of an input among them */
+    double *given;            /* of inputs at ORDER times inside the step; those of one input side by side */
+    size_t asked;             /* which of these times it is */
     char text[TEXT];          /* why the present call fails */
     char *name;               /* of a number that is named in a message */
 
     double dt, *dy, *du, *dk, *dm, *dz; /* directions or weights */
-    double *ey, *eu, *ek;               /* what is to be added to them */
+    double *ey, *eu, *ek, *em;          /* what is to be added to them */
     double *work, *condition, *instant;
+    double now; /* of the generated function that is called */
     const double **arguments;
     double **results;
     long long *integers;
@@ -118,16 +122,24 @@ static inline double before_limit(const Instance *self, double t) {
     return t >= self->s->limit ? nextafter(self->s->limit, -INFINITY) : t;
 }
 
-/* Call a function of (t, y, u, k) or (t, y, u, k, m) with one result, which must be none of the arguments. */
-static inline void evaluate(Instance *self, Function *function, double t, const double *y, double *result) {
-    t = before_limit(self, t);
-    self->arguments[0] = &t;
+static inline int evaluate_now(Instance *self, Function *function, const double *y, double *result) {
+    self->arguments[0] = &self->now;
     self->arguments[1] = y;
     self->arguments[2] = self->u;
     self->arguments[3] = self->k;
     self->arguments[4] = self->m;
     self->results[0] = result;
-    function(self->arguments, self->results, self->integers, self->reals, 0);
+    return function(self->arguments, self->results, self->integers, self->reals, 0);
+}
+
+int core_evaluate_at_limit(Instance *self, Function *function, const double *y, double *result);
+
+/* Call a function of (t, y, u, k) or (t, y, u, k, m) with one result, which must be none of the arguments.  Returns what
+ * the function does, 0, so that compilers make a jump of the call where that is returned in turn. */
+static inline int evaluate(Instance *self, Function *function, double t, const double *y, double *result) {
+    if (t >= self->s->limit) return core_evaluate_at_limit(self, function, y, result);
+    self->now = t;
+    return evaluate_now(self, function, y, result);
 }
 
 #endif

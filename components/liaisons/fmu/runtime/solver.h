@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-typedef enum { GO_ON, STOP } Signal;
+typedef enum { GO_ON, STOP } Signal; /* GO_ON is 0, which generated functions return */
 typedef enum { REACHED, STOPPED, STUCK, EXHAUSTED } Outcome;
 typedef Signal Rates(void *context, double t, const double y[], double f[]); /* f = dy/dt */
 
@@ -17,12 +17,12 @@ typedef struct {
     void *context;
 } Problem;
 
-enum { SOLVER_COLUMNS = 14, MOST_STEPS = 1000000 };
+enum { SOLVER_COLUMNS = 14, MOST_STEPS = 100000 };
 
 /* Integrate from *t to exactly `end`.  y + low is the state, summed in twice the precision.  *step is the step size
  * to try, 0 if unknown, and on return the one to go on with.  work holds SOLVER_COLUMNS * n numbers.
- * STOPPED: one of the functions said so.  STUCK: no step is small enough.  EXHAUSTED: after MOST_STEPS it was not done.
- * All three leave *t, y, low where they got. */
+ * STOPPED: one of the functions said so.  STUCK: no step is small enough.  EXHAUSTED: after MOST_STEPS, the
+ * rejected ones among them, it was not done.  All three leave *t, y, low where they got. */
 Outcome solver_advance(const Problem *problem, double *t, double end, double y[], double low[], double *step,
                        double work[]);
 

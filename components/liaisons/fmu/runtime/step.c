@@ -108,6 +108,49 @@ static void reconstruct(Instance *self, double H) {
     }
 }
 
+/* The powers 1 to 5 of a polynomial that is 0 at 0, from its values at 1/5, 2/5 ... 1. */
+static const double POWERS[ORDER][ORDER] = {
+    {25, -25, 50 / 3.0, -25 / 4.0, 1},
+    {-1925 / 12.0, 2675 / 12.0, -325 / 2.0, 1525 / 24.0, -125 / 12.0},
+    {8875 / 24.0, -7375 / 12.0, 6125 / 12.0, -5125 / 24.0, 875 / 24.0},
+    {-4375 / 12.0, 8125 / 12.0, -625, 6875 / 24.0, -625 / 12.0},
+    {3125 / 24.0, -3125 / 12.0, 3125 / 12.0, -3125 / 24.0, 625 / 24.0},
+};
+
+Status core_give(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
+    const size_t first = self->model->parameters, end = first + self->model->inputs;
+    if (core_check_references(self, references, n, count) != SUCCESS) return ERROR;
+    for (size_t i = 0; i < n; i++) {
+        const Span span = span_of(self, references[i]);
+        if (span.first < first || span.first >= end)
+            return core_report(self, ERROR, "%s is no input", core_name(self, span.first));
+        for (size_t k = 0; k < span.count; k++)
+            self->given[(span.first - first + k) * ORDER + self->asked] = *values++;
+    }
+    return SUCCESS;
+}
+
+/* Ask the importer how inputs move in a step of size H. */
+static void ask(Instance *self, double time, double H) {
+    for (size_t i = 0; i < self->model->inputs * ORDER; i++) self->given[i] = NAN;
+    self->s->phase = ASKING;
+    for (self->asked = 0; self->asked < ORDER; self->asked++)
+        self->options.ask(self->options.owner, time + H * (double)(self->asked + 1) / ORDER);
+    self->s->phase = STEP;
+    for (size_t i = 0; i < self->model->inputs; i++) {
+        const double *given = &self->given[i * ORDER];
+        double sum = 0;
+        for (int k = 0; k < ORDER; k++) sum += given[k];
+        if (!isfinite(sum)) continue;
+        double *c = polynomial(self, i);
+        for (int j = 0; j < ORDER; j++) {
+            c[j + 1] = 0;
+            for (int k = 0; k < ORDER; k++) c[j + 1] += POWERS[j][k] * (given[k] - self->u[i]);
+        }
+        c[0] = self->u[i];
+    }
+}
+
 /* u at a time inside the step; 0 if one leaves its domain. */
 static int move_inputs(Instance *self, double t) {
     const double x = t / self->step_size;
@@ -125,16 +168,21 @@ static int move_inputs(Instance *self, double t) {
 
 static Signal rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    if (self->moving > 0 && !move_inputs(self, t)) return STOP;
-    evaluate(self, self->model->derivatives, self->step_start + t, y, f);
-    return GO_ON;
+    return (Signal)evaluate(self, self->model->derivatives, self->step_start + t, y, f);
 }
 
 static Signal coupled_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    if (self->moving > 0 && !move_inputs(self, t)) return STOP;
-    evaluate(self, self->model->motion, self->step_start + t, y, f);
-    return GO_ON;
+    return (Signal)evaluate(self, self->model->motion, self->step_start + t, y, f);
+}
+
+/* The same where inputs move. */
+static Signal moved_rates(void *context, double t, const double y[], double f[]) {
+    return move_inputs(context, t) ? rates(context, t, y, f) : STOP;
+}
+
+static Signal moved_coupled_rates(void *context, double t, const double y[], double f[]) {
+    return move_inputs(context, t) ? coupled_rates(context, t, y, f) : STOP;
 }
 
 /* Tell the importer of a step of the solver, which may want to end the communication step. */
@@ -200,8 +248,9 @@ static void pass_instant(Instance *self, double time) {
 /* The states from the start of the step to where it leads, event by event. */
 static int move_states(Instance *self) {
     const double start = self->step_start;
+    const int moves = self->moving > 0;
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->size,
-                             rates, coupled_rates, accept, self};
+                             moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self};
     double t = 0, event = start, end = 0;
     while (t < self->reach) {
         if (t == end) event = core_next_instant(self, event);
@@ -252,6 +301,7 @@ static int advance(Instance *self, double time, double size) {
     }
     if (self->s->jumped) core_jump(self);
     reconstruct(self, size);
+    if (self->options.ask != NULL) ask(self, time, size);
     if (!core_check_conditions(self, time, self->y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
     if (interpolating && self->reach == size)
@@ -264,7 +314,8 @@ static int advance(Instance *self, double time, double size) {
     self->s->time = snapped(instant, self->reach == size ? end : time + self->reach);
     /* At an event that the importer handles, all is taken from its left until it does. */
     self->s->limit = with_events && self->s->time == instant ? instant : INFINITY;
-    if (!with_events && core_next_instant(self, nextafter(self->s->time, -INFINITY)) == self->s->time)
+    if (self->model->events > 0 && !with_events
+        && core_next_instant(self, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
     core_remember(self);
     return 1;

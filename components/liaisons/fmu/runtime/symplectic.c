@@ -24,8 +24,9 @@ static const double EXTRAPOLATION[STAGES][HISTORY] = {
 };
 
 /* Sweeps end when what the next but one would change in the stages, and the next one in the step, is only this part of
- * a state.  Far below a rounding error, since what is left has the same sign in each step and adds up. */
-static const double NOTHING = DBL_EPSILON / 1024;
+ * a state.  Far below a rounding error, since what is left has the same sign in each step and adds up: with 2^-10 of
+ * one, a pendulum of 2.5 rad lost 3e-12 J in 1e6 steps of 10 ms. */
+static const double NOTHING = DBL_EPSILON / 1073741824;
 /* Above this part of a state changes that do not fall are no rounding errors. */
 static const double SMALL = 1e-12;
 

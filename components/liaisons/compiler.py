@@ -14,13 +14,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Literal
 
 from liaisons.errors import BuildError
-from liaisons.fmu.layout import Fmi
 
 # The same sources give the same bytes: no contraction to fused operations, no build id, no symbols, no paths.
 FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off"),
+    "-fno-tree-slp-vectorize",  # what is stored in pairs makes the next stage of the solver wait, a fifth of its time
     *("-fPIC", "-shared", "-fvisibility=hidden", "-g0"),
 )
 TIME_OUT = 900.0  # [s] for one binary
@@ -35,7 +36,7 @@ class Target:
     triple: str
     flags: tuple[str, ...] = ()
 
-    def folder(self, fmi: Fmi) -> str:
+    def folder(self, fmi: Literal["2", "3"]) -> str:
         """Its folder in ``binaries/``."""
         return self.folders[("2", "3").index(fmi)]
 

@@ -1,0 +1,64 @@
+/* Start values that stand beside the binary: a copy of an FMU with others needs no compiler. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <wchar.h>
+
+#include "face.h"
+
+#ifdef _WIN32 /* windows.h has names of ours */
+__declspec(dllimport) int __stdcall MultiByteToWideChar(unsigned page, unsigned long flags, const char *text, int size,
+                                                        wchar_t *wide, int wide_size);
+enum { CP_UTF8 = 65001 };
+#endif
+
+/* Open a file for reading, whose path is in UTF-8. */
+static FILE *open_file(const char *path) {
+#ifdef _WIN32
+    wchar_t wide[4096];
+    const int size = (int)(sizeof wide / sizeof *wide);
+    return MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, size) > 0 ? _wfopen(wide, L"r") : NULL;
+#else
+    return fopen(path, "r");
+#endif
+}
+
+static Status damaged(const Face *face) {
+    return core_report(face->core, ERROR, "%s is damaged: write the archive anew", face->starts);
+}
+
+/* The rest of a line. */
+static Status take(const Face *face, FILE *file, char kind, unsigned reference, size_t count) {
+    double *values = count > 0 && count <= SIZE_MAX / sizeof *values ? malloc(count * sizeof *values) : NULL;
+    uint64_t bits = 0;
+    char digits[17] = "";
+    int complete = values != NULL;
+    for (size_t i = 0; complete && i < count; i++) {
+        complete = fscanf(file, "%16s", digits) == 1 && strlen(digits) == 16 && sscanf(digits, "%" SCNx64, &bits) == 1;
+        if (complete) memcpy(&values[i], &bits, sizeof bits);
+    }
+    const int whole = (int)(int64_t)bits, integer = kind == 'i' && count == 1;
+    Status status = ERROR;
+    if (complete && kind == 'r') status = core_set(face->core, &reference, 1, values, count);
+    else if (complete && integer) status = core_set_settings(face->core, &reference, 1, &whole);
+    else damaged(face);
+    free(values);
+    return status == SUCCESS ? SUCCESS : ERROR;
+}
+
+Status face_take_starts(const Face *face) {
+    FILE *file = face->starts == NULL ? NULL : open_file(face->starts);
+    if (file == NULL) return SUCCESS;
+    Status status = SUCCESS;
+    char kind;
+    unsigned reference;
+    size_t count;
+    int found;
+    while (status == SUCCESS && (found = fscanf(file, " %c %u %zu", &kind, &reference, &count)) != EOF) {
+        status = found == 3 ? take(face, file, kind, reference, count) : damaged(face);
+        for (int c = 0; c != '\n' && c != EOF;) c = fgetc(file); /* the name */
+    }
+    fclose(file);
+    return status;
+}
