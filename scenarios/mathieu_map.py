@@ -5,21 +5,21 @@ M 8.1(a), K Ex. 3.  With the pivot at z = (ε/2) cos 2t and l = 1 m small swings
     θ'' + (δ - 2ε cos 2t) θ = 0,    δ = g in m/s²
 
 whose motion over a period T = π is a matrix of determinant 1 (Floquet): bounded while |trace| < 2, that is, between a_m
-and b_(m+1), and growing as e^(μt), cosh μT = |trace|/2, in between.  The matrix comes from two runs of the FMU beside
-its equilibrium.  Weight upwards, δ < 0, is the pendulum that stands on its pivot: the shaking can hold it up.
+and b_(m+1), and growing as e^(μt), cosh μT = |trace|/2, in between.  The matrix comes from two runs beside the
+equilibrium, of a Pendulum that a Sinusoid shakes: a sweep of FMUs.  Weight upwards, δ < 0, is the pendulum that stands
+on its pivot: the shaking can hold it up.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import mathieu_a, mathieu_b
 
-from liaisons import Verdict, fmu_path, max_error, run_scenario, simulate, verdict
+from liaisons import System, Verdict, fmu_path, max_error, run_scenario, sweep, verdict
 
 PERIOD, STEPS = np.pi, 40
 NEAR = 1e-5  # start [rad, rad/s]; what is not linear is of relative size NEAR²
@@ -28,29 +28,22 @@ DEPTH = np.linspace(0.1, 4.1, 13)  # ε
 CURVES = {(name, m): value for name, value in (("a", mathieu_a), ("b", mathieu_b)) for m in range(name == "b", 4)}
 
 
-def monodromy(fmu: Path, delta: float, epsilon: float) -> NDArray:
-    """(θ, θ') after one period, per unit of each of them at its beginning."""
-
-    def pivot(t: float) -> tuple[float, float, float]:
-        cosine = epsilon / 2 * np.cos(2 * t)
-        return cosine, -epsilon * np.sin(2 * t), -4 * cosine
-
-    interpolate: dict[str, Any] = {"input_reconstruction": 2}
-    columns = []
-    for start in ({"theta_0": NEAR, "theta_dot_0": 0.0}, {"theta_0": 0.0, "theta_dot_0": NEAR}):
-        end = simulate(
-            fmu,
-            stop_time=PERIOD,
-            step_size=PERIOD / STEPS,
-            tolerance=1e-12,
-            inputs={"pivot_z": pivot},
-            record=["theta", "theta_dot"],
-            gravity=delta,
-            **interpolate,
-            **start,
-        )
-        columns.append([end["theta"][-1] / NEAR, end["theta_dot"][-1] / NEAR])
-    return np.array(columns).T
+def monodromy(delta: NDArray, epsilon: NDArray) -> NDArray:
+    """(θ, θ') after one period, per unit of each of them at its beginning; shape (points, 2, 2)."""
+    system = System("shaken pendulum")
+    pendulum = system.add("pendulum", fmu_path("Pendulum"), input_reconstruction=2)
+    pivot = system.add("pivot", fmu_path("Sinusoid"), angular_frequency=2.0, phase=np.pi / 2)
+    system.connect(pivot["y"], pendulum["pivot_z"])
+    cases = {
+        "pendulum.gravity": np.repeat(delta, 2),
+        "pivot.amplitude": np.repeat(epsilon / 2, 2),
+        "pendulum.theta_0": np.tile([NEAR, 0.0], delta.size),
+        "pendulum.theta_dot_0": np.tile([0.0, NEAR], delta.size),
+    }
+    keep = ["pendulum.theta", "pendulum.theta_dot"]
+    table = sweep(system, cases, keep, stop_time=PERIOD, step_size=PERIOD / STEPS, tolerance=1e-12)
+    columns = np.stack([table[name] for name in keep], axis=-1).reshape(-1, 2, 2) / NEAR
+    return columns.swapaxes(1, 2)
 
 
 def is_bounded(delta: float, epsilon: float) -> bool:
@@ -59,13 +52,12 @@ def is_bounded(delta: float, epsilon: float) -> bool:
 
 
 def main(figure: Path) -> list[Verdict]:
-    fmu = fmu_path("Pendulum")
-    grid = np.array([[monodromy(fmu, delta, epsilon) for delta in STIFFNESS] for epsilon in DEPTH])
-    traces = np.trace(grid, axis1=2, axis2=3)
+    grid = monodromy(np.tile(STIFFNESS, DEPTH.size), np.repeat(DEPTH, STIFFNESS.size))
+    traces = np.trace(grid, axis1=1, axis2=2).reshape(DEPTH.size, STIFFNESS.size)
     expected = np.array([[is_bounded(delta, epsilon) for delta in STIFFNESS] for epsilon in DEPTH])
-    edges, upright = {}, (STIFFNESS < 0) & (np.abs(traces) < 2)
-    for (name, m), value in CURVES.items():
-        edges[name, m] = [np.trace(monodromy(fmu, float(value(m, epsilon)), epsilon)) for epsilon in (0.5, 1.0, 2.0)]
+    upright = (STIFFNESS < 0) & (np.abs(traces) < 2)
+    depths = np.array([0.5, 1.0, 2.0])
+    edges = [(m, np.trace(monodromy(curve(m, depths), depths), axis1=1, axis2=2)) for (_, m), curve in CURVES.items()]
     draw(figure, traces)
     return [
         verdict(
@@ -76,13 +68,13 @@ def main(figure: Path) -> list[Verdict]:
         ),
         verdict(
             "on the curves a_0 ... a_3, b_1 ... b_3 the trace is 2 (-1)^m",
-            error=max(max_error(trace, 2 * (-1.0) ** m) for (_, m), trace in edges.items()),
+            error=max(max_error(trace, 2 * (-1.0) ** m) for m, trace in edges),
             tolerance=1e-6,
             reason="tolerance 1e-12 of angles of 1 rad over NEAR, ten times",
         ),
         verdict(
             "the determinant is 1 everywhere (Liouville)",
-            error=float(np.max(np.abs(np.linalg.det(grid) - 1) / np.sum(grid**2, axis=(2, 3)))),
+            error=float(np.max(np.abs(np.linalg.det(grid) - 1) / np.sum(grid**2, axis=(1, 2)))),
             tolerance=1e-6,
             reason="relative to the squares of the entries; as above",
         ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,8 +15,11 @@ from xml.sax.saxutils import quoteattr
 import fmpy
 import pytest
 
+from liaisons.cosim import loop
 from liaisons.fmu import build
 from liaisons.library import catalogue
+
+sys.path.insert(0, str(Path(__file__).parent))  # masters.py and schemas.py are no tests, but theirs
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
@@ -104,6 +108,15 @@ BUFFER = replace(SPRING, variables=SPRING.variables[:-1], options=GOES_BACK)
 CRASHING = Source(
     (V("x", "output"),), outputs="x = 0;", code="__attribute__((constructor)) static void crash(void) { abort(); }"
 )
+
+CRASHING_LATER = Source(
+    (V("when", "parameter", start=0, kind="Integer"), V("x", "output")),
+    outputs="x = 0;",
+    code="#include <signal.h>",
+    exit_initialization="if (when == 1) raise(SIGSEGV);",
+    step="if (when == 2) raise(SIGSEGV);",
+)
+CRASHING_AT_ONCE = replace(CRASHING_LATER, exit_initialization="", step="", instantiate="raise(SIGSEGV);")
 
 UNFED = Source((V("u", "input"), V("x", "output", needs=("u",))), outputs="x = u;")
 
@@ -379,7 +392,15 @@ def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[
     """All calls that the FMUs have seen since the test began, as ``"instance call"``."""
     file = tmp_path / "trace.txt"
     monkeypatch.setenv("FMU_TRACE", str(file))
+    monkeypatch.setattr("liaisons.cosim.execution.try_to_start", lambda *_: None)  # the trial would be traced, too
     return lambda: file.read_text().splitlines() if file.exists() else []
+
+
+@pytest.fixture(params=["compiled", "Python"])
+def either_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test runs twice: communication steps by compiled code, and by Python."""
+    if request.param == "Python":
+        monkeypatch.setattr(loop, "compiled", lambda: None)
 
 
 Components = Callable[[str], Path]
@@ -387,12 +408,16 @@ Components = Callable[[str], Path]
 
 @pytest.fixture(scope="session")
 def component(tmp_path_factory: pytest.TempPathFactory) -> Components:
-    """FMU of a component: native where there is a compiler, ``"python/..."`` in any case by the Python back end."""
+    """FMU of a component: native where there is a compiler, ``"python/..."`` in any case by the Python back end.
+
+    ``"fmi3/..."`` is of FMI 3.0.
+    """
     directory = tmp_path_factory.mktemp("components")
 
     @cache
     def path(name: str) -> Path:
-        plain = name.removeprefix("python/")
-        return build(catalogue()[plain].model(), directory, backend="auto" if plain == name else "python")
+        kind, _, plain = name.rpartition("/")
+        folder, fmi = (directory / "fmi3", "3") if kind == "fmi3" else (directory, "2")
+        return build(catalogue()[plain].model(), folder, backend="python" if kind == "python" else "auto", fmi=fmi)
 
     return path

@@ -120,6 +120,12 @@ def test_unknown_variable_is_answered_with_the_nearest(spring: Component) -> Non
         spring["lenght"]
 
 
+def test_unknown_variable_is_answered_with_the_nearest_point(system: System, fmu: FmuPaths) -> None:
+    points = system.add("points", fmu("Points"))
+    with pytest.raises(ConnectionError, match=r"Points\.fmu has no variable 'bobb'; did you mean 'bob'\?"):
+        points["bobb"]
+
+
 def test_input_has_one_source_and_nothing_is_connected_by_halves(
     system: System, cubic: Component, probe: Component, spring: Component
 ) -> None:

@@ -146,6 +146,7 @@ def test_other_types_reach_the_fmu(row: Path) -> None:
         simulate(row, flag=True, label="two words")
 
 
+@pytest.mark.usefixtures("either_loop")
 def test_arrays_connect_whole_and_by_element(row: Path) -> None:
     system = System("rows")
     one, two = system.add("one", row, u=1.0), system.add("two", row)
@@ -161,6 +162,7 @@ def test_arrays_connect_whole_and_by_element(row: Path) -> None:
         other.connect(one["y"], two["u[2]"])
 
 
+@pytest.mark.usefixtures("either_loop")
 def test_fmu_that_ends_the_simulation_keeps_what_there_is(row: Path) -> None:
     with pytest.raises(
         IncompleteError, match=r"Row: fmi3DoStep from t = 0\.5 s to t = 0\.75 s .*end the simulation"

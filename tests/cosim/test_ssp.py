@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import gc
-import struct
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from xml.etree import ElementTree
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy.fmi2 import FMU2Slave
+from schemas import validated
 
-from liaisons.cosim import System, ssp
+from liaisons.cosim import System, simulate, ssp
 from liaisons.cosim.description import read
 from liaisons.errors import SimulationError
+from liaisons.fmu import build
+from liaisons.models import Pendulum
 
 FmuPaths = Callable[[str], Path]
 Form = Literal["portable", "full"]
@@ -69,22 +73,8 @@ def test_experiment_is_kept(system: System, tmp_path: Path, form: Form) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_archives_pass_the_schemas(system: System, tmp_path: Path, form: Form) -> None:
-    standard = pytest.importorskip("pyssp_standard")
-    from pyssp_standard.ssd import SSD
-    from pyssp_standard.ssm import SSM
-    from pyssp_standard.ssv import SSV
-
-    assert standard
-    system.write_ssp(tmp_path / "system.ssp", form=form, stop_time=2.0, step_size=H)
-    with zipfile.ZipFile(tmp_path / "system.ssp") as archive:
-        archive.extractall(tmp_path)
-    kinds = {".ssd": SSD, ".ssv": SSV, ".ssm": SSM}
-    files = [file for file in tmp_path.rglob("*") if file.suffix in kinds]
-    assert len(files) == (5 if form == "portable" else 3)
-    for file in files:
-        with kinds[file.suffix](file) as read:
-            assert read.identifier.startswith(file.suffix[1:] + ("2" if form == "full" else ""))
-            read.__check_compliance__()
+    count = validated(system, tmp_path, form, stop_time=2.0, step_size=H)
+    assert count == (5 if form == "portable" else 3)
 
 
 def test_portable_is_what_old_readers_take(system: System, tmp_path: Path) -> None:
@@ -152,36 +142,74 @@ def test_unpacked_files_go_with_the_system(system: System, tmp_path: Path) -> No
     assert not path.exists()
 
 
-def test_start_values_go_into_fmus_that_take_them(fmu: FmuPaths, tmp_path: Path) -> None:
-    marked = tmp_path / "Spring.fmu"
-    with zipfile.ZipFile(fmu("Spring")) as old, zipfile.ZipFile(marked, "w") as new:
-        for name in old.namelist():  # as if the library knew the file with start values
-            new.writestr(name, old.read(name) + (b"starts.txt" if name.startswith("binaries/") else b""))
-    made = System("baked")
-    made.add("spring", marked, stiffness=0.1 + 0.2, input_reconstruction=2)
-    made.add("plain", marked)
+@pytest.fixture(params=["native, FMI 2.0", "native, FMI 3.0", "Python"])
+def pendulum(request: pytest.FixtureRequest, component: Callable[[str], Path], tmp_path: Path) -> Path:
+    if request.param == "native, FMI 3.0":
+        return build(Pendulum.model(), tmp_path / "3", backend="native", fmi="3")
+    return component("python/Pendulum" if request.param == "Python" else "Pendulum")
+
+
+STARTS: dict[str, Any] = {"theta_0": 0.1 + 0.2, "mass": 5.0, "length": 2.0, "input_reconstruction": 2}
+
+
+def _baked(path: Path, folder: Path, **starts: Any) -> Path:
+    """The FMU out of a portable archive with these start values."""
+    system = System("baked")
+    system.add("it", path, **starts)
+    folder.mkdir(exist_ok=True)
+    system.write_ssp(folder / "baked.ssp")
+    with zipfile.ZipFile(folder / "baked.ssp") as archive:
+        return Path(archive.extract("resources/it.fmu", folder))
+
+
+def test_start_values_go_into_our_fmus(pendulum: Path, tmp_path: Path) -> None:
+    baked = _baked(pendulum, tmp_path, **STARTS)
+    assert {name: read(baked).variables[name].start for name in STARTS} == {k: repr(v) for k, v in STARTS.items()}
+    assert read(baked).guid != read(pendulum).guid  # some importers take FMUs of one GUID for one
+    found = simulate(baked, stop_time=1.0, step_size=0.1)  # no start value is set
+    expected = simulate(pendulum, stop_time=1.0, step_size=0.1, **STARTS)
+    np.testing.assert_array_equal(found.values, expected.values)
+    # once more, with other ones: those from before stay
+    again = _baked(baked, tmp_path / "again", mass=7.0)
+    found = simulate(again, stop_time=1.0, step_size=0.1)
+    expected = simulate(pendulum, stop_time=1.0, step_size=0.1, **dict(STARTS, mass=7.0))
+    np.testing.assert_array_equal(found.values, expected.values)
+
+
+def test_reset_goes_back_to_the_start_values_in_the_fmu(component: Callable[[str], Path], tmp_path: Path) -> None:
+    fmu = read(_baked(component("Pendulum"), tmp_path, **STARTS))
+    folder = fmpy.extract(str(fmu.path), str(tmp_path / "with a blank"))
+    slave = FMU2Slave(guid=fmu.guid, modelIdentifier=fmu.identifier, unzipDirectory=folder, instanceName="it")
+    slave.instantiate()
+    references = list(fmu.references("mass")) + list(fmu.references("theta_0"))
+    slave.setReal(references, [1.0, 1.0])
+    slave.reset()
+    assert slave.getReal(references) == [STARTS["mass"], STARTS["theta_0"]]
+    assert slave.getInteger(list(fmu.references("input_reconstruction"))) == [2]
+    slave.freeInstance()
+
+
+@pytest.mark.parametrize("text", ["r 0 1 3ff", "r x", "q 0 1 0 name", "r 99999 1 0 name", "i 0 1 1 name", "r 0 0 name"])
+def test_a_damaged_file_of_start_values_is_refused(text: str, component: Callable[[str], Path], tmp_path: Path) -> None:
+    broken = tmp_path / "Pendulum.fmu"
+    with zipfile.ZipFile(component("Pendulum")) as old, zipfile.ZipFile(broken, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name))
+        new.writestr("resources/starts.txt", text)
+    with pytest.raises(
+        SimulationError, match=r"Pendulum: Pendulum\.fmu cannot be instantiated: .*(starts\.txt|reference)"
+    ):
+        simulate(broken, stop_time=1.0)
+
+
+def test_what_takes_no_start_values_or_needs_none_is_the_file_itself(fmu: FmuPaths, tmp_path: Path) -> None:
+    made = System("foreign")
     made.add("other", fmu("Spring"), stiffness=3.0)
-    made.write_ssp(tmp_path / "baked.ssp")
-    with zipfile.ZipFile(tmp_path / "baked.ssp") as archive:
-        archive.extractall(tmp_path / "baked")
-    resources = tmp_path / "baked" / "resources"
-    assert {file.name for file in resources.glob("*.fmu")} == {"spring.fmu", "Spring.fmu", "Spring_2.fmu"}
-    with zipfile.ZipFile(resources / "spring.fmu") as baked:
-        lines = baked.read("resources/starts.txt").decode().splitlines()
-    reference, bits, name = lines[0].split()
-    assert (read(marked).variables["stiffness"].reference, name) == (int(reference), "stiffness")
-    assert struct.unpack(">d", bytes.fromhex(bits)) == (0.1 + 0.2,)
-    assert lines[1].split()[1:] == ["0000000000000002", "input_reconstruction"]
-    variables = read(resources / "spring.fmu").variables
-    assert [variables[name].start for name in ("stiffness", "input_reconstruction", "length")] == [
-        "0.30000000000000004",
-        "2",
-        "0.0",
-    ]
-    # what cannot take them, or needs none, is the file itself
-    assert (resources / "Spring.fmu").read_bytes() == marked.read_bytes()
-    assert (resources / "Spring_2.fmu").read_bytes() == fmu("Spring").read_bytes()
-    assert repr(System.from_ssp(tmp_path / "baked.ssp")).count("stiffness=0.30000000000000004") == 1
+    made.add("plain", fmu("Spring"))
+    made.write_ssp(tmp_path / "foreign.ssp")
+    with zipfile.ZipFile(tmp_path / "foreign.ssp") as archive:
+        assert archive.read("resources/Spring.fmu") == fmu("Spring").read_bytes()
+        assert sorted(name for name in archive.namelist() if name.endswith(".fmu")) == ["resources/Spring.fmu"]
 
 
 def test_failed_writing_leaves_nothing(system: System, tmp_path: Path) -> None:

@@ -1,68 +1,29 @@
-"""Portable SSP archives in other masters, each in a process of its own: libcosim (OSP), ecos, fmpy."""
+"""Portable SSP archives in other masters: libcosim (OSP), ecos, fmpy."""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from ctypes import c_double
-from importlib.util import find_spec
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, get_args
 
-import fmpy
-import numpy as np
+import matplotlib.pyplot as plt
 import pytest
-from fmpy.ssp.simulation import simulate_ssp
+from masters import MASTERS, SWEEPS, RefusalError, Values, compared, elsewhere, jacobi
+from schemas import validated
 
 from liaisons.cosim import System
-from liaisons.cosim.instances import make
-from liaisons.fmu import build
-from liaisons.models import Oscillator, Pendulum, Sinusoid
+from liaisons.cosim.ssp import Form
+from liaisons.project import load_module, scenarios_directory
+from liaisons.scenario import names
 
-H, STEPS = 0.01, 100
+H, STEPS = 0.01, 20
 
-_LIBCOSIM = """
-import json, sys
-from libcosimpy.CosimExecution import CosimExecution
-from libcosimpy.CosimObserver import CosimObserver
-
-path, size, steps, wanted = json.loads(sys.argv[1])
-execution = CosimExecution.from_ssp_file(path, step_size=size * 1e9)
-observer = CosimObserver.create_last_value()
-execution.add_observer(observer)
-assert execution.step(steps)
-slave = execution.slave_index_from_instance_name
-print("result", json.dumps([observer.last_real_values(slave(c), [r])[0] for c, _, r in wanted]))
-"""
-
-_ECOS = """
-import ctypes, json, sys
-from pathlib import Path
-
-# ecos needs TBB; the wheel puts it where no loader looks.
-ctypes.CDLL(str(Path(sys.prefix) / "lib" / "libtbb.so.12"), mode=ctypes.RTLD_GLOBAL)
-from ecospy import EcosSimulation
-
-path, size, steps, wanted = json.loads(sys.argv[1])
-with EcosSimulation(ssp_path=path, step_size=size) as simulation:
-    simulation.init(parameter_set="initialValues")
-    simulation.step(steps)
-    print("result", json.dumps([simulation.get_real(f"{c}::{v}") for c, v, _ in wanted]))
-"""
-
-
-@pytest.fixture(scope="module")
-def component(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    directory = tmp_path_factory.mktemp("components")
-    models = {"Oscillator": Oscillator, "Pendulum": Pendulum, "Sinusoid": Sinusoid}
-    return lambda name: build(models[name].model(), directory, backend="native")
+Components = Callable[[str], Path]
 
 
 @pytest.fixture
-def pumped(component: Callable[[str], Path]) -> System:
+def pumped(component: Components) -> System:
     """A swing whose length a signal drives: connections go one way."""
     system = System("pumped swing")
     swing = system.add("swing", component("Pendulum"), theta_0=0.05, input_reconstruction=1)
@@ -72,17 +33,17 @@ def pumped(component: Callable[[str], Path]) -> System:
 
 
 @pytest.fixture
-def double(component: Callable[[str], Path]) -> System:
+def double(component: Components) -> System:
     """A pendulum hung on a pendulum: an algebraic loop of accelerations and forces."""
     system = System("double pendulum")
     upper = system.add("upper", component("Pendulum"), theta_0=0.3, mass=5.0)
-    lower = system.add("lower", component("Pendulum"), theta_0=0.3, mass=0.5)
+    lower = system.add("lower", component("Pendulum"), theta_0=0.5, mass=2.5)
     system.connect(upper["bob"], lower["pivot"])
     return system
 
 
 @pytest.fixture
-def chain(component: Callable[[str], Path]) -> System:
+def chain(component: Components) -> System:
     """Oscillators, each hung on the one before."""
     system = System("chain")
     masses = [system.add(f"mass{i}", component("Oscillator"), x_0=0.1 * i) for i in range(4)]
@@ -91,102 +52,93 @@ def chain(component: Callable[[str], Path]) -> System:
     return system
 
 
-Read = Callable[[str, str], float]
+@pytest.fixture
+def in_python(component: Components) -> System:
+    """Two FMUs of one file and one GUID, which differ by start values only."""
+    system = System("in Python")
+    shaft = system.add("shaft", component("python/Flywheel"), angle_dot_0=0.5, input_reconstruction=0)
+    system.add("wheel", component("python/Flywheel"), inertia=2.0, angle_0=0.5)
+    system.connect(system.add("brake", component("Sinusoid"), amplitude=0.3)["y"], shaft["angle_load"])
+    return system
 
 
-@contextmanager
-def _jacobi(system: System, folder: Path, *, first: float | None = None) -> Iterator[Read]:
-    """Jacobi's scheme call by call: all step, all are read, all are set; reads what stands there at the end.
-
-    :param first: what connected inputs hold during the first step, in place of the outputs at the start.
-    """
-    links = list(system._links.values())
-    with ExitStack() as stack:
-        instances = {}
-        for name, part in system._components.items():
-            fmpy.extract(part.fmu.path, folder / name)
-            instance = instances[name] = stack.enter_context(make(name, part.fmu, folder / name))
-            instance.setup(None, 0.0, H * STEPS)
-            for variable, value in part.starts.items():
-                instance.assign(variable, value)
-            instance.enter_initialization()
-
-        def read(owner: str, variable: str) -> float:
-            buffer = (c_double * 1)()
-            assert not instances[owner].getter([system._components[owner].fmu.variables[variable]], buffer)()
-            return buffer[0]
-
-        def hand_on(value: float | None = None) -> None:
-            values = [read(*link.source.place) if value is None else value for link in links]
-            for link, given in zip(links, values, strict=True):
-                buffer = (c_double * 1)(given)
-                assert not instances[link.target.component.name].setter([link.target.variable], buffer)()
-
-        for _ in range(len(instances) if first is None else 0):
-            hand_on()
-        for instance in instances.values():
-            instance.exit_initialization()
-        hand_on(first)
-        time, size = c_double(), c_double(H)
-        steppers = [instance.stepper(time, size) for instance in instances.values()]
-        for step in range(STEPS):
-            time.value = step * H
-            assert not any(stepper() for stepper in steppers)
-            hand_on()
-        yield read
+def _agree(found: Values, expected: Values) -> None:
+    for name, value in expected.items():
+        # the very same calls; only the times are sums of steps there, and products here
+        assert found[name] == pytest.approx(value, rel=1e-12, abs=1e-12), name
 
 
-def _states(system: System) -> list[tuple[str, str]]:
-    """What no input enters directly, so that it does not matter whether it is read before inputs are set, or after."""
-    parts = system._components.values()
-    return [(c.name, v) for c in parts for v in ("theta", "p_theta", "x", "p_x") if v in c.fmu.variables]
+def _check(master: str, system: System, folder: Path) -> None:
+    first = 0.0 if master == "fmpy" else None
+    expected = jacobi(system, folder, size=H, steps=STEPS, first=first, sweeps=SWEEPS[master](len(system.components)))
+    _agree(elsewhere(master, system, folder, size=H, steps=STEPS), expected)
 
 
-def _in(module: str, system: System, folder: Path) -> list[float]:
-    """States at the end, in another master."""
-    if find_spec(module) is None:
-        pytest.skip(f"{module} is not installed")
-    if module == "ecospy" and not (Path(sys.prefix) / "lib" / "libtbb.so.12").exists():
-        pytest.skip("TBB is not installed as a wheel")
-    path = folder / "system.ssp"
-    system.write_ssp(path, stop_time=H * STEPS, step_size=H)
-    wanted = [(c, v, system._components[c].fmu.variables[v].reference) for c, v in _states(system)]
-    command = [sys.executable, "-c", _LIBCOSIM if module == "libcosimpy" else _ECOS]
-    task = json.dumps([str(path), H, STEPS, wanted])
-    ended = subprocess.run([*command, task], capture_output=True, text=True, check=False)
-    assert ended.returncode == 0, ended.stderr + ended.stdout
-    (line,) = (line for line in ended.stdout.splitlines() if line.startswith("result "))  # among what they log
-    return json.loads(line.removeprefix("result "))
+@pytest.mark.parametrize("master", ["libcosimpy", "ecospy"])
+@pytest.mark.parametrize("name", ["pumped", "double", "chain", "in_python"])
+def test_other_masters_take_it_as_it_is(master: str, name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    _check(master, request.getfixturevalue(name), tmp_path)
 
 
-@pytest.mark.parametrize("module", ["libcosimpy", "ecospy"])
-@pytest.mark.parametrize("name", ["pumped", "double", "chain"])
-def test_other_masters_take_it_as_it_is(module: str, name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    system: System = request.getfixturevalue(name)
-    found = _in(module, system, tmp_path)
-    with _jacobi(system, tmp_path) as read:
-        expected = [read(*place) for place in _states(system)]
-    # the very same calls; only the times are sums of steps there, and products here
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+@pytest.mark.parametrize("name", ["double", "chain", "in_python"])
+def test_fmpy_takes_it_as_it_is(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """It passes over parameter sets: the start values in the FMUs count."""
+    _check("fmpy", request.getfixturevalue(name), tmp_path)
 
 
-@pytest.mark.parametrize("module", ["libcosimpy", "ecospy"])
-def test_where_nothing_goes_back_they_give_our_jacobi_numbers(module: str, pumped: System, tmp_path: Path) -> None:
-    found = _in(module, pumped, tmp_path)
+@pytest.mark.parametrize("master", ["libcosimpy", "ecospy"])
+def test_where_nothing_goes_back_they_give_our_jacobi_numbers(master: str, pumped: System, tmp_path: Path) -> None:
     result = pumped.simulate(H * STEPS, H, coupling="jacobi")
-    expected = [result[f"{component}.{variable}"][-1] for component, variable in _states(pumped)]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    expected = {".".join(place): float(result[".".join(place)][-1]) for place in compared(pumped)}
+    _agree(elsewhere(master, pumped, tmp_path, size=H, steps=STEPS), expected)
 
 
-def test_fmpy_takes_it_as_it_is(component: Callable[[str], Path], tmp_path: Path) -> None:
-    """It passes over parameter sets, and begins with 0 on every connected input."""
-    system = System("defaults")
-    upper, lower = system.add("upper", component("Pendulum")), system.add("lower", component("Pendulum"))
-    system.connect(upper["bob"], lower["pivot"])
-    system.write_ssp(tmp_path / "system.ssp")
-    result = simulate_ssp(str(tmp_path / "system.ssp"), stop_time=(STEPS - 0.5) * H, step_size=H)
-    assert len(result) == STEPS
-    with _jacobi(system, tmp_path, first=0.0) as read:
-        expected = [read(*place) for place in _states(system)]
-    found = [result[".".join(place)][-1] for place in _states(system)]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)  # the same calls but for times, as above
+class _FoundError(Exception):
+    """A scenario begins to simulate a system, the argument."""
+
+
+@pytest.fixture
+def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) -> Callable[[str], System]:
+    """The first system that a scenario simulates."""
+
+    def stop(system: System, *_: Any, **__: Any) -> None:
+        raise _FoundError(system)
+
+    def find(name: str) -> System:
+        module = load_module(scenarios_directory() / f"{name}.py")
+        with monkeypatch.context() as patch:
+            patch.setattr(System, "simulate", stop)
+            patch.setattr(module, "sweep", stop, raising=False)
+            with pytest.raises(_FoundError) as caught:
+                module.main(tmp_path / "figure.png")
+        return caught.value.args[0]
+
+    monkeypatch.setenv("LIAISONS_FMUS", str(shared_folder))
+    plt.switch_backend("Agg")
+    return find
+
+
+QUICK = {"coupled_pendulums", "driven_hoop", "hoop_and_flywheel"}
+SCENARIOS = [
+    pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow])
+    for name in names()
+    if "System(" in (scenarios_directory() / f"{name}.py").read_text(encoding="utf-8")
+]
+# the length of a pendulum is connected there, and has to be > 0
+NOT_FROM_ZERO = {"adiabatic_swing", "closed_loop_pump", "closed_loop_swing", "pumped_swing"}
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_system_of_every_scenario(name: str, found: Callable[[str], System], tmp_path: Path) -> None:
+    system = found(name)
+    plt.close("all")
+    for form in get_args(Form):
+        assert validated(system, tmp_path / form, form, stop_time=1.0, step_size=H) > 0
+    for master in MASTERS:
+        folder = tmp_path / master
+        folder.mkdir()
+        if master == "fmpy" and name in NOT_FROM_ZERO:  # it sets 0 there before the first step, which the FMU refuses
+            with pytest.raises(RefusalError, match=r"length = 0 at t = .*: it must be > 0"):
+                elsewhere(master, system, folder, size=H, steps=STEPS)
+        else:
+            _check(master, system, folder)

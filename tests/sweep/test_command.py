@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
+import pytest
+
 from liaisons.cli import main
 
 
-def test_misuse_on_the_command_line(pendulum, capsys) -> None:
+def test_misuse_on_the_command_line(pendulum, tmp_path, capsys) -> None:
     def words(*arguments: str) -> str:
         assert main(["sweep", str(pendulum), "--keep", "theta", "--stop", "0.1", *arguments]) == 2
         return capsys.readouterr().err
@@ -15,6 +19,32 @@ def test_misuse_on_the_command_line(pendulum, capsys) -> None:
     assert "needs --samples" in words("--random", "theta_0=0:1")
     assert "use one of them" in words("--random", "theta_0=0:1", "--over", "mass=1")
     assert "nothing is varied" in words()
+    assert "--samples and --latin-hypercube need --random" in words("--over", "theta_0=1", "--samples", "3")
+    assert "theta_0 is varied twice" in words("--over", "theta_0=1", "--over", "theta_0=2")
+    assert "'theta_0' is varied, and set" in words("--over", "theta_0=1", "--set", "theta_0=2")
+    assert "no signal is named" in words("--over", "theta_0=1", "--keep", "energy,")
+    assert "there is no folder" in words("--over", "theta_0=1", "--csv", str(tmp_path / "nowhere" / "table.csv"))
+
+
+@pytest.mark.parametrize("values", ["theta_0=", "theta_0=0:1:0", "theta_0=0:1:-3", "theta_0=0:1:x"])
+def test_misuse_of_values(pendulum, capsys, values) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["sweep", str(pendulum), "--keep", "theta", "--over", values])
+    assert "a count of 1 at least" in capsys.readouterr().err
+
+
+def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", interrupted)
+    arguments = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1"]
+    for more, words in (
+        (["--csv", str(tmp_path / "t.csv")], "t.csv.journal has what is done"),
+        ([], "nothing is kept"),
+    ):
+        assert main([*arguments, *more]) == 130
+        assert words in capsys.readouterr().err
 
 
 def test_failing_cases_are_shown(pendulum, capsys) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -34,6 +36,15 @@ def test_two_workers_give_the_same_table_bit_by_bit(client, pendulum) -> None:
     assert here.rows.tobytes() == there.rows.tobytes() == by_address.rows.tobytes()
     assert here.failures == there.failures == by_address.failures
     assert here.failures.keys() == {5}
+
+
+def test_the_command_line_by_the_address(client, pendulum, tmp_path) -> None:
+    """In a process that has no client of its own, as there is one here."""
+    liaisons = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+    arguments = ["sweep", str(pendulum), "--over", "theta_0=0.1:3:12", "--keep", "theta", "--stop", "1"]
+    for name, more in (("here", []), ("there", ["--dask", client.scheduler.address])):
+        subprocess.run([*liaisons, *arguments, "--csv", str(tmp_path / name), *more], check=True)
+    assert (tmp_path / "here").read_bytes() == (tmp_path / "there").read_bytes()
 
 
 def test_a_system_goes_to_the_workers(client, swing) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 from liaisons import Result
 from liaisons.sweeps import JournalError, SweepError, sweep
+from liaisons.sweeps.journal import Journal
 
 SPAN: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.05}
 CASES = {"theta_0": np.linspace(0.1, 1.0, 8), "mass": [1.0, 2.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
@@ -134,3 +135,25 @@ def test_interrupted_on_the_command_line(pendulum, tmp_path) -> None:
     whole = tmp_path / "whole.csv"
     subprocess.run(command("--csv", str(whole), "--workers", "1"), check=True, capture_output=True)
     assert csv.read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit to the size of files")
+def test_a_full_disk_loses_nothing_that_was_written(tmp_path) -> None:
+    import resource
+
+    path, limits = tmp_path / "journal", resource.getrlimit(resource.RLIMIT_FSIZE)
+    cases = dict.fromkeys(range(40), (1.0,))
+    with Journal(path, "key", 1) as journal:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
+        try:
+            with pytest.raises(SweepError, match="journal: cannot be written: File too large; make room"):
+                journal.add(cases)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    # closing it has written the rest, now that there is room again; what a crash would have left:
+    path.write_bytes(path.read_bytes()[:500])
+    with Journal(path, "key", 1) as journal:
+        assert 0 < len(journal.done) < len(cases)
+        journal.add({case: values for case, values in cases.items() if case not in journal.done})
+    with Journal(path, "key", 1) as journal:
+        assert journal.done == cases

@@ -18,8 +18,8 @@ from liaisons.library import fmu_file
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
     from liaisons.cosim import Result
+    from liaisons.cosim.calls import Call
     from liaisons.cosim.description import Fmu
-    from liaisons.cosim.instance import Call
     from liaisons.cosim.messages import Action
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,6 +62,7 @@ def register(commands: Commands) -> None:
     over(
         "--keep",
         required=True,
+        action="append",
         metavar="SIGNAL,...",
         help="what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min",
     )
@@ -87,20 +91,13 @@ def register(commands: Commands) -> None:
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
-    from liaisons.sweeps import sweep
-
     csv: Path | None = arguments.csv
+    if csv is not None and not csv.parent.is_dir():
+        raise ProjectError(f"{csv}: there is no folder {csv.parent}; make it, or choose another path")
     passing = csv.with_name(f"{csv.name}.journal") if csv is not None and arguments.journal is None else None
-    result = sweep(
-        cases=_cases(arguments),
-        keep=arguments.keep.split(","),
-        tolerance=arguments.tolerance,
-        journal=arguments.journal or passing,
-        workers=arguments.workers,
-        client=arguments.dask,
-        progress=True,
-        **_subject(arguments),
-    )
+    journal = arguments.journal or passing
+    with _interrupted(journal):
+        result = _simulated(arguments, journal)
     print(table(_rows(result)))
     if len(result) > _SHOWN:
         print(f"... {len(result) - _SHOWN} more; --csv FILE writes all")
@@ -112,6 +109,34 @@ def _sweep(arguments: argparse.Namespace) -> int:
     for case, failure in list(result.failures.items())[:_SHOWN]:
         print(f"case {case} failed: {failure}")
     return 1 if result.failures else 0
+
+
+def _simulated(arguments: argparse.Namespace, journal: Path | None) -> Table:
+    from liaisons.sweeps import sweep
+
+    return sweep(
+        cases=_cases(arguments),
+        keep=",".join(arguments.keep).split(","),
+        tolerance=arguments.tolerance,
+        journal=journal,
+        workers=arguments.workers,
+        client=arguments.dask,
+        progress=True,
+        **_subject(arguments),
+    )
+
+
+@contextmanager
+def _interrupted(journal: Path | None) -> Iterator[None]:
+    """Say where an interrupted sweep goes on from."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if journal is None:
+            print("nothing is kept; give --csv or --journal to go on from where it is interrupted", file=sys.stderr)
+        elif journal.exists():
+            print(f"{journal} has what is done; the same command goes on from there", file=sys.stderr)
+        raise
 
 
 def _subject(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -138,6 +163,12 @@ def _cases(arguments: argparse.Namespace) -> Cases:
 
     if arguments.over and arguments.random:
         raise ProjectError("--over makes a grid and --random random cases; use one of them")
+    if not arguments.random and (arguments.samples is not None or arguments.latin_hypercube):
+        raise ProjectError("--samples and --latin-hypercube need --random NAME=LOW:HIGH, what is drawn at random")
+    names = [name for name, _ in (*arguments.over, *arguments.random)]
+    for name in names:
+        if names.count(name) > 1:
+            raise ProjectError(f"{name} is varied twice; give all its values at once")
     if arguments.random:
         if arguments.samples is None:
             raise ProjectError("--random needs --samples N, the number of cases")
@@ -159,11 +190,13 @@ def _values(text: str) -> tuple[str, list[float]]:
     try:
         if ":" in values:
             first, last, count = values.split(":")
+            if int(count) < 1:
+                raise ValueError
             return name, np.linspace(float(first), float(last), int(count)).tolist()
         return name, [float(value) for value in values.split(",")]
     except ValueError:
         raise argparse.ArgumentTypeError(
-            f"{text!r}: write NAME=a,b,c or NAME=first:last:count, e.g. --over theta_0=0.1:3:50"
+            f"{text!r}: write NAME=a,b,c or NAME=first:last:count, a count of 1 at least, e.g. --over theta_0=0.1:3:50"
         ) from None
 
 
@@ -175,10 +208,12 @@ def _distribution(text: str) -> tuple[str, object]:
             from scipy.stats import norm
 
             mean, deviation = map(float, rest.split(":"))
+            if not deviation > 0:
+                raise ValueError
             return name, norm(mean, deviation)
         low, high = map(float, values.removeprefix("uniform:").split(":"))
         return name, (low, high)
     except ValueError:
         raise argparse.ArgumentTypeError(
-            f"{text!r}: write NAME=low:high or NAME=normal:mean:deviation, e.g. --random mass=normal:1:0.1"
+            f"{text!r}: write NAME=low:high or NAME=normal:mean:deviation, deviation > 0: --random mass=normal:1:0.1"
         ) from None

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim.bus import Bus
+from liaisons.cosim.calls import Call
 from liaisons.cosim.component import Component
 from liaisons.cosim.coupling.member import Judge
 from liaisons.cosim.coupling.signals import Signals
-from liaisons.cosim.instance import Call
 from liaisons.cosim.instances import AnyInstance
 from liaisons.cosim.refusal import RefusedError
 from liaisons.errors import SimulationError

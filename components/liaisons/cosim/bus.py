@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from ctypes import Array, c_double
 from dataclasses import dataclass, field
-from functools import partial
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.instance import Call
+from liaisons.cosim.calls import Call, Kind, Prepared
 from liaisons.cosim.schedule import Feeds, Place
 
 
@@ -78,8 +77,12 @@ class Bus:
                 runs[-1] = (*runs[-1][:2], runs[-1][2] + 1)
             else:
                 runs.append((target, source, 1))
-        bus = self.values.data
-        return [partial(bus[t : t + n].__setitem__, slice(None), bus[s : s + n]) for t, s, n in runs]
+        return [self._copy(target, source, count) for target, source, count in runs]
+
+    def _copy(self, target: int, source: int, count: int) -> Call:
+        bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
+        call = Prepared(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
+        return call.recorded(Kind.COPY, given=address + source * size, count=count, values=address + target * size)
 
 
 def _by_component(names: Iterable[str], places: Iterable[Place]) -> dict[str, list[Place]]:

@@ -37,7 +37,8 @@ class Component:
         """
         end = End(self, name)
         if not end.exists and not end.axes():
-            raise ConnectionError(f"{self.name}: {self.fmu.unknown(name)}")
+            points = {other[:-2] for other in self.fmu.variables.entries if other.endswith(("_x", "_y", "_z"))}
+            raise ConnectionError(f"{self.name}: {self.fmu.unknown(name, *points)}")
         return end
 
     @property
@@ -52,6 +53,16 @@ class Component:
     def interpolates(self) -> bool:
         """Whether it takes the inputs that are set before a step for those at its end."""
         return self.reconstruction == 2
+
+    @property
+    def asks(self) -> bool:
+        """Whether it asks how inputs move within a step: an FMI 3.0 FMU of ours; others may say so and never ask."""
+        return self.reconstruction is not None and self.fmu.inside_inputs and not self.interpolates
+
+    @property
+    def is_told(self) -> bool:
+        """Whether it can know how inputs move within a step, so that derivatives of its outputs are right."""
+        return self.asks or (self.fmu.input_derivatives and not self.interpolates)
 
     @property
     def takes_newest(self) -> bool:

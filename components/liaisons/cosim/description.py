@@ -44,6 +44,7 @@ class Fmu:
     :param restores: whether its state can be taken and set again.
     :param differentiates: whether it gives directional derivatives.
     :param input_derivatives: whether derivatives of inputs can be set within a step (FMI 2.0 only).
+    :param inside_inputs: whether it says that inputs can be set at times inside a step (FMI 3.0 only).
     :param output_derivative_order: up to which order derivatives of outputs can be read.
     :param only_one: whether a process can have one instance of it only.
     :param tool: what has made it; empty where it does not say.
@@ -59,6 +60,7 @@ class Fmu:
     restores: bool
     differentiates: bool
     input_derivatives: bool
+    inside_inputs: bool
     output_derivative_order: int
     only_one: bool
     tool: str
@@ -104,14 +106,19 @@ class Fmu:
         """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`."""
         return self.reals("output", "input", longest=LONGEST)
 
+    def references_of(self, causality: str) -> list[int]:
+        """Value references of the real variables, or whole arrays, of this causality."""
+        found = (entry.like if isinstance(entry, Array) else entry for entry in self.variables.entries.values())
+        return [like.reference for like in found if like.causality == causality and like.type == "Real"]
+
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
         """Whether an output depends directly on an input, while stepping or in initialization."""
         variable = self.variables[output]
         known = (self._initial if initially else self._outputs).get(variable.index)
         return known is None or self.variables[input_].index in known
 
-    def unknown(self, name: str) -> str:
-        """What to say of a variable that does not exist."""
+    def unknown(self, name: str, *others: str) -> str:
+        """What to say of a variable that does not exist; ``others`` are names that would have done, too."""
         base, index = split(name)
         if base in self.arrays:
             shape = self.arrays[base]
@@ -119,7 +126,7 @@ class Fmu:
             return f"{self.path.name} has no variable {name!r}; the array has {bounds}"
         entries = self.variables.entries
         known = [f"{other}{name[len(base) :]}" if index and other in self.arrays else other for other in entries]
-        return f"{self.path.name} has no variable {name!r}{suggestion(name, known)}"
+        return f"{self.path.name} has no variable {name!r}{suggestion(name, [*known, *others])}"
 
 
 def read(path: Path | str) -> Fmu:
@@ -183,6 +190,7 @@ def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
         restores=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
         differentiates=_true(kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"),
         input_derivatives=two and _true(kind, "canInterpolateInputs"),
+        inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=int(kind.get("maxOutputDerivativeOrder", 0)),
         only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
         tool=root.get("generationTool", ""),

@@ -2,7 +2,8 @@
 
 All connected and recorded reals of a system lie in one array, the *bus*.  FMUs read into it and are set from it, each
 by one prepared call for all its variables, and a row of the recording is one copy of it.  The loop over the
-communication points makes no list and looks nothing up, so that a step costs little more than the bare foreign calls.
+communication points, :mod:`liaisons.cosim.loop`, makes no list and looks nothing up, so that a step costs little more
+than the bare calls.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import perf_counter
 from typing import final
 
 import fmpy
@@ -22,19 +23,22 @@ from numpy.typing import NDArray
 from liaisons.cosim import schedule
 from liaisons.cosim.adaptive import Adaptive
 from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.calls import Call
 from liaisons.cosim.component import Component
 from liaisons.cosim.coupling.coupled import Coupled
 from liaisons.cosim.coupling.signals import watched
 from liaisons.cosim.drive import SIGNALS, Signal
 from liaisons.cosim.explicit import Explicit
-from liaisons.cosim.instance import Call
 from liaisons.cosim.instances import AnyInstance, make
+from liaisons.cosim.loop import Loop
 from liaisons.cosim.messages import DISCARD, WARNING, Action
-from liaisons.cosim.probe import try_to_load
+from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.progress import deferred_interrupts, progress_bar
 from liaisons.cosim.refusal import RefusedError
 from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.errors import SimulationError
+
+_PORTION = 0.02  # [s] between two looks at the keyboard, about
 
 
 @final
@@ -119,8 +123,9 @@ class Execution:
                 path = component.fmu.path
                 if path not in folders:
                     folders[path] = _extract(path, directory / str(len(folders)))
-                    try_to_load(name, component.fmu, folders[path])
-                self._instances[name] = stack.enter_context(make(name, component.fmu, folders[path]))
+                    try_to_start(component, folders[path], self._planned)
+                asks = self._iterates and component.asks
+                self._instances[name] = stack.enter_context(make(name, component.fmu, folders[path], asks=asks))
             calls = self._initialize()
             show = self._progress_bar()
             interrupts = stack.enter_context(deferred_interrupts())
@@ -190,25 +195,21 @@ class Execution:
         return [call]
 
     def _advance(self, calls: Sequence[Call], show: Callable[[float], None] | None, interrupts: list[int]) -> None:
-        """The loop over the communication points."""
-        bus, rows, width = self._bus.values.data, self._rows.reshape(-1).data, self._bus.values.size
-        clock, points = self._clock, self._points
-        start, size = clock.start, clock.size
-        place = width
-        for now, then in pairwise(self._planned):
-            start.value = now  # Clock.set and _perform written out: two Python calls less a step
-            size.value = then - now
-            clock.end = then
-            for call in calls:
-                if status := call():
-                    self._judge(call, status)
-            rows[place : place + width] = bus
-            place += width
-            points.append(then)
-            if show is not None:
-                show(then)
-            if interrupts:
-                raise KeyboardInterrupt
+        """The steps from each communication point to the next one, so many at a time that nobody waits for long."""
+        loop = Loop(calls, self._clock, self._bus, self._planned, rows=self._rows, judge=self._judge)
+        loop.begin()
+        many = 1
+        try:
+            while loop.done < len(self._planned):
+                begin = perf_counter()
+                loop.advance(min(loop.done + many, len(self._planned)))
+                many = max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2)
+                if show is not None:
+                    show(self._planned[loop.done - 1])
+                if interrupts:
+                    raise KeyboardInterrupt
+        finally:
+            self._points = list(self._planned[: loop.done])
 
     def _adapt(self, calls: Sequence[Call], show: Callable[[float], None] | None, interrupts: list[int]) -> None:
         """The same, with steps as long as their error allows."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from liaisons.cosim import schedule
 from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.calls import Call
 from liaisons.cosim.component import Component
 from liaisons.cosim.drive import SIGNALS, Signal
-from liaisons.cosim.instance import Call
 from liaisons.cosim.instances import AnyInstance
 from liaisons.cosim.messages import Action
 from liaisons.cosim.schedule import Depends, Feeds, Operation

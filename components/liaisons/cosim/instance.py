@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from ctypes import Array, byref, c_double, c_int, c_size_t, c_uint, c_void_p
-from functools import partial
+from ctypes import CFUNCTYPE, Array, addressof, byref, c_double, c_int, c_size_t, c_uint, c_void_p, cast
+from functools import cache, cached_property, lru_cache
 from itertools import count
 from pathlib import Path
 from typing import Any, final
@@ -27,14 +27,12 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
+from liaisons.cosim.calls import Call, Kind, Prepared
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.messages import COMPLAINTS, ERROR, FATAL, Action, Messages, logger
 from liaisons.cosim.variables import Array as Elements
 from liaisons.cosim.variables import Variable
 from liaisons.errors import SimulationError
-
-Call = Callable[[], int | None]
-"""A prepared call without arguments; returns an FMI status, or None where there can be none."""
 
 _FUNCTION: dict[Action, str] = {
     "set": "fmi2SetReal",
@@ -47,6 +45,7 @@ _FUNCTION: dict[Action, str] = {
     "slope": "fmi2GetRealOutputDerivatives",
 }
 
+_YES = c_int(fmi2True)
 _handles = count(1)
 _instances: dict[int, Instance] = {}
 
@@ -108,15 +107,16 @@ class Instance:
 
     def getter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
         """A call that reads these reals into a buffer of as many values."""
-        return self._prepared("get", *_references(variables), values)
+        return self._transfer("get", variables, values)
 
     def setter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
         """A call that sets these reals from a buffer of as many values."""
-        return self._prepared("set", *_references(variables), values)
+        return self._transfer("set", variables, values)
 
     def stepper(self, time: c_double, size: c_double) -> Call:
         """A call that steps by the size from the time that stand in the two buffers then [s]."""
-        return self._prepared("step", time, size, c_int(fmi2True))
+        call = self._prepared("step", time, size, _YES)
+        return call.recorded(Kind.STEP_2, function=call.func, instance=self._pointer.value)
 
     def states(self) -> tuple[Call, Call]:
         """Two calls, one that saves the state of the FMU, and one that brings this state back, as often as wanted."""
@@ -162,7 +162,7 @@ class Instance:
             return
         for state in self._saved:
             if state:
-                self._function("fmi2FreeFMUstate")(self._pointer(), byref(state))
+                self._function("fmi2FreeFMUstate")(self._pointer, byref(state))
         self._slave.freeInstance()
 
     def _call(self, method: str, *arguments: object, about: str = "") -> None:
@@ -171,21 +171,45 @@ class Instance:
         except FMICallException as error:
             raise self.messages.failure(error.function, error.status, about) from None
 
-    def _prepared(self, action: Action, *arguments: object) -> Call:
-        return partial(self._function(_FUNCTION[action]), self._pointer(), *arguments)
+    def _transfer(self, action: Action, variables: Sequence[Variable], values: Array[c_double]) -> Call:
+        references, count = _references(variables)
+        call = self._prepared(action, references, count, values)
+        return call.recorded(
+            Kind.TRANSFER_2,
+            function=call.func,
+            instance=self._pointer.value,
+            given=addressof(references),
+            count=len(variables),
+            values=addressof(values),
+        )
+
+    def _prepared(self, action: Action, *arguments: object) -> Prepared:
+        return Prepared(self._function(_FUNCTION[action]), self._pointer, *arguments)
 
     def _function(self, name: str) -> Callable[..., int]:
-        # a function object of our own: fmpy declares argument types on its, which makes every call convert them
-        return self._slave.dll[name]
+        # a function object of our own: fmpy declares argument types on its
+        return shared_function(cast(self._slave.dll[name], c_void_p).value or 0)
 
+    @cached_property
     def _pointer(self) -> c_void_p:
         address: Any = self._slave.component  # an int, whatever fmpy declares
         return c_void_p(address)
 
 
 def _references(variables: Sequence[Variable]) -> tuple[Array[c_uint], c_size_t]:
-    size = len(variables)
-    return (c_uint * size)(*(variable.reference for variable in variables)), c_size_t(size)
+    return _numbers(tuple(variable.reference for variable in variables))
+
+
+@lru_cache(maxsize=1024)
+def _numbers(references: tuple[int, ...]) -> tuple[Array[c_uint], c_size_t]:
+    """Shared by all instances, as functions are: what a thousand of them have in common stays in the cache."""
+    return (c_uint * len(references))(*references), c_size_t(len(references))
+
+
+@cache
+def shared_function(address: int) -> Callable[..., int]:
+    """The function at an address, without argument types: those would make every call convert its arguments."""
+    return CFUNCTYPE(c_int)(address)
 
 
 def _load(name: str, fmu: Fmu, directory: Path) -> FMU2Slave:

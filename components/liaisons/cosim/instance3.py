@@ -12,7 +12,9 @@ from contextlib import suppress
 from ctypes import (
     CDLL,
     CFUNCTYPE,
+    POINTER,
     Array,
+    addressof,
     byref,
     c_bool,
     c_char_p,
@@ -35,15 +37,16 @@ from pathlib import Path
 from typing import Any, final
 
 import fmpy
+import numpy as np
+from numpy.typing import NDArray
 
+from liaisons.cosim.calls import Call, Kind, Prepared
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, Action, Messages, logger
-from liaisons.cosim.transfer import Transfer, buffered, counted, part, parts, reading, setting, view
+from liaisons.cosim.transfer import Part, Transfer, buffered, counted, part, parts, reading, setting, view
 from liaisons.cosim.variables import Array as Elements
 from liaisons.cosim.variables import Variable
 from liaisons.errors import SimulationError
-
-Call = Callable[[], int | None]
 
 _FUNCTION: dict[Action, str] = {
     "set": "fmi3SetFloat64",
@@ -69,6 +72,10 @@ _TYPES: dict[str, Any] = {
     "String": c_char_p,
 }
 _LOG = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
+_UPDATE = CFUNCTYPE(None, c_void_p, c_double, c_bool, c_bool, c_bool, c_bool, POINTER(c_bool), POINTER(c_double))
+
+ASKED = 5
+"""How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
 
 
 @final
@@ -78,14 +85,20 @@ class Instance3:
     :param name: name of the component, used as instance name and in messages.
     :param fmu: what was read from its file.
     :param directory: where that file was extracted.
+    :param asks: it is to ask for inputs inside communication steps; see :meth:`guide`.
     :raises SimulationError: if the library cannot be loaded or refuses to make an instance.
     """
 
-    def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
+    def __init__(self, name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> None:
         self.name = name
         self._fmu = fmu
         self._messages = Messages(name)
         self._log = _LOG(lambda _, status, __, message: self._messages.note(status, message))
+        self._update = _UPDATE(lambda *_: self._answer())
+        self._asked = fmu.references_of("input") if asks else []
+        self._answers: list[list[Transfer]] = []
+        self._count = 0  # of answers in the present step
+        self._worst_answer = 0
         self._initialized = False
         self._ended = c_uint16()  # two booleans: terminate the simulation, returned early
         self._final = c_bool(True)  # no state from before the step will be set after it
@@ -175,7 +188,7 @@ class Instance3:
 
         It returns Discard, too, where the FMU wants to end the simulation.
         """
-        ended = self._ended
+        ended, asked = self._ended, bool(self._asked)
         self._nowhere = (c_bool(), c_double())
         step = partial(
             self._function("fmi3DoStep"),
@@ -191,9 +204,40 @@ class Instance3:
 
         def advance() -> int:
             status = step()
+            if asked:
+                status = max(status, self._worst_answer)
+                self._count = self._worst_answer = 0
             return max(status, DISCARD) if ended.value else status
 
-        return advance
+        if asked:  # the compiled loop would not look at the answers
+            return advance
+        return Prepared(advance).recorded(
+            Kind.STEP_3,
+            function=step.func,
+            instance=self._address,
+            given=addressof(self._final),
+            values=addressof(ended),
+        )
+
+    def guide(self, variables: Sequence[Variable], values: NDArray[np.float64]) -> Call:
+        """Let these inputs follow values inside each step; returns a call to make before it.
+
+        :param values: at the fifths of the step, shape (ASKED, len(variables)); may change from step to step.
+        """
+        found = parts(self._fmu, variables)
+        writes = [(self._transfer(f"fmi3Set{p.base}", p.references, p.buffer), p) for p in found]
+        reads = [self._transfer(f"fmi3Get{p.base}", p.references, p.buffer) for p in found if not p.whole]
+        self._answers = [[_within(write, p, row) for write, p in writes] for row in values]
+
+        def prepare() -> int:
+            return max((read() for read in reads), default=0)
+
+        return prepare
+
+    def _answer(self) -> None:
+        if self._count < len(self._answers):
+            self._worst_answer = max(self._worst_answer, *(answer() for answer in self._answers[self._count]))
+        self._count += 1
 
     def states(self) -> tuple[Call, Call]:
         """Calls that save the state and restore it, over one storage."""
@@ -273,11 +317,11 @@ class Instance3:
             c_bool(True),  # logging
             c_bool(False),  # event mode
             c_bool(False),  # early return
-            None,
-            c_size_t(0),
+            (c_uint32 * len(self._asked))(*self._asked),
+            c_size_t(len(self._asked)),
             None,
             self._log,
-            None,
+            self._update if self._asked else None,
         )
 
     def _call(self, function: str, *arguments: object, about: str = "") -> None:
@@ -294,5 +338,26 @@ class Instance3:
                 f"{self.name}: the library of {self._fmu.path.name} has no function {name}; export it again"
             ) from None
 
-    def _transfer(self, function: str, references: Sequence[int], values: Array[Any]) -> Transfer:
-        return partial(self._function(function), self._pointer, *counted(references), *buffered(values))
+    def _transfer(self, function: str, references: Sequence[int], values: Array[Any]) -> Prepared:
+        given = (c_uint32 * len(references))(*references)
+        call = Prepared(self._function(function), self._pointer, *buffered(given), *buffered(values))
+        return call.recorded(
+            Kind.TRANSFER_3,
+            function=call.func,
+            instance=self._address,
+            given=addressof(given),
+            count=len(given),
+            values=addressof(values),
+            size=len(values),
+        )
+
+
+def _within(write: Transfer, whole: Part, values: NDArray[np.float64]) -> Transfer:
+    """A call that sets these values within what stands in the buffer."""
+    scratch, places, wanted = whole.scratch, whole.places, whole.wanted
+
+    def call() -> int:
+        scratch[places] = values[wanted]
+        return write()
+
+    return call

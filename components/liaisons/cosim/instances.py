@@ -11,11 +11,12 @@ from liaisons.cosim.instance3 import Instance3
 AnyInstance = Instance | Instance3
 
 
-def make(name: str, fmu: Fmu, directory: Path) -> AnyInstance:
+def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> AnyInstance:
     """An instance of an FMU.
 
     :param name: name of the component, used as instance name and in messages.
     :param directory: where its file was extracted.
+    :param asks: it is to ask for inputs inside communication steps (FMI 3.0).
     :raises SimulationError: if the library cannot be loaded or refuses to make an instance.
     """
-    return (Instance if fmu.version == 2 else Instance3)(name, fmu, directory)
+    return Instance(name, fmu, directory) if fmu.version == 2 else Instance3(name, fmu, directory, asks=asks)

@@ -59,6 +59,7 @@ class Description:
     outputs: Table = field(default_factory=dict)
     initial_unknowns: Table = field(default_factory=dict)
     exact: set[int] = field(default_factory=set)  # outputs with a start value of their own
+    fixed_inputs: set[int] = field(default_factory=set)  # those that cannot be set within a communication step
 
 
 def parse(file: IO[bytes]) -> Description:
@@ -233,6 +234,8 @@ class _Reader:
         initial, start = attributes.get("initial"), typed.get("start")
         if causality == "input":
             self._inputs.add(index)
+            if attributes.get("intermediateUpdate", "false") not in {"true", "1"}:
+                self.description.fixed_inputs.add(index)
         if causality == "output" and initial == "exact":
             self.description.exact.add(index)
         free = causality in {"parameter", "input"} or initial in {"exact", "approx"}

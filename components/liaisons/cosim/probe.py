@@ -1,38 +1,76 @@
-"""A library that crashes while it is loaded would take the whole process along: another process tries first."""
+"""A library that crashes would take the whole process along: another process tries it first."""
 
 from __future__ import annotations
 
+import json
+import os
+import re
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any
 from weakref import WeakSet
 
+from liaisons.cosim.component import Component
 from liaisons.cosim.description import Fmu
+from liaisons.cosim.trial import Task
+from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
 
-_LOAD: Final = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
 _known: WeakSet[Fmu] = WeakSet()
 
 
-def try_to_load(name: str, fmu: Fmu, directory: Path) -> None:
-    """Load the library of an FMU of another make in a process of its own, once a file.
+def try_to_start(component: Component, directory: Path, times: Sequence[float]) -> None:
+    """Load, instantiate, initialize and step an FMU of another make in a process of its own, once a file.
 
-    :param name: name of the component, for the message.
+    Its inputs have their start values there, so a later crash is still possible.
+
     :param directory: where the FMU was extracted.
-    :raises SimulationError: if that process crashes; a library that just cannot be loaded is left to its own message.
+    :param times: begin and first communication point of the simulation [s], at least.
+    :raises SimulationError: if that process crashes; what the FMU refuses is left to its own message.
     """
+    fmu = component.fmu
     if fmu in _known or fmu.tool.startswith("liaisons"):
         return
-    library = directory / fmu.binary
-    status = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", _LOAD, str(library)], cwd=library.parent, capture_output=True, check=False
-    ).returncode
-    if status not in {0, 1}:  # 1: an exception of Python
+    library, resources = (directory / fmu.binary).resolve(), directory.resolve() / "resources"
+    place = resources.as_uri() if fmu.version == 2 else f"{resources}/"
+    starts = [_start(component, name) for name in component.starts]
+    task: Task = {
+        "version": fmu.version,
+        "library": str(library),
+        "name": component.name,
+        "guid": fmu.guid,
+        "resources": place,
+        "start_time": times[0],
+        "step_size": times[1] - times[0],
+        "starts": starts,
+    }
+    script = (
+        Path(__file__).with_name("trial.py").read_text(encoding="utf-8")
+    )  # not run as a file: its folder is no path
+    done = subprocess.run(
+        [sys.executable, "-c", script, json.dumps(task)],
+        cwd=library.parent,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},  # FMUs in Python look there
+        capture_output=True,
+        check=False,
+    )
+    if done.returncode not in {0, 1}:  # 1: an exception of Python
+        stages = re.findall(r"^STAGE (\w+)$", done.stdout.decode(errors="replace"), re.MULTILINE)
+        status = done.returncode
         reason = signal.Signals(-status).name if status < 0 else f"status {status:#x}"
         raise SimulationError(
-            f"{name}: the library of {fmu.path.name} crashes when it is loaded ({reason}); "
+            f"{component.name}: {fmu.path.name} crashes when it is {stages[-1]} ({reason}); "
             "build or copy it again, or ask its maker"
         )
     _known.add(fmu)
+
+
+def _start(component: Component, name: str) -> tuple[str, list[int], list[Any]]:
+    """Type, value references and values of a start value."""
+    entry = component.fmu.variables.entries.get(name)
+    like = entry.like if isinstance(entry, Array) else component.fmu.variables[name]
+    value = component.starts[name]
+    return like.base, list(component.fmu.references(name)), list(value) if isinstance(value, tuple) else [value]

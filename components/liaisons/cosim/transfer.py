@@ -40,6 +40,11 @@ class Part:
         return view(self.buffer, np.float32 if self.base == "Float32" else np.float64)
 
     @property
+    def whole(self) -> bool:
+        """Whether the scalars are all that the buffer holds."""
+        return len(self.places) == len(self.buffer)
+
+    @property
     def direct(self) -> bool:
         """Whether the scalars are just what the buffer holds, doubles in this order."""
         in_order = np.array_equal(self.places, np.arange(len(self.buffer)))

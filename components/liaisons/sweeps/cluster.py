@@ -39,7 +39,7 @@ def simulate(plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver)
     chunks = {}
     for chunk in _chunks(remaining, size):
         chunks[client.submit(_simulate, shipment, chunk, pure=False)] = chunk
-    finished = as_completed(list(chunks))
+    finished = as_completed(list(chunks), loop=client.loop)  # its own choice is that of the default client, not ours
     try:
         for future in finished:
             chunk = chunks.pop(future)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping
+from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, final
@@ -54,16 +55,25 @@ class Journal:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._file.close()
+        with suppress(OSError):  # what could not be written still cannot
+            self._file.close()
 
     def add(self, outcomes: Mapping[int, Outcome]) -> None:
-        """Write down finished cases."""
+        """Write down finished cases.
+
+        :raises SweepError: if the file takes no more.
+        """
         self.done |= outcomes
         lines = (
             json.dumps({"case": case, ("failure" if isinstance(outcome, str) else "values"): outcome})
             for case, outcome in outcomes.items()
         )
-        self._write("".join(f"{line}\n" for line in lines))
+        try:
+            self._write("".join(f"{line}\n" for line in lines))
+        except OSError as error:
+            raise SweepError(
+                f"{self._path}: cannot be written: {error.strerror}; make room, and the sweep goes on from there"
+            ) from None
 
     def _write(self, text: str) -> None:
         self._file.write(text)

@@ -42,6 +42,8 @@ def measures(keep: Sequence[str] | Mapping[str, Measure]) -> dict[str, Measure]:
 def split(measure: str) -> tuple[str, str]:
     """Signal and word of a measure."""
     signal, colon, word = measure.partition(":")
+    if not signal:
+        raise SweepError(f"keep {measure!r}: no signal is named; write SIGNAL, SIGNAL:max or SIGNAL:min")
     if colon and word not in _MEASURES:
         raise SweepError(f"keep {measure!r}: {word!r} is not known{suggestion(word, _MEASURES)}")
     return signal, word or "final"

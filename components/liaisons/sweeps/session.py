@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from itertools import pairwise
 from pathlib import Path
 from typing import final
 
@@ -17,11 +16,13 @@ import numpy as np
 
 from liaisons.cosim import Result, schedule
 from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.calls import Call
 from liaisons.cosim.component import Component
 from liaisons.cosim.explicit import Explicit
-from liaisons.cosim.instance import Call
 from liaisons.cosim.instances import AnyInstance, make
+from liaisons.cosim.loop import Loop
 from liaisons.cosim.messages import WARNING
+from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.schedule import Place
 from liaisons.cosim.simulation import run
 from liaisons.errors import LiaisonsError, SimulationError
@@ -104,7 +105,9 @@ class _Prepared:
         self.restores = all(component.fmu.restores for component in plan.components.values())
         try:
             for name, component in plan.components.items():
-                instance = make(name, component.fmu, folders[component.fmu.path])
+                folder = folders[component.fmu.path]
+                try_to_start(component, folder, plan.times)
+                instance = make(name, component.fmu, folder)
                 self._instances[name] = self._stack.enter_context(instance)
             self._prepare()
         except BaseException:
@@ -138,18 +141,9 @@ class _Prepared:
         if self.restores and not self._terminable:
             self._terminable = self._saved()
         self._perform(self._settle)
-        rows = np.empty((len(times), self._bus.values.size))
-        rows[0] = self._bus.values
-        bus, flat, width = self._bus.values.data, rows.reshape(-1).data, rows.shape[1]
-        place = width
-        for now, then in pairwise(times):
-            clock.start.value, clock.size.value, clock.end = now, then - now, then
-            for call in self._step:
-                if status := call():
-                    self._judge(call, status)
-            flat[place : place + width] = bus
-            place += width
-        values = np.ascontiguousarray(rows.T[self._columns])
+        self._loop.begin()
+        self._loop.advance(len(times))
+        values = np.ascontiguousarray(self._loop.rows.T[self._columns])
         return Result(plan.title, np.array(times), tuple(plan.recorded), values, self._units)
 
     def _prepare(self) -> None:
@@ -165,7 +159,9 @@ class _Prepared:
         self._owners = explicit.owners
         self._initial = explicit.consistent(self._depends_initially, initial=True)
         self._settle = explicit.consistent(self._depends, initial=False)
-        self._step = explicit.step(self._depends, plan.coupling)
+        step = explicit.step(self._depends, plan.coupling)
+        rows = np.empty((len(plan.times), self._bus.values.size))
+        self._loop = Loop(step, self._clock, self._bus, plan.times, rows=rows, judge=self._judge)
         self._columns = [self._bus.index[place] for place in recorded]
         self._units = {name: plan.unit(place) for name, place in plan.recorded.items()}
         self._restore = self._saved() if self.restores else []

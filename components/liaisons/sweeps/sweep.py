@@ -102,8 +102,12 @@ def sweep(
             if bar is not None:
                 bar.show(len(outcomes))
 
-        if todo:
-            _simulate(plan, todo, deliver, workers, client)
+        try:
+            if todo:
+                _simulate(plan, todo, deliver, workers, client)
+        finally:
+            if bar is not None:
+                bar.close()
     return _table(plan, outcomes)
 
 
@@ -126,6 +130,7 @@ def _plan(
     starts: Mapping[str, float | bool | str],
     record: Sequence[str] | None,
 ) -> Plan:
+    _check_names(cases, keep, starts)
     system = subject if isinstance(subject, System) else None
     components: dict[str, Component]
     links: list[Link]
@@ -172,11 +177,16 @@ def _plan(
         tolerance=tolerance,
         coupling=chosen,
     )
-    for name in keep:
-        if name in cases:
-            raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
     plan.starts(0)  # names that cannot be set are found before anything is simulated
     return plan
+
+
+def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str, float | bool | str]) -> None:
+    for name in cases:
+        if name in starts:
+            raise SweepError(f"{name!r} is varied, and set for all cases; do one of them")
+        if name in keep:
+            raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
 
 
 def _table(plan: Plan, outcomes: Mapping[int, Outcome]) -> Table:
@@ -201,6 +211,7 @@ class _ProgressBar:
     def __init__(self, title: str, total: int, todo: int) -> None:
         self._title, self._total, self._before = title, total, total - todo
         self._begin = self._shown = time.monotonic()
+        self._open = False
 
     def show(self, done: int) -> None:
         now = time.monotonic()
@@ -209,6 +220,12 @@ class _ProgressBar:
         self._shown = now
         rest = (now - self._begin) * (self._total - done) / (done - self._before)
         bar = f"[{'#' * (30 * done // self._total):30}]"
-        end = "\n" if done == self._total else ""
-        sys.stderr.write(f"\r{self._title} {bar} {done} of {self._total} cases, {rest:.0f} s left {end}")
+        sys.stderr.write(f"\r{self._title} {bar} {done} of {self._total} cases, {rest:.0f} s left ")
         sys.stderr.flush()
+        self._open = True
+
+    def close(self) -> None:
+        """End the line, whether all is done or not."""
+        if self._open:
+            sys.stderr.write("\n")
+            self._open = False

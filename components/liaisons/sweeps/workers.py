@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import final
 
+from liaisons.cosim import loop
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.plan import Plan
 from liaisons.sweeps.session import Outcome, Session, extract
@@ -27,6 +28,7 @@ Folders = dict[Path, Path]
 
 _FLUSH = 0.1  # [s] a worker reports as often as this, so that little is lost with it
 _PATIENCE = 5.0  # [s] for a worker to release its FMUs
+_MOST = 256  # cases that a process is given at a time
 _LIVES = 2  # so many processes may die over one case before it is given up
 
 
@@ -39,6 +41,7 @@ def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver) -> 
     :param count: number of processes.
     :param deliver: takes what is finished, in whatever order.
     """
+    loop.compiled()  # before there are processes, each of which would compile it
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
         pool = _Pool(plan, extract(plan, Path(folder)), deque(cases), count, deliver)
         try:
@@ -90,7 +93,7 @@ class _Pool:
         self._suspects: deque[int] = deque()  # of processes that have died: one by one
         self._deaths: dict[int, int] = {}
         self._deliver = deliver
-        self._size = max(1, min(256, len(waiting) // (8 * count)))
+        self._count = count
         self._workers = [_Worker(plan, folders) for _ in range(min(count, len(waiting)))]
 
     def run(self) -> None:
@@ -115,7 +118,9 @@ class _Pool:
     def _next(self) -> list[int]:
         if self._suspects:
             return [self._suspects.popleft()]
-        return [self._waiting.popleft() for _ in range(min(self._size, len(self._waiting)))]
+        # ever smaller portions: few reports, and yet all processes end together
+        size = min(_MOST, -(-len(self._waiting) // (4 * self._count)))
+        return [self._waiting.popleft() for _ in range(size)]
 
     def _receive(self, worker: _Worker) -> bool:
         """Take a report; False if the process died before its end."""

@@ -24,8 +24,10 @@ other output                               linear                   H²
 input of an FMU that holds its inputs      mean of both ends        H²
 =========================================  =======================  ====================================
 
-The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2SetRealInputDerivatives``); where it can
-take none (FMI 3.0, Python back end) it interpolates between the ends itself, quintic and linear.
+The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
+none; there it asks for its inputs at the fifths of a step, in intermediate update mode, and follows the quintic through
+them.  One of the Python back end can do neither: it interpolates between the ends itself, quintic and linear, and its
+outputs have no derivatives; a cycle with it is of second order.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from liaisons.cosim.coupling.member import Derivatives, Member
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
 from liaisons.cosim.refusal import RefusedError
 from liaisons.cosim.schedule import Depends
+from liaisons.errors import SimulationError
 
 MOST_ITERATIONS = 100
 _DENSE = 60
@@ -95,13 +96,13 @@ class Group:
             self._members[0].collect(signals.now)
             return 1
         if self._newton and self._solve is None:
-            self._solve = jacobian.solver(size)
+            self._solve = self._solver(jacobian, size, time)
         secants = _Secants()
         before, errors, iteration = np.inf, np.empty(0), 0
         for iteration in range(MOST_ITERATIONS):
             x = signals.now[unknowns]
             for member in self._members:
-                evaluate(member, iteration)
+                self._evaluate(evaluate, member, iteration)
                 member.collect(result)
                 if not self._newton:
                     member.collect(signals.now)
@@ -119,6 +120,26 @@ class Group:
             self._give_up(time, errors)
         self._hand_on()
         return iteration + 1
+
+    @staticmethod
+    def _evaluate(evaluate: Callable[[Member, int], None], member: Member, iteration: int) -> None:
+        try:
+            evaluate(member, iteration)
+        except RefusedError as refusal:
+            if iteration == 0:
+                raise
+            hint = f"with inputs of iteration {iteration}, which leads away: choose a smaller step_size"
+            raise RefusedError(f"{refusal}; {hint}") from refusal
+
+    def _solver(self, jacobian: _Jacobian, size: float, time: float) -> Callable[[Vector], Vector]:
+        try:
+            return jacobian.solver(size)
+        except (np.linalg.LinAlgError, RuntimeError):  # of the dense and of the sparse factorization
+            names = ", ".join(member.name for member in self._members)
+            raise SimulationError(
+                f"{names}: what they hand each other at t = {time:.10g} s depends on itself without a single solution, "
+                "as with a body that carries itself or two that prescribe each other: change the connections"
+            ) from None
 
     def _hand_on(self) -> None:
         """What no member of the group takes is as it was read."""

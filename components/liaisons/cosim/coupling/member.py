@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from ctypes import Array, c_double
 from typing import Literal, final
@@ -10,24 +11,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim.bus import Bus, Clock
-from liaisons.cosim.component import Component
+from liaisons.cosim.calls import Call
+from liaisons.cosim.component import Component, End
 from liaisons.cosim.coupling.polynomials import HIGHEST, Polynomials
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
-from liaisons.cosim.instance import Call, Instance
+from liaisons.cosim.instance import Instance
+from liaisons.cosim.instance3 import ASKED, Instance3
 from liaisons.cosim.instances import AnyInstance
 from liaisons.cosim.messages import WARNING, Action
 from liaisons.cosim.schedule import Depends
 
 Prepared = tuple[Action, Call]
 Judge = Callable[[str, Action, int], None]
-Way = Literal["polynomial", "interpolate", "mean"]
-"""How inputs move within a step: as they are told, between what they were and what is set before, or not at all."""
+Way = Literal["polynomial", "asked", "interpolate", "mean"]
+"""How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
+
+_TIMES = np.arange(1, ASKED + 1) / ASKED
+"""Where it asks for inputs inside a step of length 1."""
+_ORDERS = np.arange(1, HIGHEST + 1)
+_POWERS = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
 
 
 def way(component: Component) -> Way:
     """How the inputs of a component can be made to move within a step."""
     if component.interpolates:
         return "interpolate"
+    if component.asks:
+        return "asked"
     return "polynomial" if component.fmu.input_derivatives else "mean"
 
 
@@ -92,6 +102,10 @@ class Member:
             return [("set", self._instance.setter(self.inputs, buffer))]
         highest = 1 if self.component.reconstruction is None else HIGHEST
         self._polynomials = Polynomials(self.curves, self._signals.zero + 1, highest)
+        if self._way == "asked":
+            assert isinstance(self._instance, Instance3)
+            self._inside = np.empty((ASKED, len(self.inputs)))
+            return [("set", self._instance.guide(self.inputs, self._inside))]
         self._derivatives, tell = self._telling(self._polynomials.which)
         return [tell]
 
@@ -107,8 +121,30 @@ class Member:
         read = self._instance.output_derivatives(self.outputs, [1] * len(self.outputs), buffer)
         if not self.inputs:
             return [("slope", read)]
+        if self._way == "asked":
+            return [("slope", read), ("derive", self._along_inputs())]
         self._rate_values, tell = self._telling([(k, 1) for k in range(len(self.inputs))])
         return [tell, ("slope", read)]
+
+    def _along_inputs(self) -> Call:
+        """A call that adds to the slopes of outputs what comes from rates of inputs that the FMU does not know.
+
+        By itself it takes the rates of an active coordinate from its port, and other inputs for constant.
+        """
+        self._rate_values, seed = _buffer(len(self.inputs))
+        part, values = _buffer(len(self.outputs))
+        curves = (End(self.component, variable.name).curve() for variable in self.inputs)
+        holds = self.component.reconstruction == 0
+        unknown = np.array([holds or port is None or order == 2 for port, order in curves])
+        derive = self._instance.directional(self.outputs, self.inputs, seed, values)
+
+        def add() -> int | None:
+            self._rate_values *= unknown
+            status = derive()
+            self._slope_values += part
+            return status
+
+        return add
 
     def _telling(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Prepared]:
         """A call that sets derivatives of inputs, (input, order) each, and the numbers that it takes."""
@@ -123,7 +159,7 @@ class Member:
         ours = self.component.reconstruction is not None
         if self._way == "interpolate":  # by itself: triples quintic, others linear
             return min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
-        if self._way == "polynomial" and ours:
+        if self._way in {"polynomial", "asked"} and ours:
             return min((2 * len(curve.data) for curve in self.curves), default=6)
         return 2 if self.inputs else 6
 
@@ -133,7 +169,12 @@ class Member:
         if self.inputs:
             self._hand_over()
             if self._polynomials is not None:
-                self._derivatives[:] = self._polynomials(ends.reshape(-1), size)
+                derivatives = self._polynomials(ends.reshape(-1), size)
+                if self._way == "polynomial":
+                    self._derivatives[:] = derivatives
+                else:
+                    rows = derivatives.reshape(-1, HIGHEST) * size**_ORDERS
+                    self._inside[:] = ends[0, self.sources] + (rows @ _POWERS).T
             elif self._middle is not None:
                 self._middle[:] = (ends[0, self.sources] + ends[1, self.sources]) / 2
         self.perform(self._again if again else self._first)

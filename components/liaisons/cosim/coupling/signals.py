@@ -109,8 +109,7 @@ class Signals:
             self.sloped = frozenset(found)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
-                told = self._components[name].fmu.input_derivatives and not self._components[name].interpolates
-                if name in found and not (told and self._rate(source) != self.zero):
+                if name in found and not (self._components[name].is_told and self._rate(source) != self.zero):
                     found.discard(name)
             if len(found) == len(self.sloped):
                 return self.sloped

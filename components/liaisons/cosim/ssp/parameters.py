@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 from liaisons.cosim.component import Component
 from liaisons.cosim.ssp.connectors import Form, Units, add_type, add_units
 from liaisons.cosim.ssp.xml import document, tag
-from liaisons.cosim.starts import Start, Value
+from liaisons.cosim.starts import Value
 from liaisons.cosim.variables import offset, split
 
 Parameter = tuple[str, Component, str]
@@ -45,7 +45,7 @@ def parameter_set(listed: Iterable[Parameter], units: Units, form: Form) -> byte
         parameter = SubElement(group, tag("ssv:Parameter"), name=name)
         array = component.fmu.variables.whole(variable)
         element = add_type(parameter, "ssv", array.like if array else component.fmu.variables[variable], units, form)
-        element.attrib = {"value": _text(start(component, variable)), **element.attrib}
+        element.attrib = {"value": text(start(component, variable)), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
         for size in array.shape if array else ():
             SubElement(parameter, tag("ssc:Dimension"), size=str(size))
@@ -68,9 +68,10 @@ def bind(element: Element, values: str, names: str | None = None) -> None:
         SubElement(binding, tag("ssd:ParameterMapping"), source=names)
 
 
-def _text(value: Start | tuple[Start, ...]) -> str:
+def text(value: Value) -> str:
+    """A start value as it stands in XML."""
     if isinstance(value, tuple):
-        return " ".join(map(_text, value))
+        return " ".join(map(text, value))
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, float) else str(value)

@@ -87,7 +87,7 @@ def _add_portable(
     # All outputs, since some importers record connectors only; no free inputs, since these would set them to 0.
     shown = [place for place, found in outer(components, links).items() if found.kind == "output" and not found.shape]
     for component in components:
-        bake = bool(component.starts) and component.fmu.version == 2 and takes_starts(component)
+        bake = bool(component.starts) and takes_starts(component)
         source = _add_file(files, f"{component.name}.fmu", baked(component)) if bake else _add_fmu(files, component)
         element = _add_component(elements, component.name, source)
         add_connectors(element, inner(component, links, shown), units, "portable")

@@ -1,0 +1,123 @@
+"""Starts an FMU in a process of its own, for :mod:`liaisons.cosim.probe`; says on stdout what comes next.
+
+Needs nothing but the standard library, so that it takes some hundredths of a second.  Statuses do not matter: what an
+FMU refuses it will refuse again, with a message.  ``sys.argv[1]`` holds a JSON object; see :class:`Task`.
+"""
+
+import ctypes as c
+import json
+import os
+import sys
+from typing import Any, TypedDict
+
+_NUMBERS = {
+    "Real": c.c_double,
+    "Integer": c.c_int,
+    "Float32": c.c_float,
+    "Float64": c.c_double,
+    **{f"Int{bits}": getattr(c, f"c_int{bits}") for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": getattr(c, f"c_uint{bits}") for bits in (8, 16, 32, 64)},
+}
+_LIBC = c.CDLL(None if os.name == "posix" else "msvcrt")
+_LIBC.calloc.restype, _LIBC.calloc.argtypes = c.c_void_p, [c.c_size_t, c.c_size_t]
+_LIBC.free.restype, _LIBC.free.argtypes = None, [c.c_void_p]
+
+_LOG_2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)  # and what the text is about
+_LOG_3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
+_ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
+_RELEASE = c.CFUNCTYPE(None, c.c_void_p)
+
+
+class _Callbacks2(c.Structure):
+    _fields_ = [
+        ("log", _LOG_2),
+        ("allocate", _ALLOCATE),
+        ("release", _RELEASE),
+        ("finished", c.c_void_p),
+        ("environment", c.c_void_p),
+    ]
+
+
+class Task(TypedDict):
+    """What is tried: resources are a URI for FMI 2.0, a path for FMI 3.0; starts are types, references, values."""
+
+    version: int
+    library: str
+    name: str
+    guid: str
+    resources: str
+    start_time: float
+    step_size: float
+    starts: list[tuple[str, list[int], list[Any]]]
+
+
+def main() -> None:
+    """Load, instantiate, initialize, step once."""
+    task: Task = json.loads(sys.argv[1])
+    _say("loaded")
+    functions = c.CDLL(task["library"])
+    _say("instantiated")
+    (_start_2 if task["version"] == 2 else _start_3)(functions, task)
+    os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
+
+
+def _say(stage: str) -> None:
+    sys.stdout.write(f"\nSTAGE {stage}\n")
+    sys.stdout.flush()
+
+
+def _words(task: Task) -> tuple[bytes, bytes, bytes]:
+    return task["name"].encode(), task["guid"].encode(), task["resources"].encode()
+
+
+def _start_2(functions: c.CDLL, task: Task) -> None:
+    log, allocate, release = _LOG_2(lambda *_: None), _ALLOCATE(_LIBC.calloc), _RELEASE(_LIBC.free)
+    callbacks = _Callbacks2(log, allocate, release, None, None)
+    functions.fmi2Instantiate.restype = c.c_void_p
+    name, guid, resources = _words(task)
+    made = functions.fmi2Instantiate(name, 1, guid, resources, c.byref(callbacks), 0, 0)
+    if not made:
+        return
+    _say("initialized")
+    pointer = c.c_void_p(made)
+    functions.fmi2SetupExperiment(pointer, 0, c.c_double(0), c.c_double(task["start_time"]), 0, c.c_double(0))
+    for kind, references, values in task["starts"]:
+        buffer = _buffer(kind, values, c.c_int)
+        functions[f"fmi2Set{kind}"](pointer, (c.c_uint * len(references))(*references), c.c_size_t(len(values)), buffer)
+    if functions.fmi2EnterInitializationMode(pointer) > 1 or functions.fmi2ExitInitializationMode(pointer) > 1:
+        return
+    _say("stepped")
+    functions.fmi2DoStep(pointer, c.c_double(task["start_time"]), c.c_double(task["step_size"]), 1)
+
+
+def _start_3(functions: c.CDLL, task: Task) -> None:
+    log, no = _LOG_3(lambda *_: None), c.c_bool(False)
+    functions.fmi3InstantiateCoSimulation.restype = c.c_void_p
+    nothing = (None, c.c_size_t(0), None)
+    made = functions.fmi3InstantiateCoSimulation(*_words(task), no, no, no, no, *nothing, log, None)
+    if not made:
+        return
+    _say("initialized")
+    pointer = c.c_void_p(made)
+    for kind, references, values in task["starts"]:
+        sizes = c.c_size_t(len(references)), c.c_size_t(len(values))
+        place = (c.c_uint * len(references))(*references)
+        functions[f"fmi3Set{kind}"](pointer, place, sizes[0], _buffer(kind, values, c.c_bool), sizes[1])
+    begin, size, zero = (c.c_double(value) for value in (task["start_time"], task["step_size"], 0.0))
+    if functions.fmi3EnterInitializationMode(pointer, no, zero, begin, no, zero) > 1:
+        return
+    if functions.fmi3ExitInitializationMode(pointer) > 1:
+        return
+    _say("stepped")
+    flags, last = [c.byref(c.c_bool()) for _ in range(3)], c.byref(c.c_double())
+    functions.fmi3DoStep(pointer, begin, size, c.c_bool(True), *flags, last)
+
+
+def _buffer(kind: str, values: list[Any], boolean: type) -> Any:
+    if kind == "String":
+        return (c.c_char_p * len(values))(*(text.encode() for text in values))
+    return (_NUMBERS.get(kind, boolean) * len(values))(*values)
+
+
+if __name__ == "__main__":
+    main()

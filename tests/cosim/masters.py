@@ -1,0 +1,164 @@
+"""Jacobi's scheme call by call, and other masters that take portable SSP archives, each in a process of its own.
+
+What each of them does with the systems of this project (Jacobi's scheme: all step, all are read, all are set):
+
+* libcosimpy (OSP): parameter sets count; outputs are handed on in initialization, as often as there are components.
+* ecospy: the same, but once less.
+* fmpy.ssp: parameter sets of components are passed over (their values stand in the FMUs, too); nothing is handed on in
+  initialization, and each connected input is set to 0 before the first step.  A system where 0 is not allowed there
+  does not start.
+
+So they differ in the first step, where outputs and inputs that depend on each other go round in a circle, and fmpy in
+each that does not start from 0.  An output that depends directly on connected inputs is read with old inputs in it (but
+in ecos); what is compared does not.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from ctypes import c_double
+from importlib.util import find_spec
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from liaisons.cosim import System
+from liaisons.cosim.instances import AnyInstance, make
+
+_LIBCOSIM = """
+import json, sys
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimObserver import CosimObserver
+
+path, size, steps, wanted = json.loads(sys.argv[1])
+execution = CosimExecution.from_ssp_file(path, step_size=size * 1e9)
+observer = CosimObserver.create_last_value()
+execution.add_observer(observer)
+assert execution.step(steps)
+slave = execution.slave_index_from_instance_name
+print("result", json.dumps([observer.last_real_values(slave(c), [r])[0] for c, _, r in wanted]))
+"""
+
+_ECOS = """
+import ctypes, json, sys
+from pathlib import Path
+
+# ecos needs TBB; the wheel puts it where no loader looks.
+ctypes.CDLL(str(Path(sys.prefix) / "lib" / "libtbb.so.12"), mode=ctypes.RTLD_GLOBAL)
+from ecospy import EcosSimulation
+
+path, size, steps, wanted = json.loads(sys.argv[1])
+with EcosSimulation(ssp_path=path, step_size=size) as simulation:
+    simulation.init(parameter_set="initialValues")
+    simulation.step(steps)
+    print("result", json.dumps([simulation.get_real(f"{c}::{v}") for c, v, _ in wanted]))
+"""
+
+_FMPY = """
+import json, sys
+from fmpy.ssp.simulation import simulate_ssp
+
+path, size, steps, wanted = json.loads(sys.argv[1])
+rows = simulate_ssp(path, stop_time=(steps - 0.5) * size, step_size=size)
+assert len(rows) == steps
+print("result", json.dumps([float(rows[f"{c}.{v}"][-1]) for c, v, _ in wanted]))
+"""
+
+_MASTERS = {"libcosimpy": _LIBCOSIM, "ecospy": _ECOS, "fmpy": _FMPY}
+
+MASTERS = tuple(_MASTERS)
+
+SWEEPS: Mapping[str, Callable[[int], int]] = {"libcosimpy": int, "ecospy": lambda n: n - 1, "fmpy": lambda _: 0}
+"""How often outputs are handed on in initialization, by the number of components."""
+
+Values = dict[str, float]
+
+
+class RefusalError(Exception):
+    """What a master says when it fails."""
+
+
+def compared(system: System) -> list[tuple[str, str]]:
+    """Outputs that no connected input enters directly: read before or after inputs are set, they are the same."""
+    fed = {link.target.place for link in system.links}
+    return [
+        (c.name, output)
+        for c in system.components.values()
+        for output in c.fmu.reals("output")
+        if not any(owner == c.name and c.fmu.depends(output, name) for owner, name in fed)
+    ]
+
+
+def elsewhere(master: str, system: System, folder: Path, *, size: float, steps: int) -> Values:
+    """The compared outputs at the end, in another master that is given the portable archive.
+
+    :raises RefusalError: if it fails.
+    """
+    if find_spec(master) is None:
+        pytest.skip(f"{master} is not installed")
+    if master == "ecospy" and not (Path(sys.prefix) / "lib" / "libtbb.so.12").exists():
+        pytest.skip("TBB is not installed as a wheel")
+    path = folder / "system.ssp"
+    system.write_ssp(path, stop_time=size * steps, step_size=size)
+    wanted = [(c, v, system.components[c].fmu.variables[v].reference) for c, v in compared(system)]
+    task = json.dumps([str(path), size, steps, wanted])
+    command = [sys.executable, "-c", _MASTERS[master], task]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    if ended.returncode != 0:
+        raise RefusalError(ended.stderr + ended.stdout)
+    (line,) = (line for line in ended.stdout.splitlines() if line.startswith("result "))  # among what they log
+    return dict(zip(map(".".join, compared(system)), json.loads(line.removeprefix("result ")), strict=True))
+
+
+def jacobi(system: System, folder: Path, *, size: float, steps: int, sweeps: int, first: float | None = None) -> Values:
+    """The same, call by call.
+
+    :param sweeps: how often outputs are handed on in initialization.
+    :param first: what connected inputs hold during the first step, in place of the outputs at the start.
+    """
+    with _instances(system, folder, size * steps) as instances:
+        links = system.links
+
+        def read(owner: str, variable: str) -> float:
+            buffer = (c_double * 1)()
+            assert not instances[owner].getter([system.components[owner].fmu.variables[variable]], buffer)()
+            return buffer[0]
+
+        def hand_on(value: float | None = None) -> None:
+            values = [read(*link.source.place) if value is None else value for link in links]
+            for link, given in zip(links, values, strict=True):
+                buffer = (c_double * 1)(given)
+                assert not instances[link.target.component.name].setter([link.target.variable], buffer)()
+
+        for _ in range(sweeps):
+            hand_on()
+        for instance in instances.values():
+            instance.exit_initialization()
+        hand_on(first)
+        time, length = c_double(), c_double(size)
+        steppers = [instance.stepper(time, length) for instance in instances.values()]
+        for step in range(steps):
+            time.value = step * size
+            assert not any(stepper() for stepper in steppers)
+            hand_on()
+        return {".".join(place): read(*place) for place in compared(system)}
+
+
+@contextmanager
+def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mapping[str, AnyInstance]]:
+    """In initialization, with their start values."""
+    with ExitStack() as stack:
+        instances = {}
+        for name, part in system.components.items():
+            fmpy.extract(part.fmu.path, folder / name)
+            instance = instances[name] = stack.enter_context(make(name, part.fmu, folder / name))
+            instance.setup(None, 0.0, stop_time)
+            for variable, value in part.starts.items():
+                instance.assign(variable, value)
+            instance.enter_initialization()
+        yield instances

@@ -1,0 +1,79 @@
+"""FMUs that crash do not take the process along, and are named."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from liaisons.cosim import System, simulate
+from liaisons.errors import SimulationError
+
+FmuPaths = Callable[[str], Path]
+
+
+@pytest.mark.parametrize(
+    ("name", "starts", "words"),
+    [
+        ("Crashing", {}, r"loaded \(SIGABRT\)"),
+        ("Crashing_at_once", {}, r"instantiated \(SIGSEGV\)"),
+        ("Crashing_later", {"when": 1}, r"initialized \(SIGSEGV\)"),
+        ("Crashing_later", {"when": 2}, r"stepped \(SIGSEGV\)"),
+    ],
+)
+def test_fmu_that_crashes_at_the_begin(fmu: FmuPaths, name: str, starts: dict[str, int], words: str) -> None:
+    system = System("crash")
+    system.add("good", fmu("Cubic"))
+    system.add("bad", fmu(name), **starts)
+    with pytest.raises(SimulationError, match=rf"^bad: {name}\.fmu crashes when it is {words}; .* ask its maker$"):
+        system.simulate(1.0, 0.1)
+
+
+def test_fmu_that_would_crash_with_other_start_values_runs(fmu: FmuPaths) -> None:
+    assert simulate(fmu("Crashing_later"), stop_time=1.0, step_size=0.5)["x"].tolist() == [0.0, 0.0, 0.0]
+
+
+_FMI_3 = """
+#include <signal.h>
+#include "fmi3Functions.h"
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String a, fmi3String b, fmi3String c, fmi3Boolean d, fmi3Boolean e,
+    fmi3Boolean f, fmi3Boolean g, const fmi3ValueReference h[], size_t i, fmi3InstanceEnvironment j,
+    fmi3LogMessageCallback k, fmi3IntermediateUpdateCallback l) { @instantiate@ return &raise; }
+fmi3Status fmi3SetFloat64(fmi3Instance a, const fmi3ValueReference b[], size_t c, const fmi3Float64 d[], size_t e) {
+    if (c != 1 || e != 2 || d[1] != 4.0) raise(SIGFPE);
+    return fmi3OK; }
+fmi3Status fmi3EnterInitializationMode(fmi3Instance a, fmi3Boolean b, fmi3Float64 c, fmi3Float64 d, fmi3Boolean e,
+    fmi3Float64 f) { return fmi3OK; }
+fmi3Status fmi3ExitInitializationMode(fmi3Instance a) { raise(SIGSEGV); return fmi3OK; }
+"""
+
+_DESCRIPTION = """<?xml version="1.0"?>
+<fmiModelDescription fmiVersion="3.0" modelName="Bad" instantiationToken="{}">
+<CoSimulation modelIdentifier="Bad"/>
+<ModelVariables><Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>
+<Float64 name="k" valueReference="1" causality="parameter" variability="fixed" start="0 0">
+<Dimension start="2"/></Float64>
+</ModelVariables><ModelStructure/></fmiModelDescription>"""
+
+
+@pytest.mark.parametrize(
+    ("code", "words"), [("raise(SIGILL);", r"instantiated \(SIGILL\)"), ("", r"initialized \(SIGSEGV\)")]
+)
+def test_fmu_of_fmi_3_that_crashes_at_the_begin(tmp_path: Path, code: str, words: str) -> None:
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    library = tmp_path / f"Bad{fmpy.sharedLibraryExtension}"
+    (tmp_path / "bad.c").write_text(_FMI_3.replace("@instantiate@", code))
+    headers = Path(fmpy.__file__).parent / "c-code"
+    subprocess.run([compiler, "-shared", "-fPIC", f"-I{headers}", tmp_path / "bad.c", "-o", library], check=True)
+    with zipfile.ZipFile(tmp_path / "Bad.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", _DESCRIPTION)
+        archive.write(library, f"binaries/{fmpy.platform_tuple}/{library.name}")
+    with pytest.raises(SimulationError, match=rf"^Bad: Bad\.fmu crashes when it is {words}"):
+        simulate(tmp_path / "Bad.fmu", stop_time=1.0, step_size=0.1, k=[3.0, 4.0])
