@@ -1,20 +1,17 @@
-"""Ensembles beside the scalar step that CasADi generates, interleaved, medians.
+"""Ensembles beside the scalar step that CasADi generates.
 
-    python benchmarks/ensembles.py [--rounds 9] [--steps 500]
+    python benchmarks/ensembles.py [--quick]
 
-Each row: one RK4 step of one member on one core, by CasADi's C (compiled as for an FMU, in a C loop over the members)
-and by :mod:`liaisons.ensembles`, in processor time; then the same ensemble on all cores beside one, by the clock on the
-wall (so the machine has to be idle).  Both have the same right-hand side, the same constants folded into it, and the
+One RK4 step of one member on one core, by CasADi's C (compiled as for an FMU, in a C loop over the members) and by
+:mod:`liaisons.ensembles`, in processor time; then the same ensemble on all cores beside one, by the clock on the wall
+(so the machine has to be idle).  Both have the same right-hand side, the same constants folded into it, and the
 same states.  Ratios are taken round by round.
 """
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import os
-import platform
-import statistics
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -23,11 +20,12 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from _measure import Row, command
 
+from liaisons.compiler import compile_library, host
 from liaisons.ensembles.equations import Equations, Settable, default_record, equations
 from liaisons.ensembles.kernel import LANES, kernel
 from liaisons.ensembles.methods import METHODS
-from liaisons.fmu.compiler import compile_library, host
 from liaisons.mechanics import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
 
@@ -39,44 +37,45 @@ CASES: dict[str, tuple[type[Component], dict[str, type[Component]], dict[str, fl
     "circular hoop": (CircularHoop, {"beta": Ramp}, {"beta.rate": 1.0}),
     "elliptic hoop": (EllipticHoop, {"beta": Ramp}, {"beta.rate": 1.0}),
 }
+ASKED = {"pendulum": ">= 8", "circular hoop": ">= 3"}
+CORES = os.cpu_count() or 1
 
 Timed = Callable[[], None]
 
 
-def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--rounds", type=int, default=9)
-    options.add_argument("--steps", type=int, default=500)
-    arguments = options.parse_args()
-    print(f"{_processor()}; {os.cpu_count()} cores, {LANES} lanes a block")
-    for title, (component, operators, values) in CASES.items():
-        settable = Settable(component, operators)
-        found = equations(settable, values, [], default_record(settable.model))
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            scalar = _scalar(found, values, arguments.steps, Path(folder))
-            one, all_cores = (
-                _ensemble(found, values, arguments.steps, threads) for threads in (1, os.cpu_count() or 1)
-            )
-            _report(title, [scalar, one, all_cores], arguments.rounds, arguments.steps * MEMBERS)
+def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
+    rounds, steps = (3, 100) if quick else (9, 500)
+    return [row for title in CASES for row in _measured(title, rounds, steps)]
 
 
-def _report(title: str, runs: list[Timed], rounds: int, count: int) -> None:
-    for run in runs:
-        run()  # warm up
-    times: list[list[tuple[float, float]]] = []
-    for _ in range(rounds):
-        times.append([])
-        for run in runs:
-            begin, begin_processor = time.perf_counter(), time.process_time()
-            run()
-            times[-1].append((time.perf_counter() - begin, time.process_time() - begin_processor))
-    scalar, one = (statistics.median(r[k][1] for r in times) / count * 1e9 for k in (0, 1))
-    gains = [scalar_times[1] / one_times[1] for scalar_times, one_times, _ in times]
-    threads = statistics.median(one_times[0] / every_times[0] for _, one_times, every_times in times)
-    print(
-        f"{title:24s} {scalar:6.1f} ns / {one:5.2f} ns = {statistics.median(gains):5.1f}"
-        f" (rounds {min(gains):.1f} .. {max(gains):.1f})   all cores: {threads:4.2f} times as fast as one"
-    )
+def _measured(title: str, rounds: int, steps: int) -> list[Row]:
+    component, operators, values = CASES[title]
+    settable = Settable(component, operators)
+    found = equations(settable, values, [], default_record(settable.model))
+    count = steps * MEMBERS
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        runs = {"scalar": _scalar(found, values, steps, Path(folder))}
+        runs |= {cores: _ensemble(found, values, steps, threads) for cores, threads in (("one", 1), ("all", CORES))}
+        for run in runs.values():
+            run()  # to warm up
+        times = [{name: _timed(run) for name, run in runs.items()} for _ in range(rounds)]
+    wall, processor = ({name: [t[name][k] for t in times] for name in runs} for k in (0, 1))
+    scalar, one = ([count / seconds for seconds in processor[name]] for name in ("scalar", "one"))
+    one_wall, every_wall = ([count / seconds for seconds in wall[name]] for name in ("one", "all"))
+    return [
+        Row.of(
+            "One core, processor time", title, one, "steps/s",
+            yardstick="CasADi's C in a loop", beside=scalar, asked=ASKED.get(title, ""),
+        ),
+        Row.of(f"{CORES} cores, by the clock", title, every_wall, "steps/s", yardstick="one core", beside=one_wall),
+    ]  # fmt: skip
+
+
+def _timed(run: Timed) -> tuple[float, float]:
+    """Seconds by the clock on the wall, and of processor time."""
+    begin, begin_processor = time.perf_counter(), time.process_time()
+    run()
+    return time.perf_counter() - begin, time.process_time() - begin_processor
 
 
 def _start(found: Equations, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -144,16 +143,5 @@ def _scalar(found: Equations, values: Mapping[str, float], steps: int, folder: P
     return run
 
 
-def _processor() -> str:
-    """Its name, and the widest vectors that it has."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    found = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
-    vectors = [name for name in ("avx512f", "avx2", "avx") if name in found.get("flags", "").split()]
-    return f"{found.get('model name', platform.machine())}, {vectors[0] if vectors else 'no AVX'}"
-
-
 if __name__ == "__main__":
-    main()
+    command(measure)

@@ -6,12 +6,11 @@ import ctypes
 import shutil
 import subprocess
 import sys
-import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from liaisons.fmu import build
-from liaisons.fmu.compiler import FLAGS
+from liaisons.compiler import FLAGS
+from liaisons.fmu.build import source_files
 from liaisons.mechanics.model import Model
 
 BY_HAND = Path(__file__).parent / "by_hand"
@@ -31,10 +30,8 @@ def compile_library(folder: Path, name: str, sources: Iterable[Path], *flags: st
 
 def component_library(model: Model, folder: Path, *by_hand: str) -> ctypes.CDLL:
     """The sources of a native FMU without what is FMI's of them, by_hand/component.c, and more files from by_hand."""
-    with zipfile.ZipFile(build(model, folder, backend="native")) as archive:
-        for member in archive.namelist():
-            if member.startswith("sources/") and member.endswith((".c", ".h")):
-                (folder / Path(member).name).write_bytes(archive.read(member))
+    for name, content in source_files(model, "{}", "2").items():
+        (folder / name).write_bytes(content)
     sources = [path for path in sorted(folder.glob("*.c")) if not path.name.startswith(("fmi", "face"))]
     library = compile_library(folder, "component", [*sources, *(BY_HAND / name for name in ("component.c", *by_hand))])
     library.component_open.restype = ctypes.c_void_p

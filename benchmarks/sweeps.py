@@ -1,37 +1,38 @@
-"""Throughput of sweeps: on all cores beside one, and beside a loop over ``fmpy.simulate_fmu``; interleaved, medians.
+"""Throughput of sweeps: all cores beside one, and beside a loop over ``fmpy.simulate_fmu``.
 
-    python benchmarks/sweeps.py [--rounds 5] [--cases 400] [--step 0.01]
+    python benchmarks/sweeps.py [--quick]
 
-The sweep: a pendulum over 10 s, by default in the 1000 communication steps of its default experiment, starts and
-lengths varied, final angle and largest energy error kept.  The loop does what one writes without us: ``simulate_fmu``
-with the start values and the outputs that are needed; "prepared" gives it the extracted folder and the model
-description, too.
+The sweep: a pendulum over 10 s, in the 1000 communication steps of its default experiment and in 100; start and length
+varied, final angle and largest energy error kept.  The loop does what one writes without us: ``simulate_fmu`` with the
+start values and the outputs that are needed; "prepared" gives it the extracted folder and the model description, too.
 
 Cases a second are by the clock on the wall, so the machine has to be idle.  Processor time, which other work disturbs
-less, is that of all processes; "alone" is the part of it that the first process needs before and beside the others,
-while one of them waits: what bounds the gain of more cores.
+less, is that of all processes; the part of it that the first process needs beside the others bounds what more cores can
+gain.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
-import statistics
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 from typing import Any
 
 import fmpy
 import numpy as np
+from _measure import Row, command
 
 from liaisons.fmu import build
 from liaisons.models import Pendulum
 from liaisons.sweeps import Cases, sample, sweep
 
 STOP = 10.0
+CORES = os.cpu_count() or 1
+ALL, ONE, LOOP, PREPARED = f"{CORES} cores", "one core", "simulate_fmu in a loop", "simulate_fmu prepared"
 
 
 @dataclass(frozen=True)
@@ -47,55 +48,60 @@ class Cost:
         return self.own + self.children
 
 
-def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--rounds", type=int, default=5)
-    options.add_argument("--cases", type=int, default=400)
-    options.add_argument("--step", type=float, default=0.01)
-    arguments = options.parse_args()
-    cores = os.cpu_count() or 1
-    with tempfile.TemporaryDirectory() as name:
+def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
+    rounds, count, few = (3, 100, 5) if quick else (9, 1000, 20)
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         fmu = build(Pendulum.model(), Path(name), backend="native")
-        cases = sample(arguments.cases, {"theta_0": (0.1, 3.0), "length": (0.5, 2.0)}, seed=0)
-        few = Cases.of({key: column[:20] for key, column in cases.items()})
+        cases = sample(count, {"theta_0": (0.1, 3.0), "length": (0.5, 2.0)}, seed=0)
         folder = fmpy.extract(str(fmu), str(Path(name) / "extracted"))
         prepared = {"model_description": fmpy.read_model_description(str(fmu))}
-        runs: dict[str, Callable[[], Cost]] = {
-            f"sweep, {cores} cores": lambda: _sweep(fmu, cases, arguments.step, cores),
-            "sweep, 1 core": lambda: _sweep(fmu, cases, arguments.step, 1),
-            "simulate_fmu in a loop": lambda: _loop(str(fmu), few, arguments.step, {}),
-            "... prepared": lambda: _loop(folder, few, arguments.step, prepared),
-        }
-        for run in runs.values():
-            run()  # warm up
-        _report([{title: run() for title, run in runs.items()} for _ in range(arguments.rounds)])
+        rows = []
+        for points in (1000, 100):
+            step = STOP / points
+            runs: dict[str, Callable[[], Cost]] = {
+                ALL: lambda step=step: _sweep(fmu, cases, step, CORES),
+                ONE: lambda step=step: _sweep(fmu, cases, step, 1),
+                LOOP: lambda step=step: _loop(str(fmu), _first(cases, few), step, {}),
+                PREPARED: lambda step=step: _loop(folder, _first(cases, few), step, prepared),
+            }
+            for run in runs.values():
+                run()  # to warm up
+            costs = [{title: run() for title, run in runs.items()} for _ in range(rounds)]
+            rows += _rows(f"Sweep of {count} pendulums, {points} communication points each", costs)
+    return rows
 
 
-def _report(rounds: list[dict[str, Cost]]) -> None:
-    first, *_ = rounds[0]
-    for title in rounds[0]:
-        costs = [r[title] for r in rounds]
-        wall, processor, own = (
-            statistics.median(values)
-            for values in zip(*((cost.wall, cost.processor, cost.own) for cost in costs), strict=True)
-        )
-        by_wall = statistics.median(r[title].wall / r[first].wall for r in rounds)
-        by_processor = [r[title].processor / r[first].processor for r in rounds]
-        print(
-            f"{title:24s} {1 / wall:8.1f} cases/s, {by_wall:6.2f} x the first;"
-            f" processor {processor * 1e3:7.3f} ms a case (alone {own * 1e3:6.3f}),"
-            f" {statistics.median(by_processor):6.2f} x the first"
-            f" (rounds {min(by_processor):.2f} .. {max(by_processor):.2f})"
-        )
+def _rows(topic: str, rounds: list[dict[str, Cost]]) -> list[Row]:
+    rates = {title: [1 / costs[title].wall for costs in rounds] for title in rounds[0]}
+    spent = {title: [costs[title].processor * 1e6 for costs in rounds] for title in rounds[0]}
+    alone = [costs[ALL].own * 1e6 for costs in rounds]
+    return [
+        Row.of(topic, ALL, rates[ALL], "cases/s", yardstick=ONE, beside=rates[ONE], asked=">= 1.8"),
+        Row.of(topic, ALL, rates[ALL], "cases/s", yardstick=LOOP, beside=rates[LOOP], asked=">= 20"),
+        Row.of(topic, ONE, rates[ONE], "cases/s", yardstick=PREPARED, beside=rates[PREPARED]),
+        *(
+            Row.of(topic, f"processor time, {title}", spent[title], "µs/case", yardstick=ONE, beside=spent[ONE])
+            for title in (ALL, LOOP, PREPARED)
+        ),
+        Row.of(topic, "of it, by the first process", alone, "µs/case", yardstick=ALL, beside=spent[ALL]),
+    ]
+
+
+def _first(cases: Cases, count: int) -> Cases:
+    return Cases.of({name: column[:count] for name, column in cases.items()})
 
 
 def _measured(count: int, work: Callable[[], object]) -> Cost:
-    wall, before = time.perf_counter(), os.times()
+    wall, before = time.perf_counter(), _processor_times()
     work()
-    wall, after = time.perf_counter() - wall, os.times()
-    own = after.user + after.system - before.user - before.system
-    children = after.children_user + after.children_system - before.children_user - before.children_system
-    return Cost(wall / count, own / count, children / count)
+    own, children = (after - then for after, then in zip(_processor_times(), before, strict=True))
+    return Cost((time.perf_counter() - wall) / count, own / count, children / count)
+
+
+def _processor_times() -> tuple[float, float]:
+    """Of this process, and of its children that have ended [s]."""
+    own, children = getrusage(RUSAGE_SELF), getrusage(RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime, children.ru_utime + children.ru_stime
 
 
 def _sweep(fmu: Path, cases: Cases, step: float, workers: int) -> Cost:
@@ -126,4 +132,4 @@ def _loop(fmu: str, cases: Cases, step: float, prepared: dict[str, Any]) -> Cost
 
 
 if __name__ == "__main__":
-    main()
+    command(measure)

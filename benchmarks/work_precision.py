@@ -1,18 +1,17 @@
 """Work against precision of the solver in a native FMU, beside DOP853 written by hand in C and CVODE's two methods.
 
-    python benchmarks/work_precision.py [--rounds 9] [--output benchmarks/results]
+    python benchmarks/work_precision.py [--quick]
 
 Every solver integrates the same right-hand side, which is the FMU's own, compiled once; all are called from C, rounds
 are interleaved, times are processor times.  Errors are those of the states at the end in units of their nominal sizes,
-against a solution in extended precision.  Prints the time that an error of 1e-8 costs, medians over the rounds and the
-spread of the ratios, then the time of one right-hand side within the solver; writes both tables, and the diagrams.
+against a solution in extended precision.  First the time that an error of 1e-8 costs, then the time of one right-hand
+side within the solver: by hand is the solver, or the right-hand side (``by_hand/rates.c``), too.  Whether that
+DOP853 is a fair yardstick is checked last: right-hand sides and errors beside those of SciPy's, at the same tolerance.
 """
 
 from __future__ import annotations
 
-import argparse
 import ctypes
-import statistics
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,10 +20,12 @@ from pathlib import Path
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
+from _measure import Row, command
 from fmpy import sharedLibraryExtension
 from fmpy.sundials import libraries as sundials
 from native_code import BY_HAND, compile_library, component_library, doubles, open_component
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients as published
 
 from liaisons import models
@@ -34,6 +35,11 @@ TOLERANCES = 10.0 ** -np.arange(4.0, 12.5, 0.5)
 ERROR = 1e-8  # at which times are compared
 REFERENCE_TOLERANCE = 1e-17  # of extended precision, which has 1e-19
 ADAMS, BDF = 1, 2
+DOP853, ALL_BY_HAND = "DOP853 by hand", "DOP853 and right-hand side by hand"
+PRECISION = f"Time for an error of {ERROR:g}, called from C"
+COST = "One right-hand side, within the solver"
+FAIRNESS = f"The yardstick: right-hand sides of DOP853 by hand at a tolerance of {ERROR:g}"
+TOPICS = (PRECISION, COST, FAIRNESS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,10 @@ class Case:
     title: str
     duration: float
     values: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return f"{self.component}, {self.title}"
 
 
 CASES = (
@@ -71,47 +81,51 @@ class Run:
 Solver = Callable[[float], Run]
 
 
-def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--rounds", type=int, default=9)
-    options.add_argument("--output", type=Path, default=Path(__file__).parent / "results")
-    arguments = options.parse_args()
-    arguments.output.mkdir(parents=True, exist_ok=True)
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A case, compiled: solvers by name, the right-hand side, and the states at the end in extended precision."""
+
+    solvers: dict[str, Solver]
+    rates: Callable[[float, NDArray], NDArray]
+    start: NDArray
+    sizes: NDArray
+    reference: NDArray
+
+    def error(self, end: NDArray) -> float:
+        """The last two states are integrals along the motion, which the energy balance is for."""
+        return float(np.max(np.abs(end - self.reference)[:-2] / self.sizes[:-2]))
+
+
+def measure(quick: bool, plots: Path) -> list[Row]:
     _load_globally()
-    lines = [
-        f"| motion | FMU, µs for an error of {ERROR:g} | DOP853 by hand / FMU | CVODE Adams / FMU | CVODE BDF / FMU |",
-        "|---|---|---|---|---|",
-    ]
-    costs = ["| motion | FMU, ns a right-hand side | DOP853 by hand, ns | FMU / by hand |", "|---|---|---|---|"]
-    _, axes = plt.subplots(2, 4, figsize=(16, 7), layout="constrained", sharey=True)
-    for case, ax in zip(CASES, axes.flat, strict=True):
+    cases, tolerances, count = (CASES[:2], TOLERANCES[::2], 2) if quick else (CASES, TOLERANCES, 9)
+    rows: list[Row] = []
+    figure, axes = plt.subplots(2, 4, figsize=(13, 6.5), layout="constrained", sharey=True)
+    for case, ax in zip(cases, axes.flat, strict=False):
         with tempfile.TemporaryDirectory() as name:
-            solvers, reference, sizes = _prepare(case, Path(name))
-            rounds = [{s: [*map(run, TOLERANCES)] for s, run in solvers.items()} for _ in range(arguments.rounds)]
-        errors = {s: [float(np.max(np.abs(r.end - reference) / sizes)) for r in runs] for s, runs in rounds[0].items()}
-        times = {s: np.array([[run.seconds for run in r[s]] for r in rounds]) for s in solvers}
-        for solver in solvers:
+            problem = _prepare(case, Path(name))
+            rounds = [{s: [*map(run, tolerances)] for s, run in problem.solvers.items()} for _ in range(count)]
+            rows.append(_fairness_row(case, problem))
+        errors = {s: [problem.error(r.end) for r in runs] for s, runs in rounds[0].items()}
+        times = {s: np.array([[run.seconds for run in r[s]] for r in rounds]) for s in problem.solvers}
+        for solver in problem.solvers:
             ax.loglog(errors[solver], 1e6 * np.median(times[solver], axis=0), ".-", label=solver)
-        ax.set(title=f"{case.component}, {case.title}", xlabel="error at the end")
-        lines.append(_precision_row(case, errors, times))
-        costs += _cost_rows(case, rounds)
-        print(lines[-1], flush=True)
-    axes[0, 0].legend()
-    axes[0, 0].set(ylabel="time [µs]")
-    axes[1, 0].set(ylabel="time [µs]")
-    plt.savefig(arguments.output / "work_precision.png", dpi=150)
-    text = "\n".join([*lines, "", *costs, ""])
-    (arguments.output / "work_precision.md").write_text(text)
-    print(f"\n{text}")
+        ax.set(title=case.name, xlabel="error at the end")
+        rows += _precision_rows(case, errors, times) + _cost_rows(case, rounds)
+    for ax in axes[:, 0]:
+        ax.set(ylabel="time [µs]")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    figure.savefig(plots / "work_precision.png", dpi=55)
+    plt.close(figure)
+    return sorted(rows, key=lambda row: TOPICS.index(row.topic))
 
 
-def _precision_row(case: Case, errors: Mapping[str, list[float]], times: Mapping[str, NDArray]) -> str:
-    at = {s: np.array([_time_at(errors[s], row) for row in times[s]]) for s in times}
-    cells = [f"{1e6 * np.median(at['FMU']):.0f}"]
-    for solver in ("DOP853 by hand", "CVODE Adams", "CVODE BDF"):
-        ratios = at[solver] / at["FMU"]
-        cells.append(f"{np.median(ratios):.2f} ({ratios.min():.2f} .. {ratios.max():.2f})")
-    return f"| {case.component}, {case.title} | {' | '.join(cells)} |"
+def _precision_rows(case: Case, errors: Mapping[str, list[float]], times: Mapping[str, NDArray]) -> list[Row]:
+    at = {s: [1e6 * _time_at(errors[s], row) for row in times[s]] for s in times}
+    return [
+        Row.of(PRECISION, case.name, at["FMU"], "µs", yardstick=solver, beside=at[solver], asked="<= 1")
+        for solver in (DOP853, "CVODE Adams", "CVODE BDF")
+    ]
 
 
 def _time_at(errors: list[float], times: NDArray) -> float:
@@ -121,29 +135,39 @@ def _time_at(errors: list[float], times: NDArray) -> float:
     return float(np.exp(at_error))
 
 
-def _cost_rows(case: Case, rounds: list[dict[str, list[Run]]]) -> list[str]:
+def _cost_rows(case: Case, rounds: list[dict[str, list[Run]]]) -> list[Row]:
     """Nanoseconds a right-hand side, all tolerances together."""
 
     def cost(runs: list[Run]) -> float:
         return 1e9 * sum(run.seconds for run in runs) / sum(run.evaluations for run in runs)
 
-    rows = []
-    for solver in ("DOP853 by hand", "DOP853 and right-hand side by hand"):
-        if solver in rounds[0]:
-            ours, theirs = ([cost(r[s]) for r in rounds] for s in ("FMU", solver))
-            ratios = [a / b for a, b in zip(ours, theirs, strict=True)]
-            spread = f"{statistics.median(ratios):.2f} ({min(ratios):.2f} .. {max(ratios):.2f})"
-            what = "" if solver == "DOP853 by hand" else " (its right-hand side by hand, too)"
-            medians = statistics.median(ours), statistics.median(theirs)
-            rows.append(f"| {case.component}, {case.title}{what} | {medians[0]:.0f} | {medians[1]:.0f} | {spread} |")
-    return rows
+    costs = {s: [cost(r[s]) for r in rounds] for s in rounds[0]}
+    return [
+        Row.of(COST, case.name, costs["FMU"], "ns", yardstick=solver, beside=costs[solver], asked="<= 1.1")
+        for solver in (DOP853, ALL_BY_HAND)
+        if solver in costs
+    ]
+
+
+def _fairness_row(case: Case, problem: Problem) -> Row:
+    """Right-hand sides of DOP853 by hand over those of SciPy's, which is the same pair with the same control."""
+    run = problem.solvers[DOP853](ERROR)
+    start, sizes = problem.start, problem.sizes
+
+    def rates(t: float, y: NDArray) -> NDArray:
+        return problem.rates(t, y * sizes) / sizes
+
+    scipys = solve_ivp(rates, (0, case.duration), start / sizes, method="DOP853", rtol=ERROR, atol=ERROR)
+    errors = problem.error(run.end), problem.error(scipys.y[:, -1] * sizes)
+    remark = "errors {:.0e} and {:.0e}".format(*errors)
+    ratio = run.evaluations / scipys.nfev
+    return Row(FAIRNESS, case.name, run.evaluations, "", "SciPy's DOP853", ratio, remark=remark)
 
 
 # ---- the solvers -----------------------------------------------------------------------------------------------
 
 
-def _prepare(case: Case, folder: Path) -> tuple[dict[str, Solver], NDArray, NDArray]:
-    """Solvers by name, the states at the end in extended precision, and their sizes."""
+def _prepare(case: Case, folder: Path) -> Problem:
     model: Model = getattr(models, case.component).model().flat()
     (folder / "stages.h").write_text(_stages())
     library = component_library(model, folder, "solvers.c", "rates.c")
@@ -153,15 +177,13 @@ def _prepare(case: Case, folder: Path) -> tuple[dict[str, Solver], NDArray, NDAr
     n = len(model.states)
     start, sizes = doubles([0.0] * n), doubles([0.0] * n)
     library.begin(values, start, sizes)
-    # The others are integrals along the motion, which the energy balance is for.
-    moving = slice(0, n - 2)
 
     def solver(function: Callable[..., float], *more: object) -> Solver:
         def run(tolerance: float) -> Run:
             y, evaluations = doubles(start), ctypes.c_long()
             call = (n, ctypes.c_double(tolerance), sizes, ctypes.c_double(case.duration), y, *more[:1])
             seconds = function(*call, None, ctypes.byref(evaluations), *more[1:])
-            return Run(seconds if seconds > 0 else np.nan, evaluations.value, np.array(y[moving]))
+            return Run(seconds if seconds > 0 else np.nan, evaluations.value, np.array(y))
 
         return run
 
@@ -173,19 +195,25 @@ def _prepare(case: Case, folder: Path) -> tuple[dict[str, Solver], NDArray, NDAr
             seconds = library.component_advance(instance, ctypes.c_double(case.duration), ctypes.c_long(1))
             library.component_states(instance, y)
             library.component_close(instance)
-        return Run(seconds if seconds > 0 else np.nan, library.component_evaluations(), np.array(y[moving]))
+        return Run(seconds if seconds > 0 else np.nan, library.component_evaluations(), np.array(y))
 
     solvers: dict[str, Solver] = {
         "FMU": fmu,
-        "DOP853 by hand": solver(library.dop853, library.rates),
+        DOP853: solver(library.dop853, library.rates),
         "CVODE Adams": solver(library.cvode, library.rates, ADAMS),
         "CVODE BDF": solver(library.cvode, library.rates, BDF),
     }
     if case.component in BY_HAND_TOO:
         library.begin_by_hand(values, len(model.parameters), len(model.inputs))
-        by_hand = solver(library.dop853, getattr(library, f"rates_of_{case.component}"))
-        solvers["DOP853 and right-hand side by hand"] = by_hand
-    return solvers, _reference(model, case, folder, start, sizes)[moving], np.array(sizes[moving])
+        solvers[ALL_BY_HAND] = solver(library.dop853, getattr(library, f"rates_of_{case.component}"))
+
+    def rates(t: float, y: NDArray) -> NDArray:
+        f = doubles([0.0] * n)
+        library.rates(None, ctypes.c_double(t), doubles(y), f)
+        return np.array(f)
+
+    reference = _reference(model, case, folder, start, sizes)
+    return Problem(solvers, rates, np.array(start), np.array(sizes), reference)
 
 
 def _reference(model: Model, case: Case, folder: Path, start: ctypes.Array, sizes: ctypes.Array) -> NDArray:
@@ -241,4 +269,4 @@ def _load_globally() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command(measure)

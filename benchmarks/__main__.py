@@ -1,0 +1,78 @@
+"""Measure everything, write the tables of benchmarks/README.md, and the diagrams and figures in benchmarks/results.
+
+    python benchmarks [--only peers,chains] [--quick] [--output FOLDER]
+
+Each script runs as a process of its own.  What is not measured this time keeps its figures from before: --only ""
+writes the page anew and measures nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from _measure import HERE, Section, busy_cores
+from _page import page
+
+ORDER = (
+    "fmi_cost",
+    "step_cost",
+    "peers",
+    "work_precision",
+    "energy_drift",
+    "chains",
+    "composition_cost",
+    "sweeps",
+    "ensembles",
+    "iftomm",
+)
+QUIET = 0.2  # cores that others may keep busy
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", metavar="NAME,NAME", default=",".join(ORDER), help="of: %(default)s")
+    parser.add_argument("--quick", action="store_true", help="few rounds, small sizes: to try, not to quote")
+    parser.add_argument("--output", type=Path, help="for README.md and results/; by default here, if quick nowhere")
+    parser.add_argument("--patience", type=float, default=300.0, help="seconds to wait for a quiet machine, each time")
+    options = parser.parse_args()
+    names = [name for name in options.only.split(",") if name]
+    if unknown := set(names) - set(ORDER):
+        parser.error(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(ORDER)}")
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = options.output or (Path(scratch) if options.quick else HERE)
+        results = folder / "results"
+        results.mkdir(parents=True, exist_ok=True)
+        failed = [name for name in names if not _measured(name, results, options.quick, options.patience)]
+        sections = {name: Section.read(path) for name in ORDER if (path := results / f"{name}.json").exists()}
+        template = (HERE / "README.md").read_text(encoding="utf-8")
+        (folder / "README.md").write_text(page(template, sections, results), encoding="utf-8")
+    if failed:
+        print(f"failed, figures from before are kept: {', '.join(failed)}", file=sys.stderr)
+    return bool(failed)
+
+
+def _measured(name: str, results: Path, quick: bool, patience: float) -> bool:
+    """Run a script; whether it ended well."""
+    _wait_for_quiet(0.0 if quick else patience)
+    command = [sys.executable, HERE / f"{name}.py", "--output", results, *["--quick"][: int(quick)]]
+    return subprocess.run(command, check=False).returncode == 0
+
+
+def _wait_for_quiet(patience: float) -> None:
+    end = time.monotonic() + patience
+    while (busy := busy_cores()) > QUIET:
+        if time.monotonic() > end:
+            print(f"the machine is not quiet: {busy} cores are busy with other work", file=sys.stderr)
+            return
+        time.sleep(5.0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,20 @@
+/* The functions of FMI 3.0 that the benchmark never calls; importers look them up when they load a library. */
+#define UNUSED(name) int fmi3##name(void) { return 3; }
+
+UNUSED(ActivateModelPartition) UNUSED(CompletedIntegratorStep) UNUSED(DeserializeFMUState)
+UNUSED(EnterConfigurationMode) UNUSED(EnterContinuousTimeMode) UNUSED(EnterEventMode) UNUSED(EnterInitializationMode)
+UNUSED(EnterStepMode) UNUSED(EvaluateDiscreteStates) UNUSED(ExitConfigurationMode) UNUSED(ExitInitializationMode)
+UNUSED(FreeFMUState) UNUSED(GetAdjointDerivative) UNUSED(GetBinary) UNUSED(GetBoolean) UNUSED(GetClock)
+UNUSED(GetContinuousStateDerivatives) UNUSED(GetContinuousStates) UNUSED(GetDirectionalDerivative)
+UNUSED(GetEventIndicators) UNUSED(GetFMUState) UNUSED(GetFloat32) UNUSED(GetFloat64) UNUSED(GetInt16) UNUSED(GetInt32)
+UNUSED(GetInt64) UNUSED(GetInt8) UNUSED(GetIntervalDecimal) UNUSED(GetIntervalFraction)
+UNUSED(GetNominalsOfContinuousStates) UNUSED(GetNumberOfContinuousStates) UNUSED(GetNumberOfEventIndicators)
+UNUSED(GetNumberOfVariableDependencies) UNUSED(GetOutputDerivatives) UNUSED(GetShiftDecimal) UNUSED(GetShiftFraction)
+UNUSED(GetString) UNUSED(GetUInt16) UNUSED(GetUInt32) UNUSED(GetUInt64) UNUSED(GetUInt8)
+UNUSED(GetVariableDependencies) UNUSED(GetVersion) UNUSED(InstantiateModelExchange)
+UNUSED(InstantiateScheduledExecution) UNUSED(Reset) UNUSED(SerializeFMUState) UNUSED(SerializedFMUStateSize)
+UNUSED(SetBinary) UNUSED(SetBoolean) UNUSED(SetClock) UNUSED(SetContinuousStates) UNUSED(SetDebugLogging)
+UNUSED(SetFMUState) UNUSED(SetFloat32) UNUSED(SetFloat64) UNUSED(SetInt16) UNUSED(SetInt32) UNUSED(SetInt64)
+UNUSED(SetInt8) UNUSED(SetIntervalDecimal) UNUSED(SetIntervalFraction) UNUSED(SetShiftDecimal) UNUSED(SetShiftFraction)
+UNUSED(SetString) UNUSED(SetTime) UNUSED(SetUInt16) UNUSED(SetUInt32) UNUSED(SetUInt64) UNUSED(SetUInt8)
+UNUSED(Terminate) UNUSED(UpdateDiscreteStates)

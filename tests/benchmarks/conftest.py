@@ -1,0 +1,8 @@
+"""What the benchmarks share is imported as their scripts import it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
