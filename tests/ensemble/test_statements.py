@@ -114,6 +114,14 @@ def by_c(x: ca.SX, expressions: ca.SX, points: np.ndarray) -> np.ndarray:
 CLOSE: dict[str, Any] = {"rtol": 8 * 2.3e-16, "atol": 4e-16}
 
 
+def test_what_divides_several_numbers_is_inverted_once() -> None:
+    x, y, distance = (ca.SX.sym(name) for name in ("x", "y", "distance"))
+    lines = c_statements(
+        [(ca.vertcat(x, y, distance), "x[{}]")], [(ca.vertcat(x / distance, y / distance, 1 / distance), "f[{}]")]
+    )
+    assert sum("/" in line for line in lines) == 1
+
+
 def test_every_operation_in_c(everything) -> None:
     np.testing.assert_allclose(by_c(*everything), by_casadi(*everything), **CLOSE)
 

@@ -41,7 +41,7 @@ def c_parts(
     :returns: lines of each part, at least one, and how many numbers are kept.  An output is written by the part that
         knows it, so with several parts it must lie elsewhere than the inputs.
     """
-    found = program([symbols for symbols, _ in inputs], [expressions for expressions, _ in outputs])
+    found = program([symbols for symbols, _ in inputs], [expressions for expressions, _ in outputs], reciprocals=True)
     calculated = [number for number, node in enumerate(found.nodes) if node.operation is not None]
     count = max(1, -(-len(calculated) // most))
     part_of = {number: i * count // len(calculated) for i, number in enumerate(calculated)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, final
@@ -55,9 +56,10 @@ class Program:
         return found
 
 
-def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> Program:
+def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
     """The operations that lead from columns of symbols to columns of expressions.
 
+    :param reciprocals: whether what divides more than one number is inverted once, and these are multiplied by it.
     :raises ComponentError: for an operation that has no counterpart in C, such as a call of another function.
     """
     function = ca.Function("statements", list(inputs), [ca.densify(ca.SX(expression)) for expression in outputs])
@@ -83,8 +85,32 @@ def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> Program:
                 f"an expression has CasADi's instruction {code}, which is no scalar operation of C; expand the function"
             )
     short = _pruned(builder.nodes, [[builder.node(number) for number in entries] for entries in found])
+    if reciprocals:
+        short = _with_reciprocals(short)
     fast = Reordering(short.nodes, short.outputs)
     return _pruned(fast.nodes, fast.outputs)
+
+
+def _with_reciprocals(found: Program) -> Program:
+    """A division takes as long as four multiplications, and the next one has to wait for it."""
+    quotients = Counter(node.arguments[1] for node in found.nodes if node.is_a(ca.OP_DIV))
+    nodes: list[Node] = []
+    new: list[int] = []
+    inverses: dict[int, int] = {}
+    for node in found.nodes:
+        if node.is_a(ca.OP_DIV) and quotients[node.arguments[1]] > 1:
+            dividend, divisor = node.arguments
+            if divisor not in inverses:
+                inverses[divisor] = len(nodes)
+                nodes.append(Node.of(ca.OP_INV, new[divisor]))
+            renumbered = Node.of(ca.OP_MUL, new[dividend], inverses[divisor])
+        elif node.operation is not None:
+            renumbered = replace(node, arguments=tuple(new[number] for number in node.arguments))
+        else:
+            renumbered = node
+        new.append(len(nodes))
+        nodes.append(renumbered)
+    return Program(tuple(nodes), tuple(tuple(new[number] for number in entries) for entries in found.outputs))
 
 
 def _pruned(nodes: Sequence[Node], outputs: Sequence[Sequence[int]]) -> Program:
