@@ -36,18 +36,7 @@ def register(commands: Commands) -> None:
         "liaisons simulate my_component.py --step 0.1 --tolerance 1e-10",
     )
     parser.add_argument("fmu", metavar="FMU|SSP|NAME|FILE.py", help="a file, or a component, which is built if need be")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        type=assignment,
-        dest="starts",
-        help="start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
-    )
-    parser.add_argument("--stop", type=float, metavar="T", help="end [s] (default: the FMU's)")
-    parser.add_argument("--step", type=float, metavar="H", help="communication step [s] (default: the FMU's)")
-    parser.add_argument("--tolerance", type=float, metavar="R", help="relative tolerance (default: the FMU's)")
+    add_experiment(parser, "start value of a parameter or input (COMPONENT.NAME of a system)")
     parser.add_argument("--record", metavar="NAME,...", help="show only these signals (default: outputs and inputs)")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the signals to a file")
     parser.add_argument("--parquet", type=Path, metavar="FILE", help="write the signals to a Parquet file")
@@ -125,6 +114,25 @@ def _rows(result: Result, name: str) -> list[dict[str, str]]:
     ends = {"start": f"{values[0]:.6g}", "end": f"{values[-1]:.6g}"} if values.ndim == 1 else {"start": "", "end": ""}
     label = name if values.ndim == 1 else f"{name} ({'×'.join(map(str, values.shape[1:]))})"
     return [{"signal": label, "unit": result.units[name] or "-"} | ends | columns]
+
+
+def add_experiment(parser: argparse.ArgumentParser, start_value: str) -> None:
+    """The options of every simulation.
+
+    :param start_value: what --set sets.
+    """
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        type=assignment,
+        dest="starts",
+        help=f"{start_value}; may be given several times",
+    )
+    parser.add_argument("--stop", type=float, metavar="T", help="end [s] (default: the FMU's)")
+    parser.add_argument("--step", type=float, metavar="H", help="communication step [s] (default: the FMU's)")
+    parser.add_argument("--tolerance", type=float, metavar="R", help="relative tolerance (default: the FMU's)")
 
 
 def assignment(text: str) -> tuple[str, float | bool | str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from liaisons.check import table
 from liaisons.cli._command import command
-from liaisons.cli.simulate import assignment
+from liaisons.cli.simulate import add_experiment
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
 
@@ -66,18 +66,7 @@ def register(commands: Commands) -> None:
         metavar="SIGNAL,...",
         help="what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min",
     )
-    over(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        type=assignment,
-        dest="starts",
-        help="start value in all cases; may be given several times",
-    )
-    over("--stop", type=float, metavar="T", help="end [s] (default: the FMU's)")
-    over("--step", type=float, metavar="H", help="communication step [s] (default: the FMU's)")
-    over("--tolerance", type=float, metavar="R", help="relative tolerance (default: the FMU's)")
+    add_experiment(parser, "start value in all cases")
     over("--csv", type=Path, metavar="FILE", help="write the table to a file")
     over(
         "--journal",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim.calls import Call, Kind, Prepared
+from liaisons.cosim.messages import Action
 from liaisons.cosim.schedule import Feeds, Place
 
 
@@ -29,6 +30,11 @@ class Clock:
     def set(self, start: float, end: float) -> None:
         """Turn to the step between two instants [s]."""
         self.start.value, self.size.value, self.end = start, end - start, end
+
+    def when(self, action: Action) -> str:
+        """Where in time a call failed, for its message."""
+        since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
+        return f" {since} t = {self.end:.10g} s"
 
 
 @final

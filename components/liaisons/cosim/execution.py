@@ -16,7 +16,6 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import final
 
-import fmpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,14 +28,13 @@ from liaisons.cosim.coupling.coupled import Coupled
 from liaisons.cosim.coupling.signals import watched
 from liaisons.cosim.drive import SIGNALS, Signal
 from liaisons.cosim.explicit import Explicit
-from liaisons.cosim.instances import AnyInstance, make
+from liaisons.cosim.instances import AnyInstance, extract, make
 from liaisons.cosim.loop import Loop
 from liaisons.cosim.messages import DISCARD, WARNING, Action
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.progress import deferred_interrupts, progress_bar
 from liaisons.cosim.refusal import RefusedError
 from liaisons.cosim.schedule import Coupling, Feeds, Place
-from liaisons.errors import SimulationError
 
 _PORTION = 0.02  # [s] between two looks at the keyboard, about
 
@@ -122,7 +120,7 @@ class Execution:
             for name, component in self._components.items():
                 path = component.fmu.path
                 if path not in folders:
-                    folders[path] = _extract(path, directory / str(len(folders)))
+                    folders[path] = extract(path, directory / str(len(folders)))
                     try_to_start(component, folders[path], self._planned)
                 asks = self._iterates and component.asks
                 self._instances[name] = stack.enter_context(make(name, component.fmu, folders[path], asks=asks))
@@ -255,8 +253,7 @@ class Execution:
             self._fail(name, action, status)
 
     def _fail(self, name: str, action: Action, status: int) -> None:
-        since = f"from t = {self._clock.start.value:.10g} s to" if action == "step" else "at"
-        error = self._instances[name].failure(action, status, f" {since} t = {self._clock.end:.10g} s")
+        error = self._instances[name].failure(action, status, self._clock.when(action))
         raise RefusedError(str(error)) if status == DISCARD else error
 
     def _depends(self, output: Place, input_: Place) -> bool:
@@ -268,11 +265,3 @@ class Execution:
     def _progress_bar(self) -> Callable[[float], None] | None:
         title = self._settings.progress
         return progress_bar(title, self._planned[0], self._planned[-1]) if title else None
-
-
-def _extract(path: Path, folder: Path) -> Path:
-    try:
-        fmpy.extract(path, folder, include=lambda name: not name.startswith(("sources/", "documentation/")))
-    except Exception as error:  # fmpy raises the base class; zipfile and zlib their own
-        raise SimulationError(f"{path}: cannot be extracted: {error}; build or copy it again") from error
-    return folder

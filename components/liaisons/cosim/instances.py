@@ -4,11 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import fmpy
+
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.instance import Instance
 from liaisons.cosim.instance3 import Instance3
+from liaisons.errors import SimulationError
 
 AnyInstance = Instance | Instance3
+
+
+def extract(path: Path, folder: Path) -> Path:
+    """Extract what a run of an FMU needs; returns the folder.
+
+    :raises SimulationError: if the file is damaged.
+    """
+    try:
+        fmpy.extract(path, folder, include=lambda name: not name.startswith(("sources/", "documentation/")))
+    except Exception as error:  # fmpy raises the base class; zipfile and zlib their own
+        raise SimulationError(f"{path}: cannot be extracted: {error}; build or copy it again") from error
+    return folder
 
 
 def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> AnyInstance:

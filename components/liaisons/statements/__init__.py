@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from liaisons.statements.nodes import Node
 from liaisons.statements.operations import OPERATIONS, Operation
-from liaisons.statements.printing import c_parts, c_statements
+from liaisons.statements.printing import c_parts, c_statements, literal
 from liaisons.statements.program import Program, program
 
-__all__ = ["OPERATIONS", "Node", "Operation", "Program", "c_parts", "c_statements", "program"]
+__all__ = ["OPERATIONS", "Node", "Operation", "Program", "c_parts", "c_statements", "literal", "program"]

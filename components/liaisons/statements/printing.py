@@ -87,7 +87,7 @@ def _part(
         if constant is None:
             declare(number, sources[number])
         else:
-            names[number] = _literal(constant)
+            names[number] = literal(constant)
     for number in calculated:
         node = found.nodes[number]
         assert node.operation is not None
@@ -95,7 +95,8 @@ def _part(
     return [*lines, *(f"{place} = {names[number]};" for number, place in writes)]
 
 
-def _literal(value: float) -> str:
+def literal(value: float) -> str:
+    """A number in C, as an operand."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):

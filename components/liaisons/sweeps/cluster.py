@@ -12,7 +12,7 @@ from typing import Any
 
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import Outcome, Session, extract
+from liaisons.sweeps.session import Outcome, Session, extract_all
 from liaisons.sweeps.workers import Deliver
 
 Client = Any
@@ -100,6 +100,6 @@ def _simulate(shipment: tuple[str, Plan, Mapping[Path, bytes]], cases: Sequence[
             for path, content in files.items():
                 here[path].write_bytes(content)
             moved = plan.moved(here)
-            _here.session = stack.enter_context(Session(moved, extract(moved, folder)))
+            _here.session = stack.enter_context(Session(moved, extract_all(moved, folder)))
             _here.stack, _here.key = stack.pop_all(), key
     return {case: _here.session.outcome(case) for case in cases}

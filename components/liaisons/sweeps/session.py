@@ -11,7 +11,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import final
 
-import fmpy
 import numpy as np
 
 from liaisons.cosim import Result, schedule
@@ -19,13 +18,13 @@ from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.calls import Call
 from liaisons.cosim.component import Component
 from liaisons.cosim.explicit import Explicit
-from liaisons.cosim.instances import AnyInstance, make
+from liaisons.cosim.instances import AnyInstance, extract, make
 from liaisons.cosim.loop import Loop
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.schedule import Place
 from liaisons.cosim.simulation import run
-from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.errors import LiaisonsError
 from liaisons.sweeps.kept import evaluate
 from liaisons.sweeps.plan import Plan
 
@@ -37,7 +36,7 @@ Outcome = tuple[float, ...] | str
 class Session:
     """A context manager that holds running FMUs.
 
-    :param folders: where each FMU lies extracted; see :func:`extract`.
+    :param folders: where each FMU lies extracted; see :func:`extract_all`.
     """
 
     def __init__(self, plan: Plan, folders: Mapping[Path, Path]) -> None:
@@ -184,8 +183,7 @@ class _Prepared:
     def _judge(self, call: Call, status: int) -> None:
         if status != WARNING:
             action, name = self._owners[call]
-            since = f"from t = {self._clock.start.value:.10g} s to" if action == "step" else "at"
-            raise self._instances[name].failure(action, status, f" {since} t = {self._clock.end:.10g} s")
+            raise self._instances[name].failure(action, status, self._clock.when(action))
 
     def _depends(self, output: Place, input_: Place) -> bool:
         return self._plan.components[output[0]].fmu.depends(output[1], input_[1])
@@ -194,7 +192,7 @@ class _Prepared:
         return self._plan.components[output[0]].fmu.depends(output[1], input_[1], initially=True)
 
 
-def extract(plan: Plan, folder: Path) -> dict[Path, Path]:
+def extract_all(plan: Plan, folder: Path) -> dict[Path, Path]:
     """Extract each FMU once.
 
     :param folder: where.
@@ -205,11 +203,5 @@ def extract(plan: Plan, folder: Path) -> dict[Path, Path]:
     for component in plan.components.values():
         path = component.fmu.path
         if path not in found:
-            found[path] = folder / str(len(found))
-            try:
-                fmpy.extract(
-                    path, found[path], include=lambda name: not name.startswith(("sources/", "documentation/"))
-                )
-            except Exception as error:  # fmpy raises the base class; zipfile and zlib their own
-                raise SimulationError(f"{path}: cannot be extracted: {error}; build or copy it again") from error
+            found[path] = extract(path, folder / str(len(found)))
     return found

@@ -21,7 +21,7 @@ from typing import final
 from liaisons.cosim import loop
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import Outcome, Session, extract
+from liaisons.sweeps.session import Outcome, Session, extract_all
 
 Deliver = Callable[[dict[int, Outcome]], None]
 Folders = dict[Path, Path]
@@ -43,7 +43,7 @@ def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver) -> 
     """
     loop.compiled()  # before there are processes, each of which would compile it
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-        pool = _Pool(plan, extract(plan, Path(folder)), deque(cases), count, deliver)
+        pool = _Pool(plan, extract_all(plan, Path(folder)), deque(cases), count, deliver)
         try:
             pool.run()
         finally:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import casadi as ca
 
 from liaisons.fmu.loops.plans import Plan, Plans, operands
 from liaisons.mechanics.sweeps import Program
-from liaisons.statements import OPERATIONS, Node
+from liaisons.statements import OPERATIONS, Node, literal
 
 PREAMBLE = """\
 #if defined __GNUC__ && !defined __clang__
@@ -205,15 +204,9 @@ def _uses(nodes: Iterable[Node], once: Iterable[int], several: Iterable[int]) ->
 def _operation(node: Node, text_of: Callable[[int], str]) -> str:
     """An operation, or a constant, as an operand."""
     if node.operation is None:
-        return _constant(0.0 if node.constant is None else node.constant)
+        return literal(0.0 if node.constant is None else node.constant)
     text = node.operation.c.format(*map(text_of, node.arguments))
     return text if node.operation.c[0].isalpha() else f"({text})"  # a call needs no brackets
-
-
-def _constant(value: float) -> str:
-    if not math.isfinite(value):
-        return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
-    return repr(value) if math.copysign(1.0, value) > 0 else f"({value!r})"
 
 
 def _bare(text: str) -> str:
