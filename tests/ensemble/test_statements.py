@@ -115,11 +115,14 @@ CLOSE: dict[str, Any] = {"rtol": 8 * 2.3e-16, "atol": 4e-16}
 
 
 def test_what_divides_several_numbers_is_inverted_once() -> None:
-    x, y, distance = (ca.SX.sym(name) for name in ("x", "y", "distance"))
-    lines = c_statements(
-        [(ca.vertcat(x, y, distance), "x[{}]")], [(ca.vertcat(x / distance, y / distance, 1 / distance), "f[{}]")]
-    )
+    x = ca.SX.sym("x", 3)
+    quotients = ca.vertcat(x[0] / x[2], x[1] / x[2], 1 / x[2])
+    lines = c_statements([(x, "x[{}]")], [(quotients, "f[{}]")])
     assert sum("/" in line for line in lines) == 1
+    points = np.random.default_rng(3).uniform(1.0, 3.0, (3, POINTS))
+    # The reciprocal and the product are rounded, the quotient once.
+    rounding = 2 * np.finfo(float).eps
+    np.testing.assert_allclose(by_c(x, quotients, points), by_casadi(x, quotients, points), rtol=rounding)
 
 
 def test_every_operation_in_c(everything) -> None:
