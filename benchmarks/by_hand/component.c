@@ -19,15 +19,16 @@ static void tell(void *owner, Status status, const char *text) {
 }
 
 /* Counted when asked for: that takes time. */
-static int counted_derivatives(const double **arguments, double **results, long long *i, double *w, int memory) {
-    evaluated++;
-    return model.derivatives(arguments, results, i, w, memory);
-}
+#define COUNTED(function)                                                                                         \
+    static int counted_##function(const double **arguments, double **results, long long *i, double *w, int memory) { \
+        evaluated++;                                                                                              \
+        return model.function(arguments, results, i, w, memory);                                                  \
+    }
 
-static int counted_motion(const double **arguments, double **results, long long *i, double *w, int memory) {
-    evaluated++;
-    return model.motion(arguments, results, i, w, memory);
-}
+COUNTED(derivatives)
+COUNTED(motion)
+COUNTED(derivatives_at_rest)
+COUNTED(motion_at_rest)
 
 /* Values of parameters and inputs, in the order of the places; from them start and sizes of the states. */
 void begin(const double *values, double *y, double *size) {
@@ -66,6 +67,8 @@ Instance *component_open(double tolerance, int symplectic_steps, int counting) {
     counted = model;
     counted.derivatives = counted_derivatives;
     counted.motion = counted_motion;
+    counted.derivatives_at_rest = counted_derivatives_at_rest;
+    counted.motion_at_rest = counted_motion_at_rest;
     if (counting) evaluated = 0;
     Instance *instance = core_new(counting ? &counted : &model, &options);
     Status status = core_setup(instance, 0, tolerance);

@@ -81,8 +81,8 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Those that are derived as expressions, by the names of core.h."""
     functions = {
         "start": model.start,
-        "derivatives": model.derivatives,
-        "motion": _motion(model),
+        **_rates("derivatives", "motion", model.derivatives, model),
+        **_rates("derivatives_at_rest", "motion_at_rest", _at_rest(model), model),
         "calculate": model.outputs_function,
         "jump": model.jump,
         "remember": model.remember,
@@ -93,17 +93,34 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     return functions | _forward(model) | (_reverse(model) if adjoint else {})
 
 
-def _motion(model: Model) -> ca.Function:
-    """The rates of the states that act on the motion, without the work to find those of integrals along it.
+def _rates(all_states: str, coupled_states: str, function: ca.Function, model: Model) -> dict[str, ca.Function]:
+    """The rates of all states, and of those that act on the motion without the work to find the integrals along it.
 
-    Of maps nothing would be saved: there it is ``derivatives``.
+    Of maps nothing would be saved: there they are one function.
     """
-    function = model.derivatives
     if not function.is_a("SXFunction"):
-        return function
+        return {all_states: function, coupled_states: function}
     arguments: Any = function.sx_in()
     (rates,) = function.call(arguments)
-    return ca.Function("motion", arguments, [rates[: coupled(model)]])
+    motion = ca.Function(coupled_states, arguments, [rates[: coupled(model)]])
+    return {all_states: function, coupled_states: motion}
+
+
+def _at_rest(model: Model) -> ca.Function:
+    """The rates of the states while no operator moves anything: what they owe to σ̇ and σ̈ is not even multiplied by 0."""
+    function = model.derivatives
+    if not model.active or not function.is_a("SXFunction"):
+        return function
+    t, y, u, k = map(ca.SX, function.sx_in())
+    moving = {name for of_coordinate in model.active for name in (of_coordinate.rate, of_coordinate.acceleration)}
+    still = ca.vertcat(
+        *(
+            ca.SX.zeros(variable.count) if variable.name in moving else numbers
+            for variable, numbers in zip(model.inputs, ca.vertsplit(u, _offsets(model.inputs)), strict=True)
+        )
+    )
+    (rates,) = function.call([t, y, still, k], True, False)
+    return ca.Function("derivatives_at_rest", [t, y, u, k], [ca.densify(ca.cse(rates))])
 
 
 def _forward(model: Model) -> dict[str, ca.Function]:
@@ -177,6 +194,11 @@ def _blocks(model: Model, vector: str) -> list[int]:
     return [1] * (1 if vector == "t" else model.start.numel_out(1))
 
 
+def _offsets(variables: Sequence[Variable]) -> list[int]:
+    """Where each variable begins in a vector of all their numbers, and where the last one ends."""
+    return [0, *accumulate(variable.count for variable in variables)]
+
+
 def _fields(
     model: Model, guid: str, functions: dict[str, ca.Function], loops: dict[str, Code], reals: int
 ) -> dict[str, str]:
@@ -210,6 +232,7 @@ def _fields(
         **{name: name for name in tables},
         **{name: function.name() for name, function in functions.items()},
         **{name: name for name in loops},
+        **({"derivatives_at_rest": "derivatives", "motion_at_rest": "motion"} if loops else {}),
     }
 
 

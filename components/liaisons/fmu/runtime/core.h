@@ -64,6 +64,7 @@ typedef struct {
     Function *start;       /* (t, u, k) -> (y, m) */
     Function *derivatives; /* (t, y, u, k) -> dy/dt */
     Function *motion;      /* likewise -> of the coupled states only, or of all */
+    Function *derivatives_at_rest, *motion_at_rest; /* the same where rates and accelerations of active inputs are 0 */
     Function *calculate;   /* (t, y, u, k, m) -> z */
     Function *jump;        /* (t, y, u, k, m) -> y */
     Function *remember;    /* (t, y, u, k, m) -> m */

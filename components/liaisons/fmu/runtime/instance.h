@@ -56,6 +56,7 @@ struct Instance {
     double step_start, step_size;
     double reach;  /* how far the present step leads: its size, or less */
     int returning; /* the importer has just shortened it */
+    Function *derivatives, *motion; /* of the present step */
     Mover *movers;
     size_t moving, *mover_of; /* number of movers; place of an input among them */
     double *given;            /* of inputs at ORDER times inside the step; those of one input side by side */

@@ -108,6 +108,16 @@ static void reconstruct(Instance *self, double H) {
     }
 }
 
+/* Whether no operator moves anything in this step. */
+static int at_rest(const Instance *self) {
+    const Model *model = self->model;
+    if (self->moving > 0) return 0;
+    for (const Active *at = model->active; at < model->active + model->active_rows; at++)
+        for (size_t i = 0; i < at->count; i++)
+            if (self->u[at->rate + i] != 0 || self->u[at->acceleration + i] != 0) return 0;
+    return 1;
+}
+
 /* The powers 1 to 5 of a polynomial that is 0 at 0, from its values at 1/5, 2/5 ... 1. */
 static const double POWERS[ORDER][ORDER] = {
     {25, -25, 50 / 3.0, -25 / 4.0, 1},
@@ -168,12 +178,12 @@ static int move_inputs(Instance *self, double t) {
 
 static Signal rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    return (Signal)evaluate(self, self->model->derivatives, self->step_start + t, y, f);
+    return (Signal)evaluate(self, self->derivatives, self->step_start + t, y, f);
 }
 
 static Signal coupled_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    return (Signal)evaluate(self, self->model->motion, self->step_start + t, y, f);
+    return (Signal)evaluate(self, self->motion, self->step_start + t, y, f);
 }
 
 /* The same where inputs move. */
@@ -302,6 +312,9 @@ static int advance(Instance *self, double time, double size) {
     if (self->s->jumped) core_jump(self);
     reconstruct(self, size);
     if (self->options.ask != NULL) ask(self, time, size);
+    const int resting = at_rest(self);
+    self->derivatives = resting ? self->model->derivatives_at_rest : self->model->derivatives;
+    self->motion = resting ? self->model->motion_at_rest : self->model->motion;
     if (!core_check_conditions(self, time, self->y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
     if (interpolating && self->reach == size)
