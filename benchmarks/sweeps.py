@@ -2,13 +2,15 @@
 
     python benchmarks/sweeps.py [--quick]
 
-The sweep: a pendulum over 10 s, in the 1000 communication steps of its default experiment and in 100; start and length
-varied, final angle and largest energy error kept.  The loop does what one writes without us: ``simulate_fmu`` with the
-start values and the outputs that are needed; "prepared" gives it the extracted folder and the model description, too.
+The sweep: a pendulum over 10 s, in the 1000 communication steps of its default experiment and in 100, and as many cases
+as keep one core busy for a second; start and length varied, final angle and largest energy error kept.  The loop does
+what one writes without us: ``simulate_fmu`` with the start values and the outputs that are needed; "prepared" gives it
+the extracted folder and the model description, too.
 
 Cases a second are by the clock on the wall, so the machine has to be idle.  Processor time, which other work disturbs
 less, is that of all processes; the part of it that the first process needs beside the others bounds what more cores can
-gain.
+gain.  What does not depend on the number of cases, to extract the FMU and to start and end the processes, is measured by
+sweeps of one case a core.
 """
 
 from __future__ import annotations
@@ -49,26 +51,38 @@ class Cost:
 
 
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
-    rounds, count, few = (3, 100, 5) if quick else (9, 1000, 20)
+    rounds, few = (3, 5) if quick else (9, 20)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         fmu = build(Pendulum.model(), Path(name), backend="native")
-        cases = sample(count, {"theta_0": (0.1, 3.0), "length": (0.5, 2.0)}, seed=0)
         folder = fmpy.extract(str(fmu), str(Path(name) / "extracted"))
         prepared = {"model_description": fmpy.read_model_description(str(fmu))}
         rows = []
-        for points in (1000, 100):
+        for points, count in ((1000, 2000), (100, 10_000)):
+            cases = _cases(count // 10 if quick else count)
             step = STOP / points
             runs: dict[str, Callable[[], Cost]] = {
-                ALL: lambda step=step: _sweep(fmu, cases, step, CORES),
-                ONE: lambda step=step: _sweep(fmu, cases, step, 1),
-                LOOP: lambda step=step: _loop(str(fmu), _first(cases, few), step, {}),
-                PREPARED: lambda step=step: _loop(folder, _first(cases, few), step, prepared),
+                ALL: lambda step=step, cases=cases: _sweep(fmu, cases, step, CORES),
+                ONE: lambda step=step, cases=cases: _sweep(fmu, cases, step, 1),
+                LOOP: lambda step=step: _loop(str(fmu), _cases(few), step, {}),
+                PREPARED: lambda step=step: _loop(folder, _cases(few), step, prepared),
             }
             for run in runs.values():
                 run()  # to warm up
             costs = [{title: run() for title, run in runs.items()} for _ in range(rounds)]
-            rows += _rows(f"Sweep of {count} pendulums, {points} communication points each", costs)
+            rows += _rows(f"Sweep of {cases.count} pendulums, {points} communication points each", costs)
+        rows += _fixed(fmu, rounds)
     return rows
+
+
+def _cases(count: int) -> Cases:
+    return sample(count, {"theta_0": (0.1, 3.0), "length": (0.5, 2.0)}, seed=0)
+
+
+def _fixed(fmu: Path, rounds: int) -> list[Row]:
+    """What a sweep costs beside its cases."""
+    times = [[1e3 * n * _sweep(fmu, _cases(n), STOP, n).wall for n in (CORES, 1)] for _ in range(rounds)]
+    both = zip((f"one case on each of {CORES} cores", "one case on one core"), zip(*times, strict=True), strict=True)
+    return [Row.of("What does not depend on the number of cases", title, of, "ms") for title, of in both]
 
 
 def _rows(topic: str, rounds: list[dict[str, Cost]]) -> list[Row]:
@@ -85,10 +99,6 @@ def _rows(topic: str, rounds: list[dict[str, Cost]]) -> list[Row]:
         ),
         Row.of(topic, "of it, by the first process", alone, "µs/case", yardstick=ALL, beside=spent[ALL]),
     ]
-
-
-def _first(cases: Cases, count: int) -> Cases:
-    return Cases.of({name: column[:count] for name, column in cases.items()})
 
 
 def _measured(count: int, work: Callable[[], object]) -> Cost:

@@ -13,6 +13,8 @@ from liaisons.cosim import simulate
 from liaisons.mechanics import Equations, Mechanism, Operator, derive
 from liaisons.models import CATALOGUE
 
+HOLD = 0  # input_reconstruction
+
 MECHANISMS = [  # those whose coordinates may take any values; the others have tests of their own
     c
     for c in CATALOGUE
@@ -69,6 +71,21 @@ def test_native_and_python_back_end_move_alike(component, fmu) -> None:
         scale = max(1.0, float(np.max(np.abs(native[name]))))
         # Two solvers at tolerance 1e-10, amplification of ten over five seconds, forces of larger size scaled.
         assert max_error(native[name], python[name]) <= 1e-7 * scale, name
+
+
+@pytest.mark.parametrize("component", [c for c in MECHANISMS if c.actives], ids=lambda component: component.__name__)
+def test_operator_at_rest_is_one_that_hardly_moves(component, fmu) -> None:
+    """Equations without σ̇ and σ̈ hold while these are 0; with 1e-290, which no sum can see, the whole ones do."""
+    start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
+    moving = {f"{s.name}_{of}": 1e-290 for s in component.actives for of in ("dot", "ddot")}
+    still, hardly = (
+        simulate(fmu(component), stop_time=2.0, step_size=0.1, input_reconstruction=HOLD, **start, **more)
+        for more in ({}, moving)
+    )
+    for name in still.names:
+        scale = max(1.0, float(np.max(np.abs(still[name]))))
+        # Other roundings in a few hundred steps of the solver, and what the motion makes of them.
+        assert max_error(still[name], hardly[name]) <= 1e-11 * scale, name
 
 
 @pytest.mark.parametrize("backend", ["native", "python"])

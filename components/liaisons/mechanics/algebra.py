@@ -60,12 +60,14 @@ def elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tu
     """
     neighbours = [set(pattern.row()[start:end]) - {i} for i, (start, end) in enumerate(pairwise(pattern.colind()))]
     left, order, work = set(range(len(neighbours))), [], 0
+    waits = [0] * len(neighbours)  # for so many pivots, one after the other
     while left:
         ready = (i for i in left if not after.get(i, set()) & left)
-        chosen = min(ready, key=lambda i: (len(neighbours[i]), i))
+        chosen = min(ready, key=lambda i: (len(neighbours[i]), waits[i], i))
         for i in neighbours[chosen]:
             neighbours[i] |= neighbours[chosen]
             neighbours[i] -= {i, chosen}
+            waits[i] = max(waits[i], waits[chosen] + 1)
         left.remove(chosen)
         order.append(chosen)
         work += len(neighbours[chosen]) ** 2

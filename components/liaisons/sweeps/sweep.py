@@ -194,10 +194,10 @@ def _table(plan: Plan, outcomes: Mapping[int, Outcome]) -> Table:
     rows = np.full(plan.cases.count, np.nan, dtype=[(name, float) for name in names])
     for name, column in plan.cases.items():
         rows[name] = column
-    for case, outcome in outcomes.items():
-        if not isinstance(outcome, str):
-            for name, value in zip(plan.keep, outcome, strict=True):
-                rows[name][case] = value
+    finished = {case: outcome for case, outcome in outcomes.items() if not isinstance(outcome, str)}
+    where = np.fromiter(finished, int)
+    for name, values in zip(plan.keep, zip(*finished.values(), strict=True), strict=False):  # none if all failed
+        rows[name][where] = values
     units = {name: plan.unit(place) for name, place in plan.varied.items()}
     for name, measure in plan.keep.items():
         units[name] = plan.unit(plan.recorded[split(measure)[0]]) if isinstance(measure, str) else ""

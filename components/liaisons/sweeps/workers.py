@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import pickle
@@ -76,9 +77,12 @@ class _Worker:
         with suppress(OSError):  # it has just died; its sentinel will tell
             self.pipe.send(cases)
 
-    def close(self) -> None:
+    def dismiss(self) -> None:
+        """There is nothing more to do for it: it may release its FMUs while others work."""
         with suppress(OSError):
             self.pipe.send(None)
+
+    def close(self) -> None:
         self.process.join(_PATIENCE if not self.cases else 0.0)
         self.process.kill()
         self.process.join()
@@ -94,11 +98,11 @@ class _Pool:
         self._deaths: dict[int, int] = {}
         self._deliver = deliver
         self._count = count
-        self._workers = [_Worker(plan, folders) for _ in range(min(count, len(waiting)))]
+        self._workers: list[_Worker] = []
 
     def run(self) -> None:
-        for worker in self._workers:
-            worker.give(self._next())
+        for _ in range(min(self._count, len(self._waiting))):
+            self._workers.append(self._started())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
             ready = wait([*(w.pipe for w in busy), *(w.process.sentinel for w in busy)])
@@ -113,7 +117,15 @@ class _Pool:
 
     def close(self) -> None:
         for worker in self._workers:
+            worker.dismiss()
+        for worker in self._workers:
             worker.close()
+
+    def _started(self) -> _Worker:
+        """A new process, at work before the next one is made."""
+        worker = _Worker(self._plan, self._folders)
+        worker.give(self._next())
+        return worker
 
     def _next(self) -> list[int]:
         if self._suspects:
@@ -134,6 +146,7 @@ class _Pool:
 
     def _replace(self, worker: _Worker) -> None:
         lost, worker.cases = worker.cases, []
+        worker.dismiss()
         worker.close()
         code = worker.process.exitcode
         if len(lost) == 1:
@@ -142,14 +155,13 @@ class _Pool:
                 self._deliver({lost[0]: f"the process that simulated it died, {_LIVES} times (exit code {code})"})
                 lost = []
         self._suspects.extend(lost)
-        fresh = _Worker(self._plan, self._folders)
-        self._workers[self._workers.index(worker)] = fresh
-        fresh.give(self._next())
+        self._workers[self._workers.index(worker)] = self._started()
 
 
 def _work(pipe: Connection, plan: Plan, folders: Folders, parent: int) -> None:
     """What a process does: simulate what comes, until nobody is there any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
+    gc.freeze()  # what was there before the fork stays; looking through it would copy its memory
     with Session(plan, folders) as session:
         while True:
             while not pipe.poll(1.0):
