@@ -225,6 +225,18 @@ def test_what_is_known_late_comes_last() -> None:
     assert height(b - (c + (d - late))) == height(late) + 1
 
 
+@pytest.mark.parametrize("links", [10, 2000])
+def test_factors_do_not_grow_from_link_to_link(links: int) -> None:
+    """e (3/y) (3/y) ... with y = 3: the threes must not wait in front of everything until 3^2000 overflows."""
+    x, y = (ca.SX.sym(name) for name in "xy")
+    e = x
+    for _ in range(links):
+        e = (e + e + e) / y
+    found = program([x, y], [e])
+    assert max(abs(node.constant) for node in found.nodes if node.constant is not None) < 1e6
+    assert found.evaluate([[0.7], [3.0]])[0][0] == pytest.approx(0.7, rel=links * 1e-15)  # two roundings a link
+
+
 def test_parts_hand_on_what_later_ones_need() -> None:
     x = ca.SX.sym("x", 4)
     turned = x

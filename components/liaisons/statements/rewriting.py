@@ -17,6 +17,7 @@ from liaisons.statements.nodes import Node, Scaled
 from liaisons.statements.sums import Product, Sums
 
 _LARGEST_POWER = 16  # integer powers up to here are products; more would cost accuracy
+_LARGEST_SCALE = 2.0**16
 _ODD = {ca.OP_SIN, ca.OP_TAN, ca.OP_ASIN, ca.OP_ATAN, ca.OP_SINH, ca.OP_TANH, ca.OP_ASINH, ca.OP_ATANH, ca.OP_ERF}
 _EVEN = {ca.OP_COS, ca.OP_COSH, ca.OP_FABS}
 
@@ -71,12 +72,19 @@ class Builder:
     def perform(self, code: int, arguments: Sequence[Scaled]) -> Scaled:
         """The result of one of CasADi's instructions."""
         if code in self._rewritten:
-            return self._rewritten[code](*arguments)
+            return self._moderate(self._rewritten[code](*arguments))
         scale, x = arguments[0]
         if scale < 0 and code in _ODD | _EVEN:
             sign, core = self.perform(code, [(-scale, x)])
             return (sign if code in _EVEN else -sign), core
         return 1.0, self._operation(code, *map(self.node, arguments))
+
+    def _moderate(self, number: Scaled) -> Scaled:
+        """The same with a scale that adds no rounding, and that cannot grow from one link of a chain to the next."""
+        scale = number[0]
+        if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
+            return number
+        return 1.0, self.node(number)
 
     def _inverse(self, number: Scaled) -> Scaled:
         scale, x = number
