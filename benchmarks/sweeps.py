@@ -9,8 +9,8 @@ the extracted folder and the model description, too.
 
 Cases a second are by the clock on the wall, so the machine has to be idle.  Processor time, which other work disturbs
 less, is that of all processes; the part of it that the first process needs beside the others bounds what more cores can
-gain.  What does not depend on the number of cases, to extract the FMU and to start and end the processes, is measured by
-sweeps of one case a core.
+gain.  What does not depend on the number of cases (the FMU is extracted, processes start and end) is measured by sweeps
+of one case a core.
 """
 
 from __future__ import annotations

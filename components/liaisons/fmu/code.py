@@ -81,8 +81,7 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Those that are derived as expressions, by the names of core.h."""
     functions = {
         "start": model.start,
-        **_rates("derivatives", "motion", model.derivatives, model),
-        **_rates("derivatives_at_rest", "motion_at_rest", _at_rest(model), model),
+        **_rates(model),
         "calculate": model.outputs_function,
         "jump": model.jump,
         "remember": model.remember,
@@ -93,34 +92,35 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     return functions | _forward(model) | (_reverse(model) if adjoint else {})
 
 
-def _rates(all_states: str, coupled_states: str, function: ca.Function, model: Model) -> dict[str, ca.Function]:
-    """The rates of all states, and of those that act on the motion without the work to find the integrals along it.
+def _rates(model: Model) -> dict[str, ca.Function]:
+    """The rates of all states, and those that act on the motion, without the work to find the integrals along it.
 
-    Of maps nothing would be saved: there they are one function.
+    Both once more for the time in which no operator moves anything: without what they owe to σ̇ and σ̈.  Of maps
+    nothing would be saved.
     """
-    if not function.is_a("SXFunction"):
-        return {all_states: function, coupled_states: function}
-    arguments: Any = function.sx_in()
-    (rates,) = function.call(arguments)
-    motion = ca.Function(coupled_states, arguments, [rates[: coupled(model)]])
-    return {all_states: function, coupled_states: motion}
-
-
-def _at_rest(model: Model) -> ca.Function:
-    """The rates of the states while no operator moves anything: what they owe to σ̇ and σ̈ is not even multiplied by 0."""
-    function = model.derivatives
-    if not model.active or not function.is_a("SXFunction"):
-        return function
-    t, y, u, k = map(ca.SX, function.sx_in())
+    whole = model.derivatives
+    if not whole.is_a("SXFunction"):
+        return dict.fromkeys(("derivatives", "motion", "derivatives_at_rest", "motion_at_rest"), whole)
+    t, y, u, k = map(ca.SX, whole.sx_in())
+    (rates,) = whole.call([t, y, u, k], True, False)
+    motion = ca.Function("motion", [t, y, u, k], [rates[: coupled(model)]])
+    if not model.active:
+        return {"derivatives": whole, "motion": motion, "derivatives_at_rest": whole, "motion_at_rest": motion}
     moving = {name for of_coordinate in model.active for name in (of_coordinate.rate, of_coordinate.acceleration)}
+    offsets = [0, *accumulate(variable.count for variable in model.inputs)]
     still = ca.vertcat(
         *(
             ca.SX.zeros(variable.count) if variable.name in moving else numbers
-            for variable, numbers in zip(model.inputs, ca.vertsplit(u, _offsets(model.inputs)), strict=True)
+            for variable, numbers in zip(model.inputs, ca.vertsplit(u, offsets), strict=True)
         )
     )
-    (rates,) = function.call([t, y, still, k], True, False)
-    return ca.Function("derivatives_at_rest", [t, y, u, k], [ca.densify(ca.cse(rates))])
+    resting = ca.densify(ca.cse(whole.call([t, y, still, k], True, False)[0]))
+    return {
+        "derivatives": whole,
+        "motion": motion,
+        "derivatives_at_rest": ca.Function("derivatives_at_rest", [t, y, u, k], [resting]),
+        "motion_at_rest": ca.Function("motion_at_rest", [t, y, u, k], [resting[: coupled(model)]]),
+    }
 
 
 def _forward(model: Model) -> dict[str, ca.Function]:
@@ -192,11 +192,6 @@ def _blocks(model: Model, vector: str) -> list[int]:
     if vector in groups:
         return [variable.count for variable in groups[vector]]
     return [1] * (1 if vector == "t" else model.start.numel_out(1))
-
-
-def _offsets(variables: Sequence[Variable]) -> list[int]:
-    """Where each variable begins in a vector of all their numbers, and where the last one ends."""
-    return [0, *accumulate(variable.count for variable in variables)]
 
 
 def _fields(
