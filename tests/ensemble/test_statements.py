@@ -197,7 +197,8 @@ a, b, c, d, e, f = ca.vertsplit(X)
         ((a * ca.sin(d)) ** 2 + (a * ca.cos(d)) ** 2 - a**2 + e, e, 0),
         (c * (a * b - d * e) + f - (b * c) * a + (d * c) * e, f, 0),
         (a * ca.sin(d) ** 2 + b * ca.cos(d) ** 2, a * ca.sin(d) ** 2 + b * ca.cos(d) ** 2, 7),
-        (a * ca.sin(d) ** 2 + a * ca.cos(e) ** 2, a * ca.sin(d) ** 2 + a * ca.cos(e) ** 2, 7),
+        (a * ca.sin(d) ** 2 + a * ca.cos(e) ** 2, a * (ca.sin(d) ** 2 + ca.cos(e) ** 2), 6),
+        (-a * b * c - d * b * e - f * e * b, -b * (a * c + (d + f) * e), 6),
     ],
 )
 def test_what_is_left_of_derivatives(expression: ca.SX, shortest: ca.SX, left: int) -> None:
@@ -223,6 +224,21 @@ def test_what_is_known_late_comes_last() -> None:
     late = ca.exp(ca.exp(ca.exp(a)))
     assert height(b * (c * (d * late))) == height(late) + 1
     assert height(b - (c + (d - late))) == height(late) + 1
+
+
+def test_divisors_that_are_known_early_are_inverted() -> None:
+    """With y known last a division waits for it where a multiplication by a reciprocal would not."""
+    early, inverse = ca.vertsplit(ca.SX.sym("early", 2)), [ca.OP_INV, ca.OP_MUL]
+
+    def operations_of(expression: ca.SX, late: int | None) -> list[int]:
+        found = program([ca.vertcat(*early), Y], [expression], late=late)
+        codes = {operation: code for code, operation in OPERATIONS.items()}
+        return [codes[node.operation] for node in found.nodes if node.operation is not None]
+
+    assert operations_of(Y / early[0], late=1) == inverse
+    assert operations_of(Y / early[0], late=None) == [ca.OP_DIV]
+    assert operations_of(early[1] / early[0], late=1) == [ca.OP_DIV]
+    assert operations_of(early[1] / Y, late=1) == [ca.OP_DIV]
 
 
 @pytest.mark.parametrize("links", [10, 2000])

@@ -11,6 +11,9 @@ from liaisons.statements import OPERATIONS, c_parts
 _LONGEST = 1000
 """Operations in one function of C: for twice as many a compiler takes more than twice the time."""
 
+_STATES = 1
+"""Place among the arguments.  States come from the stage before; what else goes in has been there for long."""
+
 
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
     """Lines that define each function once, by its name, and how many numbers of work space they need.
@@ -49,6 +52,7 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
         [(result, f"results[{i}][{{}}]") for i, result in enumerate(results)],
         kept="reals[{}]",
         most=_LONGEST,
+        late=_STATES,
     )
     if len(parts) == 1:
         return _define(function.name(), parts[0]), 0

@@ -32,16 +32,19 @@ def c_parts(
     *,
     kept: str,
     most: int,
+    late: int | None = None,
     temporary: str = "a",
 ) -> tuple[list[list[str]], int]:
     """The same in parts that can be functions of their own: compilers take more than twice the time for twice as many.
 
     :param kept: how a number is written and read that a later part needs: ``"w[{}]"``.
     :param most: operations in a part.
+    :param late: as in :func:`program`.
     :returns: lines of each part, at least one, and how many numbers are kept.  An output is written by the part that
         knows it, so with several parts it must lie elsewhere than the inputs.
     """
-    found = program([symbols for symbols, _ in inputs], [expressions for expressions, _ in outputs], reciprocals=True)
+    symbols, expressions = [column for column, _ in inputs], [column for column, _ in outputs]
+    found = program(symbols, expressions, reciprocals=True, late=late)
     calculated = [number for number, node in enumerate(found.nodes) if node.operation is not None]
     count = max(1, -(-len(calculated) // most))
     part_of = {number: i * count // len(calculated) for i, number in enumerate(calculated)}

@@ -17,6 +17,8 @@ from liaisons.statements.nodes import Node, Scaled
 from liaisons.statements.operations import OPERATIONS
 from liaisons.statements.rewriting import Builder
 
+_PASSES = 2  # what was used twice may be used once when factors have been put in front of sums
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -56,10 +58,13 @@ class Program:
         return found
 
 
-def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False) -> Program:
+def program(
+    inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: bool = False, late: int | None = None
+) -> Program:
     """The operations that lead from columns of symbols to columns of expressions.
 
     :param reciprocals: whether what divides more than one number is inverted once, and these are multiplied by it.
+    :param late: the input that is known last, when all that depends on others alone has been calculated.
     :raises ComponentError: for an operation that has no counterpart in C, such as a call of another function.
     """
     function = ca.Function("statements", list(inputs), [ca.densify(ca.SX(expression)) for expression in outputs])
@@ -87,8 +92,10 @@ def program(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], *, reciprocals: b
     short = _pruned(builder.nodes, [[builder.node(number) for number in entries] for entries in found])
     if reciprocals:
         short = _with_reciprocals(short)
-    fast = Reordering(short.nodes, short.outputs)
-    return _pruned(fast.nodes, fast.outputs)
+    for _ in range(_PASSES):
+        fast = Reordering(short.nodes, short.outputs, late)
+        short = _pruned(fast.nodes, fast.outputs)
+    return short
 
 
 def _with_reciprocals(found: Program) -> Program:

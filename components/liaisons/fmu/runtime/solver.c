@@ -55,8 +55,9 @@ static const double SMALLEST = 1e-13;
 
 #define FOR_EACH(i) for (size_t i = 0; i < n; i++)
 
-#define STAGE(s, rates, sum)                                           \
-    for (size_t i = 0; i < p->coupled; i++) x[i] = y[i] + h * (sum); \
+/* The rates k_s.  What the stage before found comes last in the sum: the next one waits for as little as may be. */
+#define STAGE(s, rates, earlier, before)                                                                     \
+    for (size_t i = 0; i < p->coupled; i++) x[i] = (y[i] + h * (earlier)) + (h * a_##s##_##before) * k##before[i]; \
     if (p->rates(p->context, t + c_##s * h, x, k##s) == STOP) return STOP
 
 /* All stages but the first, which is in k1 already; then sum = the increment of order 8 divided by h, and
@@ -68,20 +69,17 @@ static Signal stages(const Problem *p, double t, double h, const double *y, doub
 
     memcpy(x, y, n * sizeof *x);
     /* The first stages have no weight in the sums at the end. */
-    STAGE(2, coupled_rates, a_2_1 * k1[i]);
-    STAGE(3, coupled_rates, a_3_1 * k1[i] + a_3_2 * k2[i]);
-    STAGE(4, coupled_rates, a_4_1 * k1[i] + a_4_3 * k3[i]);
-    STAGE(5, coupled_rates, a_5_1 * k1[i] + a_5_3 * k3[i] + a_5_4 * k4[i]);
-    STAGE(6, rates, a_6_1 * k1[i] + a_6_4 * k4[i] + a_6_5 * k5[i]);
-    STAGE(7, rates, a_7_1 * k1[i] + a_7_4 * k4[i] + a_7_5 * k5[i] + a_7_6 * k6[i]);
-    STAGE(8, rates, a_8_1 * k1[i] + a_8_4 * k4[i] + a_8_5 * k5[i] + a_8_6 * k6[i] + a_8_7 * k7[i]);
-    STAGE(9, rates, a_9_1 * k1[i] + a_9_4 * k4[i] + a_9_5 * k5[i] + a_9_6 * k6[i] + a_9_7 * k7[i] + a_9_8 * k8[i]);
-    STAGE(10, rates, a_10_1 * k1[i] + a_10_4 * k4[i] + a_10_5 * k5[i] + a_10_6 * k6[i] + a_10_7 * k7[i] + a_10_8 * k8[i]
-              + a_10_9 * k9[i]);
-    STAGE(11, rates, a_11_1 * k1[i] + a_11_4 * k4[i] + a_11_5 * k5[i] + a_11_6 * k6[i] + a_11_7 * k7[i] + a_11_8 * k8[i]
-              + a_11_9 * k9[i] + a_11_10 * k10[i]);
-    STAGE(12, rates, a_12_1 * k1[i] + a_12_4 * k4[i] + a_12_5 * k5[i] + a_12_6 * k6[i] + a_12_7 * k7[i] + a_12_8 * k8[i]
-              + a_12_9 * k9[i] + a_12_10 * k10[i] + a_12_11 * k11[i]);
+    STAGE(2, coupled_rates, 0, 1);
+    STAGE(3, coupled_rates, a_3_1 * k1[i], 2);
+    STAGE(4, coupled_rates, a_4_1 * k1[i], 3);
+    STAGE(5, coupled_rates, a_5_1 * k1[i] + a_5_3 * k3[i], 4);
+    STAGE(6, rates, a_6_1 * k1[i] + a_6_4 * k4[i], 5);
+    STAGE(7, rates, a_7_1 * k1[i] + a_7_4 * k4[i] + a_7_5 * k5[i], 6);
+    STAGE(8, rates, a_8_1 * k1[i] + a_8_4 * k4[i] + a_8_5 * k5[i] + a_8_6 * k6[i], 7);
+    STAGE(9, rates, a_9_1 * k1[i] + a_9_4 * k4[i] + a_9_5 * k5[i] + a_9_6 * k6[i] + a_9_7 * k7[i], 8);
+    STAGE(10, rates, a_10_1 * k1[i] + a_10_4 * k4[i] + a_10_5 * k5[i] + a_10_6 * k6[i] + a_10_7 * k7[i] + a_10_8 * k8[i], 9);
+    STAGE(11, rates, a_11_1 * k1[i] + a_11_4 * k4[i] + a_11_5 * k5[i] + a_11_6 * k6[i] + a_11_7 * k7[i] + a_11_8 * k8[i] + a_11_9 * k9[i], 10);
+    STAGE(12, rates, a_12_1 * k1[i] + a_12_4 * k4[i] + a_12_5 * k5[i] + a_12_6 * k6[i] + a_12_7 * k7[i] + a_12_8 * k8[i] + a_12_9 * k9[i] + a_12_10 * k10[i], 11);
 
     double fifth = 0, third = 0;
     FOR_EACH(i) {
