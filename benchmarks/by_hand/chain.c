@@ -63,7 +63,7 @@ static int trigonometry(const double **argument, double **result) {
 }
 
 static int generated(const double **argument, double **result) {
-    return model.derivatives(argument, result, NULL, work, 0);
+    return model.motions[ACTIVITIES - 1].all(argument, result, NULL, work, 0);
 }
 
 /* Parameters as they start, small forces, and a state that is not at rest; 0 when memory runs out. */

@@ -18,17 +18,18 @@ static void tell(void *owner, Status status, const char *text) {
     (void)text;
 }
 
-/* Counted when asked for: that takes time. */
-#define COUNTED(function)                                                                                         \
-    static int counted_##function(const double **arguments, double **results, long long *i, double *w, int memory) { \
-        evaluated++;                                                                                              \
-        return model.function(arguments, results, i, w, memory);                                                  \
-    }
+static const Motion *whole = &model.motions[ACTIVITIES - 1];
 
-COUNTED(derivatives)
-COUNTED(motion)
-COUNTED(derivatives_at_rest)
-COUNTED(motion_at_rest)
+/* Counted when asked for: that takes time. */
+static int counted_all(const double **arguments, double **results, long long *i, double *w, int memory) {
+    evaluated++;
+    return whole->all(arguments, results, i, w, memory);
+}
+
+static int counted_coupled(const double **arguments, double **results, long long *i, double *w, int memory) {
+    evaluated++;
+    return whole->coupled(arguments, results, i, w, memory);
+}
 
 /* Values of parameters and inputs, in the order of the places; from them start and sizes of the states. */
 void begin(const double *values, double *y, double *size) {
@@ -52,7 +53,7 @@ void rates(void *context, double t, const double y[], double f[]) {
         moving[at->value] = u[at->value] + t * (u[at->rate] + t / 2 * u[at->acceleration]);
     in[0] = &t, in[1] = y, in[2] = moving, in[3] = k;
     out[0] = f;
-    model.derivatives(in, out, integers, reals, 0);
+    whole->all(in, out, integers, reals, 0);
 }
 
 static Model counted;
@@ -65,10 +66,7 @@ Instance *component_open(double tolerance, int symplectic_steps, int counting) {
     unsigned references[ROOM];
     double values[ROOM];
     counted = model;
-    counted.derivatives = counted_derivatives;
-    counted.motion = counted_motion;
-    counted.derivatives_at_rest = counted_derivatives_at_rest;
-    counted.motion_at_rest = counted_motion_at_rest;
+    for (int i = 0; i < ACTIVITIES; i++) counted.motions[i] = (Motion){counted_all, counted_coupled};
     if (counting) evaluated = 0;
     Instance *instance = core_new(counting ? &counted : &model, &options);
     Status status = core_setup(instance, 0, tolerance);

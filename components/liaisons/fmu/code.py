@@ -18,8 +18,9 @@ from liaisons.fmu.dependencies import coupled, shown_states
 from liaisons.fmu.description import sources
 from liaisons.fmu.functions import function_code
 from liaisons.fmu.layout import TIME, Fmi, places, scalars
-from liaisons.fmu.loops import PREAMBLE, Code, loop_functions
+from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
+from liaisons.mechanics.algebra import stack
 from liaisons.mechanics.model import Model, Variable
 
 _FMI_HEADERS = {
@@ -27,6 +28,9 @@ _FMI_HEADERS = {
     "3": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
 _MOST = 11  # arguments: those of calculate_forward
+_MOTION = ("derivatives", "motion")
+_LOADS, _MOVES = 1, 2  # what inputs do that are not 0: act, say as forces, or move a coordinate of an operator's
+_ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
 _HEADERS = ("core.h", "face.h", "instance.h", "solver.h", "symplectic.h")
 
 
@@ -51,11 +55,23 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
     """``model.c``: the functions, then the tables that core.h declares."""
     adjoint = fmi == "3"  # where adjoint derivatives can be asked for
     loops = loop_functions(model.programs, coupled(model), adjoint=adjoint) if model.programs else {}
-    functions = {"distances": model.conditions, "instants": model.events}
-    if not loops:
-        functions |= _functions(model, adjoint=adjoint)
-    code, reals = function_code(functions.values())
-    reals = max([reals, *(loop.reals for loop in loops.values())])
+    rates = [] if loops else _rates(model)
+    members = {"distances": model.conditions, "instants": model.events}
+    members |= {} if loops else _functions(model, adjoint=adjoint)
+    functions = [*members.values(), *(function for pair in rates for function in pair)]
+    code, reals = function_code(functions)
+    pairs = [(every.name(), some.name()) for every, some in rates] or [_MOTION] * len(_ACTIVITIES)
+    fields = {
+        **_fields(model, guid),
+        "coupled": str(rates[-1][1].numel_out(0) if rates else coupled(model)),
+        "most_arguments": str(max([_MOST, *(function.sz_arg() for function in functions)])),
+        "most_results": str(max([_MOST, *(function.sz_res() for function in functions)])),
+        "integers": str(max(function.sz_iw() for function in functions)),
+        "reals": str(max([reals, *(loop.reals for loop in loops.values())])),
+        "motions": _row(*(_row(*pair) for pair in pairs)),
+        **{name: function.name() for name, function in members.items()},
+        **{name: name for name in loops if name not in _MOTION},
+    }
     return "\n".join(
         [
             f"/* {model.name}: functions generated from its equations, and tables. */",
@@ -70,7 +86,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
             *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
             *_tables(model),
             "const Model model = {",
-            *(f"    .{name} = {value}," for name, value in _fields(model, guid, functions, loops, reals).items()),
+            *(f"    .{name} = {value}," for name, value in fields.items()),
             "};",
             "",
         ]
@@ -81,7 +97,6 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Those that are derived as expressions, by the names of core.h."""
     functions = {
         "start": model.start,
-        **_rates(model),
         "calculate": model.outputs_function,
         "jump": model.jump,
         "remember": model.remember,
@@ -92,35 +107,34 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     return functions | _forward(model) | (_reverse(model) if adjoint else {})
 
 
-def _rates(model: Model) -> dict[str, ca.Function]:
-    """The rates of all states, and those that act on the motion, without the work to find the integrals along it.
+def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
+    """Rates of all states, and of those that act on the motion without the work to find the integrals along it.
 
-    Both once more for the time in which no operator moves anything: without what they owe to σ̇ and σ̈.  Of maps
-    nothing would be saved.
+    For each of the :data:`_ACTIVITIES`, without what is owed to inputs that are 0 then.  Of maps they are all one.
     """
     whole = model.derivatives
     if not whole.is_a("SXFunction"):
-        return dict.fromkeys(("derivatives", "motion", "derivatives_at_rest", "motion_at_rest"), whole)
+        return [(whole, whole)] * len(_ACTIVITIES)
     t, y, u, k = map(ca.SX, whole.sx_in())
-    (rates,) = whole.call([t, y, u, k], True, False)
-    motion = ca.Function("motion", [t, y, u, k], [rates[: coupled(model)]])
-    if not model.active:
-        return {"derivatives": whole, "motion": motion, "derivatives_at_rest": whole, "motion_at_rest": motion}
-    moving = {name for of_coordinate in model.active for name in (of_coordinate.rate, of_coordinate.acceleration)}
-    offsets = [0, *accumulate(variable.count for variable in model.inputs)]
-    still = ca.vertcat(
-        *(
-            ca.SX.zeros(variable.count) if variable.name in moving else numbers
-            for variable, numbers in zip(model.inputs, ca.vertsplit(u, offsets), strict=True)
-        )
-    )
-    resting = ca.densify(ca.cse(whole.call([t, y, still, k], True, False)[0]))
-    return {
-        "derivatives": whole,
-        "motion": motion,
-        "derivatives_at_rest": ca.Function("derivatives_at_rest", [t, y, u, k], [resting]),
-        "motion_at_rest": ca.Function("motion_at_rest", [t, y, u, k], [resting[: coupled(model)]]),
-    }
+    does = [number for variable in model.inputs for number in [_activity(model, variable)] * variable.count]
+    count, pairs = coupled(model), []
+    found: dict[tuple[bool, ...], tuple[ca.Function, ca.Function]] = {}
+    for activity, suffix in reversed(_ACTIVITIES.items()):
+        zero = tuple(bool(number & ~activity) for number in does)
+        if zero not in found:
+            given = stack(ca.SX(0) if is_zero else u[i] for i, is_zero in enumerate(zero))
+            rates = ca.densify(ca.cse(whole.call([t, y, given, k], True, False)[0]))
+            every = ca.Function(f"derivatives{suffix}", [t, y, u, k], [rates])
+            found[zero] = every, ca.Function(f"motion{suffix}", [t, y, u, k], [rates[:count]])
+        pairs.append(found[zero])
+    return pairs[::-1]
+
+
+def _activity(model: Model, variable: Variable) -> int:
+    """What an input does that is not 0."""
+    if any(variable.name in (of_coordinate.rate, of_coordinate.acceleration) for of_coordinate in model.active):
+        return _MOVES
+    return 0 if any(variable.name == of_coordinate.value for of_coordinate in model.active) else _LOADS
 
 
 def _forward(model: Model) -> dict[str, ca.Function]:
@@ -194,16 +208,13 @@ def _blocks(model: Model, vector: str) -> list[int]:
     return [1] * (1 if vector == "t" else model.start.numel_out(1))
 
 
-def _fields(
-    model: Model, guid: str, functions: dict[str, ca.Function], loops: dict[str, Code], reals: int
-) -> dict[str, str]:
-    """Members of the struct Model."""
+def _fields(model: Model, guid: str) -> dict[str, str]:
+    """Members of the struct Model: texts, numbers and tables."""
     numbers = {
         "parameters": sum(variable.count for variable in model.parameters),
         "inputs": sum(variable.count for variable in model.inputs),
         "outputs": sum(variable.count for variable in model.outputs),
         "states": model.start.numel_out(0),
-        "coupled": functions["motion"].numel_out(0) if "motion" in functions else coupled(model),
         "memory": model.start.numel_out(1),
         "events": model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,
@@ -213,10 +224,6 @@ def _fields(
         "active_rows": len(model.active),
         "state_rows": len(model.states),
         "dimension_rows": len(model.dimensions),
-        "most_arguments": max([_MOST, *(f.sz_arg() for f in functions.values())]),
-        "most_results": max([_MOST, *(f.sz_res() for f in functions.values())]),
-        "integers": max(f.sz_iw() for f in functions.values()),
-        "reals": reals,
     }
     tables = ("variables", "starts", "active", "state", "dimensions", "condition_texts")
     return {
@@ -225,9 +232,6 @@ def _fields(
         "tolerance": _number(model.experiment.tolerance),
         **{name: str(number) for name, number in numbers.items()},
         **{name: name for name in tables},
-        **{name: function.name() for name, function in functions.items()},
-        **{name: name for name in loops},
-        **({"derivatives_at_rest": "derivatives", "motion_at_rest": "motion"} if loops else {}),
     }
 
 
@@ -272,13 +276,14 @@ def _variables(model: Model) -> list[str]:
             kinds.get(variable.causality, "CALCULATED").format(variable.variability.upper()),
             where[variable.name].start,
             str(state_places.get(variable.name, "NO_STATE")),
+            _activity(model, variable) if variable.causality == "input" else 0,
         )
         for variable in model.variables
     ]
-    return [*rows, _variable(TIME, "INDEPENDENT", scalars(model), "NO_STATE")]
+    return [*rows, _variable(TIME, "INDEPENDENT", scalars(model), "NO_STATE", 0)]
 
 
-def _variable(variable: Variable, kind: str, first: int, state: str) -> str:
+def _variable(variable: Variable, kind: str, first: int, state: str, activity: int) -> str:
     return _row(
         _string(variable.name),
         kind,
@@ -286,6 +291,7 @@ def _variable(variable: Variable, kind: str, first: int, state: str) -> str:
         str(variable.count),
         str(int(variable.dimension is not None)),
         state,
+        str(activity),
         _number(_common_start(variable)),
         _number(-math.inf if variable.minimum is None else variable.minimum),
         _number(math.inf if variable.maximum is None else variable.maximum),

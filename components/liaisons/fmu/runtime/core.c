@@ -578,7 +578,7 @@ void core_get_states(Instance *self, double y[]) {
 Status core_get_derivatives(Instance *self, double f[]) {
     const double t = self->s->time;
     start(self);
-    evaluate(self, self->model->derivatives, t, self->y, self->dy);
+    evaluate(self, derivatives_of(self->model), t, self->y, self->dy);
     if (!core_check_domains(self, t) || !core_check_conditions(self, t, self->y, self->model->conditions)
         || !core_check_finite(self, self->dy, 1, t))
         return core_report(self, DISCARD, "%s", self->text);

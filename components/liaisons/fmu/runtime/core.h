@@ -19,12 +19,20 @@ typedef enum { FIXED_PARAMETER, TUNABLE_PARAMETER, INPUT, CALCULATED, INDEPENDEN
 
 enum { NO_STATE = -1 };
 
+/* What inputs do that are not 0: they act, say as forces, or they move a coordinate that an operator prescribes. */
+enum { LOADS = 1, MOVES = 2, ACTIVITIES = 4 };
+
+typedef struct { /* (t, y, u, k) -> dy/dt, of all states, and of the coupled ones only */
+    Function *all, *coupled;
+} Motion;
+
 typedef struct { /* a number, or an array of numbers */
     const char *name;
     Kind kind;
     size_t first, count; /* its places */
     int array;           /* its numbers have an index: name[1], name[2], ... */
     long state;          /* place of its first number among the states, or NO_STATE */
+    int activity;        /* of an input that is not 0: LOADS, MOVES or nothing */
     double start, minimum, maximum;
     int strict;         /* the bounds themselves are forbidden too */
     const char *domain; /* the allowed values in words; empty: all finite numbers */
@@ -61,17 +69,15 @@ typedef struct {
     const State *state;
     const Dimension *dimensions;
     const char *const *condition_texts;
-    Function *start;       /* (t, u, k) -> (y, m) */
-    Function *derivatives; /* (t, y, u, k) -> dy/dt */
-    Function *motion;      /* likewise -> of the coupled states only, or of all */
-    Function *derivatives_at_rest, *motion_at_rest; /* the same where rates and accelerations of active inputs are 0 */
-    Function *calculate;   /* (t, y, u, k, m) -> z */
-    Function *jump;        /* (t, y, u, k, m) -> y */
-    Function *remember;    /* (t, y, u, k, m) -> m */
-    Function *nominals;    /* (t, y, u, k) -> sizes of y */
-    Function *project;     /* (t, y, u, k) -> y put back onto the constraints after a step of the solver; or NULL */
-    Function *distances;   /* (t, y, u, k) -> how far each condition is from failing: must stay > 0 */
-    Function *instants;    /* (k) -> when the component is not smooth */
+    Function *start;         /* (t, u, k) -> (y, m) */
+    Motion motions[ACTIVITIES]; /* by what inputs do; the last ones are always right, the others are shorter */
+    Function *calculate;     /* (t, y, u, k, m) -> z */
+    Function *jump;          /* (t, y, u, k, m) -> y */
+    Function *remember;      /* (t, y, u, k, m) -> m */
+    Function *nominals;      /* (t, y, u, k) -> sizes of y */
+    Function *project;       /* (t, y, u, k) -> y put back onto the constraints after a step of the solver; or NULL */
+    Function *distances;     /* (t, y, u, k) -> how far each condition is from failing: must stay > 0 */
+    Function *instants;      /* (k) -> when the component is not smooth */
     /* directional derivatives: arguments, results, directions -> derivatives of the results */
     Function *start_forward, *calculate_forward, *remember_forward;
     /* adjoint derivatives: arguments, results, weights of the results -> derivatives of the weighted sum; or NULL */

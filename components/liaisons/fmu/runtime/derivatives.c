@@ -178,7 +178,7 @@ Status core_output_derivatives(Instance *self, const unsigned references[], size
     }
     clear(self);
     self->dt = 1;
-    evaluate(self, model->derivatives, self->s->time, self->y, self->dy);
+    evaluate(self, derivatives_of(model), self->s->time, self->y, self->dy);
     for (size_t i = 0; i < model->active_rows && self->s->reconstruction != HOLD; i++) {
         const Active *active = &model->active[i];
         memcpy(&self->du[active->value], &self->u[active->rate], active->count * sizeof *self->du);

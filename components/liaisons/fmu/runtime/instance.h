@@ -56,7 +56,7 @@ struct Instance {
     double step_start, step_size;
     double reach;  /* how far the present step leads: its size, or less */
     int returning; /* the importer has just shortened it */
-    Function *derivatives, *motion; /* of the present step */
+    const Motion *motion; /* of the present step */
     Mover *movers;
     size_t moving, *mover_of; /* number of movers; place of an input among them */
     double *given;            /* of inputs at ORDER times inside the step; those of one input side by side */
@@ -132,6 +132,9 @@ static inline int evaluate_now(Instance *self, Function *function, const double 
     self->results[0] = result;
     return function(self->arguments, self->results, self->integers, self->reals, 0);
 }
+
+/* dy/dt of all states, whatever the inputs do. */
+static inline Function *derivatives_of(const Model *model) { return model->motions[ACTIVITIES - 1].all; }
 
 int core_evaluate_at_limit(Instance *self, Function *function, const double *y, double *result);
 

@@ -49,7 +49,7 @@ static const double
     e_9 = -0.35032884874997366, e_10 = 0.3341791187130175, e_11 = 0.08192320648511571, e_12 = -0.022355307863886294;
 
 /* Step sizes change by these factors at most; SAFETY keeps most steps from being rejected. */
-static const double SHRINK = 0.2, GROW = 6.0, SAFETY = 0.9;
+static const double SHRINK = 0.2, GROW = 6.0, SAFETY = 0.85;
 /* A step below this fraction of the interval gets nowhere. */
 static const double SMALLEST = 1e-13;
 

@@ -108,14 +108,16 @@ static void reconstruct(Instance *self, double H) {
     }
 }
 
-/* Whether no operator moves anything in this step. */
-static int at_rest(const Instance *self) {
+/* What the inputs do in this step. */
+static int activity(const Instance *self) {
     const Model *model = self->model;
-    if (self->moving > 0) return 0;
-    for (const Active *at = model->active; at < model->active + model->active_rows; at++)
-        for (size_t i = 0; i < at->count; i++)
-            if (self->u[at->rate + i] != 0 || self->u[at->acceleration + i] != 0) return 0;
-    return 1;
+    const size_t first = model->parameters, end = first + model->inputs;
+    int found = model->motions[0].all == derivatives_of(model) ? ACTIVITIES - 1 : 0; /* where nothing would be saved */
+    for (size_t i = 0; i < self->moving; i++) found |= self->movers[i].variable->activity;
+    for (const Variable *input = core_variable_at(model, first); found < ACTIVITIES - 1 && input->first < end; input++)
+        for (size_t i = 0; i < input->count; i++)
+            if (self->u[input->first - first + i] != 0) found |= input->activity;
+    return found;
 }
 
 /* The powers 1 to 5 of a polynomial that is 0 at 0, from its values at 1/5, 2/5 ... 1. */
@@ -178,12 +180,12 @@ static int move_inputs(Instance *self, double t) {
 
 static Signal rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    return (Signal)evaluate(self, self->derivatives, self->step_start + t, y, f);
+    return (Signal)evaluate(self, self->motion->all, self->step_start + t, y, f);
 }
 
 static Signal coupled_rates(void *context, double t, const double y[], double f[]) {
     Instance *self = context;
-    return (Signal)evaluate(self, self->motion, self->step_start + t, y, f);
+    return (Signal)evaluate(self, self->motion->coupled, self->step_start + t, y, f);
 }
 
 /* The same where inputs move. */
@@ -228,7 +230,7 @@ static int explain_stuck(Instance *self, double t) {
     const Model *model = self->model;
     const double time = self->step_start + t;
     if (!move_inputs(self, t)) return 0;
-    evaluate(self, model->derivatives, time, self->y, self->dy);
+    evaluate(self, derivatives_of(model), time, self->y, self->dy);
     if (!core_check_finite(self, self->dy, 1, time)) return 0;
     if (model->conditions > 0) evaluate(self, model->distances, time, self->y, self->condition);
     for (size_t i = 0; i < model->conditions; i++)
@@ -312,9 +314,7 @@ static int advance(Instance *self, double time, double size) {
     if (self->s->jumped) core_jump(self);
     reconstruct(self, size);
     if (self->options.ask != NULL) ask(self, time, size);
-    const int resting = at_rest(self);
-    self->derivatives = resting ? self->model->derivatives_at_rest : self->model->derivatives;
-    self->motion = resting ? self->model->motion_at_rest : self->model->motion;
+    self->motion = &self->model->motions[activity(self)];
     if (!core_check_conditions(self, time, self->y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
     if (interpolating && self->reach == size)
