@@ -47,6 +47,22 @@ def test_forces_are_interpolated_linearly(pendulum_library) -> None:
     assert instance["p_theta"] == pytest.approx(0.5, rel=1e-14)
 
 
+def test_a_force_that_is_0_at_first_acts_within_the_step(pendulum_library) -> None:
+    instance = pendulum_library.start(gravity=0.0, theta_0=0.0, input_reconstruction=INTERPOLATE)
+    assert instance.set(theta_force=2.0) == OK
+    assert instance.step(0.0, 0.5) == OK
+    assert instance["p_theta"] == pytest.approx(0.5, rel=1e-14)  # exact up to rounding
+
+
+def test_an_operator_that_rests_at_first_works_within_the_step(pendulum_library) -> None:
+    """Weightless: the momentum stays, and pulled in to 0.8 m it has 1/0.8² times the energy."""
+    instance = pendulum_library.start(gravity=0.0, theta_dot_0=1.0, input_reconstruction=INTERPOLATE, tolerance=1e-10)
+    energy = instance["energy"]
+    assert instance.set(length=0.8) == OK
+    assert instance.step(0.0, 0.5) == OK
+    assert instance["work"] == pytest.approx(energy * (1 / 0.8**2 - 1), abs=1e-9)  # ten times the tolerance
+
+
 @pytest.mark.parametrize(("mode", "order"), [(HOLD, 1), (EXTRAPOLATE, 3)])
 def test_order_of_the_other_modes(pendulum_library, mode, order) -> None:
     sizes = np.array([0.1, 0.05, 0.025])
