@@ -75,11 +75,10 @@ def test_native_and_python_back_end_move_alike(component, fmu) -> None:
 
 @pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
 def test_inputs_that_do_nothing_are_ones_that_do_hardly_anything(component, fmu) -> None:
-    """Equations without loads, or without σ̇ and σ̈, hold while these are 0; with 1e-290, too small for any sum, the
-    whole ones do."""
+    """While loads, or σ̇ and σ̈, are 0 shorter equations hold; with 1e-290, too small for any sum, the whole ones."""
     start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
-    moving = {f"{s.name}_{of}": 1e-290 for s in component.actives for of in ("dot", "ddot")}
-    loads = {f"{q.name}_load": 1e-290 for q in component.coordinates}
+    moving: dict[str, Any] = {f"{s.name}_{of}": 1e-290 for s in component.actives for of in ("dot", "ddot")}
+    loads: dict[str, Any] = {f"{q.name}_load": 1e-290 for q in component.coordinates}
     free, *others = (
         simulate(fmu(component), stop_time=2.0, step_size=0.1, input_reconstruction=HOLD, **start, **more)
         for more in ({}, moving, loads, moving | loads)
