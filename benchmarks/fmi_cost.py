@@ -3,10 +3,13 @@
     python benchmarks/fmi_cost.py [--quick]
 
 Called from C (``by_hand/cost.c``, processor time): a communication step beside ``by_hand/pendulum.c`` with the same
-solver and the same flags, so that the ratio is that of the code for the equations and of all that an FMU checks; FMI
-3.0 beside FMI 2.0; reading all outputs and writing all inputs in one call beside ``by_hand/nothing.c``, whose call is
-a memcpy that looks at no reference, or a loop over the references without any check; an instance that is made,
-initialized and freed.  Called through FMPy: a step beside that of the FMU that does nothing.
+solver and the same flags, so that the ratio is that of the code for the equations and of all that an FMU checks.  Ours
+leaves out what loads of 0 and operators at rest would add, which the hand-written one does not: "loaded" is a step with
+loads, "moved" one with loads and moving operators, all of them too small to change anything (the operators' inputs are
+followed inside the step, too, which is not done by hand at all).  FMI 3.0 beside FMI 2.0; reading all outputs and
+writing all inputs in one call beside ``by_hand/nothing.c``, whose call is a memcpy that looks at no reference, or a
+loop over the references without any check; an instance that is made, initialized and freed.  Called through FMPy: a
+step beside that of the FMU that does nothing.
 """
 
 from __future__ import annotations
@@ -51,6 +54,17 @@ class Bench:
 
     def fmu(self, version: str, operation: str, n: int, *size: float) -> Timer:
         return self._timer(self.fmus[version].library, self.fmus[version].plan, operation, n, *size)
+
+    def acted_on(self, version: str, n: int, size: float, *endings: str) -> Timer:
+        """Steps in which inputs whose names end like this are not 0, but too small for any sum."""
+        trial = self.fmus[version]
+        inputs = [v for v in trial.description.modelVariables if v.causality == "input" and v.name.endswith(endings)]
+        places = " ".join(f"{variable.valueReference} 1" for variable in inputs)
+        group = f"input {len(inputs)} {len(inputs)} {places}{' 1e-290' * len(inputs)}"
+        lines = trial.plan.read_text().splitlines()
+        plan = trial.plan.with_name("_".join(["plan", *endings]))
+        plan.write_text("\n".join(group if line.startswith("input ") else line for line in lines) + "\n")
+        return self._timer(trial.library, plan, "acted_on", n, size)
 
     def hand(self, name: str, operation: str, n: int, *size: float) -> Timer:
         # The hand-written ones take no notice of references, so they may have the plan of the generated one.
@@ -109,6 +123,10 @@ def _steps(bench: Bench) -> list[Row]:
         by_hand = bench.hand("pendulum", "step", n, size)
         topic, case = "A step, called from C", f"step of {size:g} s"
         rows += bench.compare(topic, f"{case}, FMI 2", two, {"C by hand": by_hand}, ASKED)
+        loaded = bench.acted_on("2", n, size, "_load")
+        moved = bench.acted_on("2", n, size, "_load", "_dot", "_ddot")
+        rows += bench.compare(topic, f"{case}, loaded, FMI 2", loaded, {"C by hand": by_hand}, ASKED)
+        rows += bench.compare(topic, f"{case}, moved, FMI 2", moved, {"C by hand": by_hand}, "")
         rows += bench.compare(topic, f"{case}, FMI 3", three, {"FMI 2": two}, ASKED)
     return rows
 

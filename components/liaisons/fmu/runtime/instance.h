@@ -12,6 +12,7 @@ enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inp
 typedef struct { /* an input that moves inside a step */
     size_t place;
     const Variable *variable;
+    int degree;
     double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
 } Mover;
 

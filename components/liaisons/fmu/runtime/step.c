@@ -108,6 +108,18 @@ static void reconstruct(Instance *self, double H) {
     }
 }
 
+/* Find the degrees of the polynomials, and leave out those of inputs that do not move after all. */
+static void settle_movers(Instance *self) {
+    size_t kept = 0;
+    for (size_t i = 0; i < self->moving; i++) {
+        Mover mover = self->movers[i];
+        mover.degree = ORDER;
+        while (mover.degree > 0 && mover.c[mover.degree] == 0) mover.degree--;
+        if (mover.degree > 0) self->movers[kept++] = mover;
+    }
+    self->moving = kept;
+}
+
 /* What the inputs do in this step. */
 static int activity(const Instance *self) {
     const Model *model = self->model;
@@ -167,8 +179,8 @@ static void ask(Instance *self, double time, double H) {
 static int move_inputs(Instance *self, double t) {
     const double x = t / self->step_size;
     for (const Mover *mover = self->movers; mover < self->movers + self->moving; mover++) {
-        const double *c = mover->c;
-        const double value = c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))));
+        double value = mover->c[mover->degree];
+        for (int j = mover->degree - 1; j >= 0; j--) value = mover->c[j] + x * value;
         self->u[mover->place] = value;
         if (!allows(mover->variable, value))
             return core_outside(self, self->model->parameters + mover->place, value, self->step_start + t);
@@ -314,6 +326,7 @@ static int advance(Instance *self, double time, double size) {
     if (self->s->jumped) core_jump(self);
     reconstruct(self, size);
     if (self->options.ask != NULL) ask(self, time, size);
+    settle_movers(self);
     self->motion = &self->model->motions[activity(self)];
     if (!core_check_conditions(self, time, self->y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
