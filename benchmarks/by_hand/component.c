@@ -18,26 +18,32 @@ static void tell(void *owner, Status status, const char *text) {
     (void)text;
 }
 
-static const Motion *whole = &model.motions[ACTIVITIES - 1];
+static const Motion *motion = &model.motions[ACTIVITIES - 1];
 
 /* Counted when asked for: that takes time. */
 static int counted_all(const double **arguments, double **results, long long *i, double *w, int memory) {
     evaluated++;
-    return whole->all(arguments, results, i, w, memory);
+    return motion->all(arguments, results, i, w, memory);
 }
 
 static int counted_coupled(const double **arguments, double **results, long long *i, double *w, int memory) {
     evaluated++;
-    return whole->coupled(arguments, results, i, w, memory);
+    return motion->coupled(arguments, results, i, w, memory);
 }
 
-/* Values of parameters and inputs, in the order of the places; from them start and sizes of the states. */
+/* Values of parameters and inputs, in the order of the places; from them start and sizes of the states, and which of the
+ * right-hand sides the FMU takes. */
 void begin(const double *values, double *y, double *size) {
     const double zero = 0;
     double m[ROOM];
     memcpy(k, values, model.parameters * sizeof *k);
     memcpy(u, values + model.parameters, model.inputs * sizeof *u);
     memcpy(moving, u, model.inputs * sizeof *u);
+    int activity = 0;
+    for (const Variable *input = model.variables; input->first < model.parameters + model.inputs; input++)
+        for (size_t i = 0; i < input->count && input->kind == INPUT; i++)
+            if (u[input->first - model.parameters + i] != 0) activity |= input->activity;
+    motion = &model.motions[activity];
     in[0] = &zero, in[1] = u, in[2] = k;
     out[0] = y, out[1] = m;
     model.start(in, out, integers, reals, 0);
@@ -46,14 +52,14 @@ void begin(const double *values, double *y, double *size) {
     model.nominals(in, out, integers, reals, 0);
 }
 
-/* Coordinates that an operator moves go on as they do at the start. */
+/* As the FMU finds them.  Coordinates that an operator moves go on as they do at the start. */
 void rates(void *context, double t, const double y[], double f[]) {
     (void)context;
     for (const Active *at = model.active; at < model.active + model.active_rows; at++)
         moving[at->value] = u[at->value] + t * (u[at->rate] + t / 2 * u[at->acceleration]);
     in[0] = &t, in[1] = y, in[2] = moving, in[3] = k;
     out[0] = f;
-    whole->all(in, out, integers, reals, 0);
+    motion->all(in, out, integers, reals, 0);
 }
 
 static Model counted;
