@@ -15,7 +15,12 @@ from .conftest import Cli, is_misuse
         (("lst",), ["'lst'", "did you mean 'list'"]),
         (("build", "Pendlum"), ["'Pendlum'", "did you mean 'Pendulum'"]),
         (("build", "--backend", "nativ"), ["'nativ'", "did you mean 'native'"]),
-        (("build", "--fast"), ["--fast", "--help"]),
+        (("build", "--fast"), ["liaisons build: ", "'--fast'", "known: --backend"]),
+        (
+            ("sweep", "Pendulum", "--ovr=theta_0=0:1:3", "--keep", "theta"),
+            ["liaisons sweep: ", "did you mean '--over'"],
+        ),
+        (("simulate", "Pendulum", "theta_0=3"), ["liaisons simulate: ", "'theta_0'", "one word too many"]),
         (("run", "no_such_claim"), ["'no_such_claim'"]),
         (("run",), ["--all"]),
     ],

@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from liaisons import __version__
 from liaisons.errors import LiaisonsError, suggestion
@@ -58,6 +58,16 @@ def _perform(arguments: argparse.Namespace) -> int:
 
 class _Parser(argparse.ArgumentParser):
     """Reports misuse in one line with the nearest match."""
+
+    def parse_known_args(self, *words: Any, **namespace: Any) -> tuple[Any, list[str]]:
+        """As argparse does, but what a command does not know is its own error, not that of the whole."""
+        found, unknown = super().parse_known_args(*words, **namespace)
+        if unknown:
+            word = unknown[0].partition("=")[0]
+            options = [option for action in self._actions for option in action.option_strings if len(option) > 2]
+            more = suggestion(word, options) if word.startswith("-") else "; it is one word too many"
+            self.error(f"{word!r} is not known{more}")
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
         match = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
