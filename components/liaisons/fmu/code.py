@@ -116,7 +116,8 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     if not whole.is_a("SXFunction"):
         return [(whole, whole)] * len(_ACTIVITIES)
     t, y, u, k = map(ca.SX, whole.sx_in())
-    does = [number for variable in model.inputs for number in [_activity(model, variable)] * variable.count]
+    of_variable = _activities(model)
+    does = [number for variable in model.inputs for number in [of_variable[variable.name]] * variable.count]
     count, pairs = coupled(model), []
     found: dict[tuple[bool, ...], tuple[ca.Function, ca.Function]] = {}
     for activity, suffix in reversed(_ACTIVITIES.items()):
@@ -130,11 +131,12 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
     return pairs[::-1]
 
 
-def _activity(model: Model, variable: Variable) -> int:
-    """What an input does that is not 0."""
-    if any(variable.name in (of_coordinate.rate, of_coordinate.acceleration) for of_coordinate in model.active):
-        return _MOVES
-    return 0 if any(variable.name == of_coordinate.value for of_coordinate in model.active) else _LOADS
+def _activities(model: Model) -> dict[str, int]:
+    """What each input does that is not 0."""
+    found = {variable.name: _LOADS for variable in model.inputs}
+    for coordinate in model.active:
+        found |= {coordinate.value: 0, coordinate.rate: _MOVES, coordinate.acceleration: _MOVES}
+    return found
 
 
 def _forward(model: Model) -> dict[str, ca.Function]:
@@ -266,6 +268,7 @@ def _table(kind: str, name: str, rows: Sequence[str]) -> list[str]:
 def _variables(model: Model) -> list[str]:
     where = places(model)
     kinds = {"input": "INPUT", "parameter": "{}_PARAMETER"}
+    activities = _activities(model)
     state_places, first = {}, 0
     for state in model.states:
         state_places[state.name] = first
@@ -276,7 +279,7 @@ def _variables(model: Model) -> list[str]:
             kinds.get(variable.causality, "CALCULATED").format(variable.variability.upper()),
             where[variable.name].start,
             str(state_places.get(variable.name, "NO_STATE")),
-            _activity(model, variable) if variable.causality == "input" else 0,
+            activities.get(variable.name, 0),
         )
         for variable in model.variables
     ]

@@ -52,12 +52,8 @@ class Reordering:
             if number in self._inner:
                 continue
             if _is_sum(node):
-                new[number], _ = self._factored(  # positive, as one of the terms is
-                    [
-                        ([new[x] for x in (self._factors(leaf) if leaf in self._inner else [leaf])], sign)
-                        for leaf, sign in self._leaves(number)
-                    ]
-                )
+                terms = [([new[x] for x in factors], sign) for factors, sign in self._terms(number)]
+                new[number], _ = self._factored(terms)  # positive, as one of the terms is
             elif node.is_a(ca.OP_MUL):
                 new[number] = self._product([new[x] for x in self._factors(number)])
             elif node.is_a(ca.OP_DIV) and late is not None:
@@ -69,16 +65,20 @@ class Reordering:
                 new[number] = self._operation(replace(node, arguments=tuple(new[x] for x in node.arguments)))
         self.outputs = [[new[number] for number in entries] for entries in outputs]
 
-    def _leaves(self, number: int) -> list[Signed]:
+    def _terms(self, number: int) -> list[Term]:
         """What a sum adds, through sums that nobody else uses."""
-        leaves, left = [], [(number, 1)]
+        terms: list[Term] = []
+        left = [(number, 1)]
         while left:
             number, sign = left.pop()
             node = self._old[number]
             signs = (sign, -sign if node.is_a(ca.OP_SUB) else sign)
             for x, of_x in zip(node.arguments, signs, strict=True):
-                (left if x in self._inner and _is_sum(self._old[x]) else leaves).append((x, of_x))
-        return leaves
+                if x in self._inner and _is_sum(self._old[x]):
+                    left.append((x, of_x))
+                else:
+                    terms.append((self._factors(x) if x in self._inner else [x], of_x))
+        return terms
 
     def _factors(self, number: int) -> list[int]:
         """What a product multiplies, through products that nobody else uses."""

@@ -77,9 +77,12 @@ static Signal stages(const Problem *p, double t, double h, const double *y, doub
     STAGE(7, rates, a_7_1 * k1[i] + a_7_4 * k4[i] + a_7_5 * k5[i], 6);
     STAGE(8, rates, a_8_1 * k1[i] + a_8_4 * k4[i] + a_8_5 * k5[i] + a_8_6 * k6[i], 7);
     STAGE(9, rates, a_9_1 * k1[i] + a_9_4 * k4[i] + a_9_5 * k5[i] + a_9_6 * k6[i] + a_9_7 * k7[i], 8);
-    STAGE(10, rates, a_10_1 * k1[i] + a_10_4 * k4[i] + a_10_5 * k5[i] + a_10_6 * k6[i] + a_10_7 * k7[i] + a_10_8 * k8[i], 9);
-    STAGE(11, rates, a_11_1 * k1[i] + a_11_4 * k4[i] + a_11_5 * k5[i] + a_11_6 * k6[i] + a_11_7 * k7[i] + a_11_8 * k8[i] + a_11_9 * k9[i], 10);
-    STAGE(12, rates, a_12_1 * k1[i] + a_12_4 * k4[i] + a_12_5 * k5[i] + a_12_6 * k6[i] + a_12_7 * k7[i] + a_12_8 * k8[i] + a_12_9 * k9[i] + a_12_10 * k10[i], 11);
+    STAGE(10, rates, a_10_1 * k1[i] + a_10_4 * k4[i] + a_10_5 * k5[i] + a_10_6 * k6[i] + a_10_7 * k7[i]
+              + a_10_8 * k8[i], 9);
+    STAGE(11, rates, a_11_1 * k1[i] + a_11_4 * k4[i] + a_11_5 * k5[i] + a_11_6 * k6[i] + a_11_7 * k7[i] + a_11_8 * k8[i]
+              + a_11_9 * k9[i], 10);
+    STAGE(12, rates, a_12_1 * k1[i] + a_12_4 * k4[i] + a_12_5 * k5[i] + a_12_6 * k6[i] + a_12_7 * k7[i] + a_12_8 * k8[i]
+              + a_12_9 * k9[i] + a_12_10 * k10[i], 11);
 
     double fifth = 0, third = 0;
     FOR_EACH(i) {
