@@ -291,7 +291,7 @@ Status core_exit_initialization(Instance *self) {
         || !core_check_conditions(self, t, self->y, self->model->start_conditions))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->text);
     measure(self);
-    self->s->phase = self->options.use == CO_SIMULATION ? STEP : EVENT;
+    self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;
     self->s->jumped = 0;
     return SUCCESS;
 }
@@ -367,7 +367,7 @@ static int settable(const Instance *self, const Variable *variable) {
     case FIXED_PARAMETER: return self->s->phase < EVENT;
     case TUNABLE_PARAMETER: return self->s->phase != CONTINUOUS;
     default:
-        return variable->state != NO_STATE && self->options.use == MODEL_EXCHANGE && self->s->phase >= EVENT;
+        return variable->state != NO_STATE && self->options.use == USE_MODEL_EXCHANGE && self->s->phase >= EVENT;
     }
 }
 
@@ -688,7 +688,7 @@ Status core_restore(Instance *self, const void *bytes, size_t size) {
     memcpy(&scalars, state, sizeof scalars);
     if (scalars.use != (int32_t)self->options.use)
         return core_report(self, ERROR, "the saved state belongs to an instance for %s",
-                           scalars.use >= MODEL_EXCHANGE && scalars.use <= CO_SIMULATION_WITH_EVENTS
+                           scalars.use >= USE_MODEL_EXCHANGE && scalars.use <= USE_CO_SIMULATION_WITH_EVENTS
                                ? USES[scalars.use]
                                : "something unknown");
     memcpy(self->s, state, self->state_size);

@@ -103,7 +103,7 @@ typedef enum {
     ASKING = 256 /* at the begin of a communication step, while the importer is asked for inputs inside it */
 } Phase;
 
-typedef enum { MODEL_EXCHANGE, CO_SIMULATION, CO_SIMULATION_WITH_EVENTS } Use;
+typedef enum { USE_MODEL_EXCHANGE, USE_CO_SIMULATION, USE_CO_SIMULATION_WITH_EVENTS } Use;
 
 /* What the inputs do inside a communication step. */
 enum { HOLD, EXTRAPOLATE, INTERPOLATE };

@@ -69,7 +69,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                  .logged = logging ? EVERYTHING : 0},
         .logger = functions->logger,
     };
-    const Options options = {.use = type == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION};
+    const Options options = {.use = type == fmi2ModelExchange ? USE_MODEL_EXCHANGE : USE_CO_SIMULATION};
     return face_open(&fmu.face, sizeof fmu, name, guid, path_in(resources, path), options, __func__);
 }
 

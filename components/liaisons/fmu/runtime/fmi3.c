@@ -39,17 +39,17 @@ enum {
     if ((argument) == NULL && !face_given(&fmu->face, argument, #argument, __func__)) return fmi3Error
 
 #define ONLY_MODEL_EXCHANGE \
-    if (!serves(core, core_use(core) == MODEL_EXCHANGE, __func__)) return fmi3Error
+    if (!serves(core, core_use(core) == USE_MODEL_EXCHANGE, __func__)) return fmi3Error
 #define ONLY_CO_SIMULATION \
-    if (!serves(core, core_use(core) != MODEL_EXCHANGE, __func__)) return fmi3Error
+    if (!serves(core, core_use(core) != USE_MODEL_EXCHANGE, __func__)) return fmi3Error
 #define ONLY_WITH_EVENTS \
-    if (!serves(core, core_use(core) != CO_SIMULATION, __func__)) return fmi3Error
+    if (!serves(core, core_use(core) != USE_CO_SIMULATION, __func__)) return fmi3Error
 
 static int serves(const Instance *core, int so, const char *function) {
     static const char *const USES[] = {"model exchange", "co-simulation", "co-simulation with events"};
     if (so) return 1;
     core_report(core, ERROR, "%s must not be called: this instance is one for %s", function,
-                core_use(core) == CO_SIMULATION ? "co-simulation without event mode" : USES[core_use(core)]);
+                core_use(core) == USE_CO_SIMULATION ? "co-simulation without event mode" : USES[core_use(core)]);
     return 0;
 }
 
@@ -74,7 +74,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
                                           fmi3LogMessageCallback logger) {
     (void)visible;
     const Fmu fmu = {.face = listening(environment, logging, logger), .logger = logger, .stop = INFINITY};
-    const Options options = {.use = MODEL_EXCHANGE, .whole = 1};
+    const Options options = {.use = USE_MODEL_EXCHANGE, .whole = 1};
     return face_open(&fmu.face, sizeof fmu, name, token, resources, options, __func__);
 }
 
@@ -117,7 +117,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                      .intermediate_update = intermediate_update,
                      .early_return = early_return,
                      .stop = INFINITY};
-    const Options options = {.use = events ? CO_SIMULATION_WITH_EVENTS : CO_SIMULATION,
+    const Options options = {.use = events ? USE_CO_SIMULATION_WITH_EVENTS : USE_CO_SIMULATION,
                              .whole = 1,
                              .early = early_return,
                              /* all outputs can be had, unless only inputs are of interest */

@@ -310,7 +310,7 @@ static double snapped(double instant, double t) { return fabs(instant - t) <= 1e
 static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
-    const int with_events = self->options.use == CO_SIMULATION_WITH_EVENTS;
+    const int with_events = self->options.use == USE_CO_SIMULATION_WITH_EVENTS;
     const double end = time + size, instant = core_next_instant(self, time);
     self->step_start = time;
     self->step_size = size;
