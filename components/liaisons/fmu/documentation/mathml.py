@@ -52,16 +52,19 @@ ONE_LINE, LOOSER = 22, 1.35
 WORTH_A_NAME = 4
 """Operations from which on a repeated bracket of a long formula gets a name."""
 
-WIDTH = 75
-"""Characters of a line of a formula, with those that do not show."""
+WIDE = 60
+"""Characters from which on a bracket of a long formula gets a name even if it is not repeated: lines break outside."""
+
+Terms = tuple[str, ...]
+"""A sum: each term with its sign, so that a line may break before it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula in MathML: its lines, what its abbreviations stand for, and how many operations that all takes."""
+    """A formula in MathML: its terms, what its abbreviations stand for, and how many operations that all takes."""
 
-    lines: tuple[str, ...]
-    where: tuple[tuple[str, str], ...]
+    terms: Terms
+    where: tuple[tuple[str, Terms], ...]
     operations: int
 
 
@@ -87,7 +90,7 @@ class _Writer:
         self.algebra = algebra
         self.notation = notation
         self.abbreviations: dict[int, str] = {}
-        self.where: list[tuple[str, str]] = []
+        self.where: list[tuple[str, Terms]] = []
         plain = algebra.value(function, names)
         collected = algebra.collected(plain)
         short, long = self._counted(collected), self._counted(plain)
@@ -97,7 +100,7 @@ class _Writer:
 
     def formula(self) -> Formula:
         self._abbreviate()
-        return Formula(tuple(self._lines()), tuple(self.where), self.operations)
+        return Formula(self._all_terms(self.polynomial), tuple(self.where), self.operations)
 
     # ---- how long it is ---------------------------------------------------------------------------------------
 
@@ -128,33 +131,26 @@ class _Writer:
         return total
 
     def _abbreviate(self) -> None:
-        """Names for what a long formula repeats; what they stand for is written before they are in force."""
+        """Names for what a long formula repeats or is too wide for a line; in force once they are explained."""
         if self._written_out(self.polynomial, {}) <= SHORT:
             return
         letter = f"<mi>{self.notation.free_letter()}</mi>"
-        repeated = [place for place, count in self._uses(self.polynomial).items() if count > 1]
-        for place in sorted(repeated):  # what it is made of has lower numbers
+        for place, count in sorted(self._uses(self.polynomial).items()):  # what it is made of has lower numbers
             atom = self.algebra.atoms[place]
-            if sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME:
-                text = self._sum(atom.arguments[0]) if atom.operation == GROUP else self._factor(place)
+            terms = self._all_terms(atom.arguments[0]) if atom.operation == GROUP else (self._factor(place),)
+            repeated = count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
+            if repeated or len(_TAG.sub("", "".join(terms))) > WIDE:
                 name = f"<msub>{letter}<mn>{len(self.abbreviations) + 1}</mn></msub>"
                 self.abbreviations[place] = name
-                self.where.append((name, text))
+                self.where.append((name, terms))
 
     # ---- sums -------------------------------------------------------------------------------------------------
 
-    def _lines(self) -> Iterator[str]:
-        """The formula, broken before a sign where it is wide."""
-        line = ""
-        for term in self._terms(self.polynomial):
-            if line and len(_TAG.sub("", line + term)) > WIDTH:
-                yield line
-                line = ""
-            line += term
-        yield line or "<mn>0</mn>"
+    def _all_terms(self, p: Polynomial) -> Terms:
+        return tuple(self._terms(p)) or ("<mn>0</mn>",)
 
     def _sum(self, p: Polynomial) -> str:
-        return "".join(self._terms(p)) or "<mn>0</mn>"
+        return "".join(self._all_terms(p))
 
     def _terms(self, p: Polynomial) -> Iterator[str]:
         """Terms with their signs, positive ones first, short ones before long ones."""

@@ -23,6 +23,8 @@ _LETTERS = {
     "energy": "E",
     "angular_frequency": "ω",
     "amplitude": "A",
+    "azimuth": "χ",
+    "bend": "κ",
     "damping": "γ",
     "friction": "η",
     "gravity": "g",
@@ -32,6 +34,7 @@ _LETTERS = {
     "phase": "φ",
     "radius": "R",
     "stiffness": "k",
+    "twist": "τ",
 }
 _NAME = re.compile(r"(?P<stem>.+?)(?P<rate>_d?dot)?(?P<start>_0)?(?:\[(?P<index>.+)\])?")
 _DOTS = {"_dot": "˙", "_ddot": "¨"}
@@ -76,7 +79,7 @@ class Notation:
             head, subscripts = subscripts[-1], [head, *subscripts[:-1]]  # the inertia of the hoop, I_hoop
         base = _letter(_LETTERS.get(head, head))
         if match["rate"]:
-            base = f'<mover accent="true">{base}<mo>{_DOTS[match["rate"]]}</mo></mover>'
+            base = f'<mover>{base}<mo>{_DOTS[match["rate"]]}</mo></mover>'
         below = [_letter(part) for part in subscripts if part]
         if match["index"]:
             below += [self._written(part) for part in match["index"].split(",")]

@@ -11,7 +11,7 @@ import casadi as ca
 
 from liaisons import __version__
 from liaisons.fmu.documentation.laws import LAWS
-from liaisons.fmu.documentation.mathml import Formula, formula
+from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.style import STYLE
 from liaisons.mechanics.model import Model, Port, Variable
@@ -138,15 +138,17 @@ def _equations(model: Model, notation: Notation) -> list[str]:
 
 
 def _equation(left: str, right: Formula) -> list[str]:
-    """One equation, on several lines where it is wide, and its abbreviations."""
-    first, *others = right.lines
-    body = f"{left}<mo>=</mo>{first}"
-    if others:
-        rows = [(left, "<mo>=</mo>", first), *(("", "", line) for line in others)]
-        body = "".join(f"<mtr><mtd>{a}</mtd><mtd>{b}</mtd><mtd>{c}</mtd></mtr>" for a, b, c in rows)
-        body = f'<mtable displaystyle="true">{body}</mtable>'
-    where = [_display(f"{name}<mo>=</mo>{text}") for name, text in right.where]
-    return [_display(body), *(["<p>where</p>", *where] if where else [])]
+    """One equation and its abbreviations."""
+    where = [_broken(name, terms) for name, terms in right.where]
+    return [_broken(left, right.terms), *(["<p>where</p>", *where] if where else [])]
+
+
+def _broken(left: str, terms: Terms) -> str:
+    """An equation that breaks between its terms where the page ends."""
+    signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in terms[1:])  # spaced as between its neighbours
+    pieces = (f"{left}<mo>=</mo>{terms[0]}", *signed)
+    written = " ".join(f'<math displaystyle="true">{piece}</math>' for piece in pieces)
+    return f"<p class=formula>{written}</p>"
 
 
 def _display(markup: str) -> str:

@@ -17,10 +17,13 @@ code, pre { font-family: ui-monospace, "DejaVu Sans Mono", monospace; font-size:
 .wide, .equations { overflow-x: auto; }
 .equations { margin: .6rem 0; padding: .1rem 1.2rem; border-left: 2px solid var(--rule); }
 .equations p { margin: .5rem 0 0; color: var(--quiet); font-size: .9rem; }
+.equations .formula { margin: .6rem 0 .6rem 2.4rem; text-indent: -2.4rem; line-height: 2.2; color: inherit;
+  font-size: inherit; }
+.formula math { text-indent: 0; }
+mover > mo { math-depth: 0; } /* dots as large as in print; no accents: those fall into the letter without a mathematics font */
 .field { margin: .2rem 0 .2rem 1.2rem; }
 math { font-family: "STIX Two Math", "Latin Modern Math", "Libertinus Math", "Cambria Math", math; }
 math[display=block] { width: max-content; margin: .6rem 0; font-size: 1.08em; }
-mtd { padding: .25em .1em; text-align: left; }
 table { border-collapse: collapse; font-size: .92rem; }
 th, td { text-align: left; padding: .3rem 1rem .3rem 0; border-bottom: 1px solid var(--rule); vertical-align: top; }
 th { font-weight: 500; color: var(--quiet); }
