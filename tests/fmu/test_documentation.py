@@ -17,6 +17,7 @@ from liaisons.fmu.documentation import index_page
 from liaisons.fmu.documentation.algebra import Algebra
 from liaisons.fmu.documentation.mathml import LONGEST, formula
 from liaisons.fmu.documentation.notation import Notation
+from liaisons.fmu.documentation.sources import bibliography
 from liaisons.mechanics import Mechanism, Operator
 from liaisons.mechanics.equations import derive
 from liaisons.mechanics.model import Model
@@ -215,7 +216,7 @@ def test_names_become_letters_dots_and_subscripts() -> None:
     names = Notation(
         ["theta", "theta_dot", "theta_ddot", "p_theta", "theta_dot_0", "mass_1", "length", "length_force"], {"length"}
     )
-    theta, dot = "<mi>θ</mi>", '<mover><mi>θ</mi><mo>{}</mo></mover>'
+    theta, dot = "<mi>θ</mi>", "<mover><mi>θ</mi><mo>{}</mo></mover>"
     assert names["theta"] == theta
     assert names["theta_dot"] == dot.format("˙")
     assert names["theta_ddot"] == dot.format("¨")
@@ -292,6 +293,37 @@ def test_page_says_what_the_component_is_checked_against() -> None:
     assert "Pendulum.exact" in page
     assert "elliptic functions" in page
     assert "input_reconstruction" in page
+
+
+def test_page_names_its_sources_in_full() -> None:
+    page = index_page(SpatialCat.model()).decode()
+    sources = page[page.index('<section id="sources">') :]
+    for words in ("Kneller", "Marle", "falling cat phenomenon", "Das Umdrehen"):
+        assert words in sources
+    assert "Featherstone" not in sources
+
+
+def test_every_mark_in_a_docstring_stands_in_the_bibliography() -> None:
+    known = bibliography()
+    assert {"K", "M", "Kane"} <= set(known)
+    marks = {m for c in CATALOGUE for m in re.findall(r"\b([A-Z])(?= (?:eq|Ex)\.)", c.model().documentation)}
+    assert {"K", "M"} <= marks <= set(known)
+
+
+def test_a_formula_breaks_before_it_runs_off_the_page() -> None:
+    """Between its terms; a wide bracket gets a name, so that a term is a function of narrow ones."""
+    names = [f"quantity_{i}" for i in range(12)]
+    x = [ca.SX.sym(name) for name in names]
+    wide = sum(x[1:], x[0])
+    written = formula(
+        x[0] ** 2 * wide * ca.sin(x[1]) + x[2] * ca.cos(x[3]) ** 2 + x[4] / x[5] + x[6] ** 3, Notation(names)
+    )
+    assert written is not None
+    assert len(written.terms) == 4
+    ((_, bracket),) = written.where
+    assert len(bracket) == 12
+    page = index_page(SpatialCat.model()).decode()
+    assert 'accent="true"' not in page  # without a mathematics font accents fall into their letters
 
 
 def test_each_equation_is_shown_or_named_as_too_long() -> None:

@@ -1,4 +1,7 @@
-"""The catalogue: one file, one component; each with its equation, its source and its closed form."""
+"""The catalogue: one file, one component; each with its equation, its source and its closed form.
+
+K and M, by which sources are named, are the texts of Kneller and Marle: see ``liaisons/bibliography.md``.
+"""
 
 from liaisons.mechanics import Component
 from liaisons.models.cartesian_pendulum import CartesianPendulum

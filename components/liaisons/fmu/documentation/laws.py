@@ -18,7 +18,7 @@ def _i(name: str, below: str = "", dots: str = "") -> str:
     """A letter with dots and a subscript."""
     letter = f"<mi>{name}</mi>"
     if dots:
-        letter = f'<mover>{letter}<mo>{dots}</mo></mover>'
+        letter = f"<mover>{letter}<mo>{dots}</mo></mover>"
     return f"<msub>{letter}<mi>{below}</mi></msub>" if below else letter
 
 

@@ -53,7 +53,7 @@ WORTH_A_NAME = 4
 """Operations from which on a repeated bracket of a long formula gets a name."""
 
 WIDE = 60
-"""Characters from which on a bracket of a long formula gets a name even if it is not repeated: lines break outside."""
+"""Characters from which on a bracket gets a name even if it is not repeated: lines break outside of brackets."""
 
 Terms = tuple[str, ...]
 """A sum: each term with its sign, so that a line may break before it."""
@@ -132,13 +132,12 @@ class _Writer:
 
     def _abbreviate(self) -> None:
         """Names for what a long formula repeats or is too wide for a line; in force once they are explained."""
-        if self._written_out(self.polynomial, {}) <= SHORT:
-            return
+        long = self._written_out(self.polynomial, {}) > SHORT
         letter = f"<mi>{self.notation.free_letter()}</mi>"
         for place, count in sorted(self._uses(self.polynomial).items()):  # what it is made of has lower numbers
             atom = self.algebra.atoms[place]
             terms = self._all_terms(atom.arguments[0]) if atom.operation == GROUP else (self._factor(place),)
-            repeated = count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
+            repeated = long and count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
             if repeated or len(_TAG.sub("", "".join(terms))) > WIDE:
                 name = f"<msub>{letter}<mn>{len(self.abbreviations) + 1}</mn></msub>"
                 self.abbreviations[place] = name

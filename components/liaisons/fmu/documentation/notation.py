@@ -79,7 +79,7 @@ class Notation:
             head, subscripts = subscripts[-1], [head, *subscripts[:-1]]  # the inertia of the hoop, I_hoop
         base = _letter(_LETTERS.get(head, head))
         if match["rate"]:
-            base = f'<mover>{base}<mo>{_DOTS[match["rate"]]}</mo></mover>'
+            base = f"<mover>{base}<mo>{_DOTS[match['rate']]}</mo></mover>"
         below = [_letter(part) for part in subscripts if part]
         if match["index"]:
             below += [self._written(part) for part in match["index"].split(",")]

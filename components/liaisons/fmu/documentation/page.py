@@ -13,6 +13,7 @@ from liaisons import __version__
 from liaisons.fmu.documentation.laws import LAWS
 from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
+from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.documentation.style import STYLE
 from liaisons.mechanics.model import Model, Port, Variable
 
@@ -62,6 +63,7 @@ def index_page(model: Model) -> bytes:
         "Checked against": _closed_form(model),
         "Default experiment": _experiment(model),
     }
+    sections["Sources"] = _sources(sections)
     shown = {title: lines for title, lines in sections.items() if lines}
     contents = " · ".join(f'<a href="#{_anchor(title)}">{title}</a>' for title in shown)
     page = [
@@ -246,3 +248,10 @@ def _experiment(model: Model) -> list[str]:
         ("tolerance", f"{e.tolerance:g}, relative, of each internal step"),
     )
     return [*_table(("", ""), rows), f"<p>{_RESULTS}</p>"]
+
+
+def _sources(sections: dict[str, list[str]]) -> list[str]:
+    """What the marks stand for that the other sections name."""
+    entries = cited("\n".join(line for lines in sections.values() for line in lines))
+    titled = {mark: re.sub(r"\*([^*]+)\*", r"<i>\1</i>", escape(text)) for mark, text in entries.items()}
+    return [f"<p><b>{mark}</b> {text}</p>" for mark, text in titled.items()]

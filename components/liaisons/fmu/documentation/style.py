@@ -20,7 +20,7 @@ code, pre { font-family: ui-monospace, "DejaVu Sans Mono", monospace; font-size:
 .equations .formula { margin: .6rem 0 .6rem 2.4rem; text-indent: -2.4rem; line-height: 2.2; color: inherit;
   font-size: inherit; }
 .formula math { text-indent: 0; }
-mover > mo { math-depth: 0; } /* dots as large as in print; no accents: those fall into the letter without a mathematics font */
+mover > mo { math-depth: 0; } /* dots in full size; accents fall into the letter without a mathematics font */
 .field { margin: .2rem 0 .2rem 1.2rem; }
 math { font-family: "STIX Two Math", "Latin Modern Math", "Libertinus Math", "Cambria Math", math; }
 math[display=block] { width: max-content; margin: .6rem 0; font-size: 1.08em; }
