@@ -46,12 +46,12 @@ class Pair:
 def main(figure: Path) -> list[Verdict]:
     verdicts = []
     _, (orders, masses, motion) = plt.subplots(1, 3, figsize=(14, 4), layout="constrained")
-    for coupling, order in ORDERS.items():
+    for (coupling, order), style in zip(ORDERS.items(), ("o-", "x--", "o-", "x--"), strict=True):
         errors = [Pair(LARGE).run(1.0, H, coupling)[1] for H in SIZES]
         found = slope(SIZES, errors)
         claim, reason = f"{coupling}: order {found:.2f} is {order:g}", "terms of higher order, rate · H < 0.1"
         verdicts.append(verdict(claim, error=abs(found - order), tolerance=0.05, reason=reason))
-        orders.loglog(SIZES, errors, "o-", label=f"{coupling}, order {found:.2f}")
+        orders.loglog(SIZES, errors, style, label=f"{coupling}, order {found:.2f}")
     long, error = Pair(SMALL).run(10.0, 0.001)
     handed = max(abs(long["upper.work"] + long["lower.work"]))
     verdicts.append(
@@ -74,10 +74,14 @@ def main(figure: Path) -> list[Verdict]:
         reason = "meanwhile the force itself moves by 1e-4"
         verdicts.append(verdict(claim, error=abs(gain + mass), tolerance=0.02, reason=reason))
     orders.set(xlabel="H [s]", ylabel="error [rad]", title="against DoublePendulum, 1 s")
-    orders.legend()
+    orders.set_xticks(SIZES, [f"{size:g}" for size in SIZES])
+    orders.minorticks_off()
+    orders.legend(loc="center left")
     masses.set(xlabel="m$_2$/m$_1$", ylabel="error [rad]", title="implicit, H = 2 ms, 1 s")
-    motion.plot(long.time, long["upper.theta"], long.time, long["lower.theta"])
-    motion.set(xlabel="t [s]", ylabel="θ [rad]", title="two FMUs")
+    motion.plot(long.time, long["upper.theta"], label="upper")
+    motion.plot(long.time, long["lower.theta"], label="lower")
+    motion.set(xlabel="t [s]", ylabel="θ [rad]", ylim=(-0.035, 0.045), title="two FMUs, H = 1 ms")
+    motion.legend(loc="upper center", ncols=2)
     plt.savefig(figure, dpi=150)
     return verdicts
 

@@ -78,15 +78,15 @@ def draw(figure: Path, modes: NDArray, frequency: NDArray, driven: Result) -> No
     depth = -np.arange(N + 1)
     for k in range(4):
         x = np.concatenate([[0.0], np.cumsum(modes[:, k])])
-        shapes.plot(2.5 * k + x / np.max(np.abs(x)), depth, "o-", markersize=3, label=f"{frequency[k]:.2f} rad/s")
-    shapes.set(xticks=[], ylabel="z [m]", title="the four slowest modes")
-    shapes.legend(loc="lower right")
+        shapes.plot(2.5 * k + x / np.max(np.abs(x)), depth, "o-", markersize=3)
+    shapes.set_xticks(2.5 * np.arange(4), [f"{f:.2f} rad/s" for f in frequency[:4]])
+    shapes.set(ylabel="z [m]", title="the four slowest modes")
     theta, pivot = angles(driven, "chain.theta[{}]"), driven["chain.pivot_x"]
     for i in range(driven.time.size - 200, driven.time.size, 10):
         x = np.concatenate([[0.0], np.cumsum(np.sin(theta[:, i]))]) + pivot[i]
         z = -np.concatenate([[0.0], np.cumsum(np.cos(theta[:, i]))])
         motion.plot(x, z, color="tab:blue", alpha=0.4, linewidth=0.8)
-    motion.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", title="shaken at the second frequency: the last 4 s")
+    motion.set(xlabel="x [m]", ylabel="z [m]", title="shaken at the second frequency: the last 4 s")
     plt.savefig(figure, dpi=150)
 
 

@@ -39,7 +39,7 @@ def force(windows: int, theta: NDArray) -> NDArray:
 
 def main(figure: Path) -> list[Verdict]:
     verdicts = []
-    _, axes = plt.subplots(1, 2, figsize=(12, 4), layout="constrained")
+    picture, axes = plt.subplots(1, 2, figsize=(12, 4), layout="constrained")
     for windows in WINDOWS:
         component = four_bars(windows)
         result = run(component)
@@ -73,12 +73,12 @@ def main(figure: Path) -> list[Verdict]:
                 reason="as the angles, 1e-6 rad, times 10 N, times 10: 1/sin θ at most instants",
             ),
         ]
-        axes[0].plot(result.time, np.cos(found[0]), label=f"{name}: x of B_0 [m]")
+        axes[0].plot(result.time, np.cos(found[0]), label=name)
         axes[1].plot(result.time, result["lambda_rod_1"], ".-", linewidth=0.5, label=name)
-    axes[0].set(xlabel="t [s]")
-    axes[1].set(xlabel="t [s]", ylabel="λ_1 [N]", yscale="symlog", title="force of the first lying rod")
-    for axis in axes:
-        axis.legend()
+    axes[0].set(xlabel="t [s]", ylabel="x of B$_0$ [m]", title="all rods turn as one pendulum")
+    axes[1].set(xlabel="t [s]", ylabel="λ$_1$ [N]", title="force of the first lying rod")
+    axes[1].set_yscale("symlog", linthresh=10)
+    picture.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     plt.savefig(figure, dpi=150)
     return verdicts
 

@@ -30,7 +30,7 @@ def measured_period(time: NDArray, theta: NDArray, theta_dot: NDArray) -> float:
 
 def main(figure: Path) -> list[Verdict]:
     verdicts = []
-    _, axes = plt.subplots(1, 2, figsize=(10, 4), sharex=True, layout="constrained")
+    picture, axes = plt.subplots(1, 2, figsize=(10, 4), sharex=True, layout="constrained")
     for axis, name, amplitude in zip(axes, ("small", "large"), (SMALL, LARGE), strict=True):
         result = simulate(
             fmu_path("Pendulum"),
@@ -77,7 +77,7 @@ def main(figure: Path) -> list[Verdict]:
         )
     )
     axes[0].set_ylabel("θ [rad]")
-    axes[0].legend(loc="upper right")
+    picture.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     plt.savefig(figure, dpi=150)
     return verdicts
 

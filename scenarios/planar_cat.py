@@ -109,7 +109,9 @@ def main(figure: Path) -> list[Verdict]:
 
 
 def draw(figure: Path, results: dict[float, Result]) -> None:
-    _, (flight, shapes, turn) = plt.subplots(1, 3, figsize=(16, 4.2), layout="constrained", width_ratios=[2, 1, 1])
+    panels = [["flight", "flight"], ["shapes", "turn"]]
+    _, axes = plt.subplot_mosaic(panels, figsize=(10, 8), layout="constrained")
+    flight, shapes, turn = (axes[name] for name in ("flight", "shapes", "turn"))
     result = results[FALL]
     com = result["cat.com_x"] + 1j * result["cat.com_z"]
     for i in np.linspace(0, len(result.time) - 1, 10).astype(int):

@@ -72,6 +72,7 @@ def main(figure: Path) -> list[Verdict]:
     aside = np.degrees(np.arccos(np.clip(np.einsum("tji,tj->ti", attitude(looking), position)[:, 0], -1, 1)))
     plt.figure(figsize=(7, 4), layout="constrained")
     plt.plot(looking.time, aside)
+    plt.title("two wheels look aside twice and come back; the third turns with the orbit")
     plt.xlabel("t [s]")
     plt.ylabel("planet off the camera's axis [deg]")
     plt.savefig(figure, dpi=150)

@@ -41,7 +41,7 @@ def enlarged(start: Start, h: int) -> Start:
 
 def main(figure: Path) -> list[Verdict]:
     verdicts = []
-    _, axes = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
+    picture, axes = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
     for axis, (component, (h, start)) in zip(axes, SYSTEMS.items(), strict=True):
         name, similarity = component.__name__, analysis.similarity(component)
         ratio = float(similarity.time_ratio(RATIO))
@@ -74,9 +74,9 @@ def main(figure: Path) -> list[Verdict]:
         for result, label in ((small, "λ = 1"), (large, f"λ = {RATIO:g}")):
             (line,) = axis.plot(result[first], result[second], linewidth=0.8, label=label)
             axis.plot(result[first][::25], result[second][::25], ".", color=line.get_color())
-        axis.set(aspect="equal", xlabel=f"{first} [m]", ylabel=f"{second} [m]")
-        axis.set(title=f"{name}: h = {h}, τ'/τ = {ratio:.2f}")
-        axis.legend(loc="upper right")
+        axis.set_aspect("equal", adjustable="datalim")
+        axis.set(xlabel=f"{first} [m]", ylabel=f"{second} [m]", title=f"{name}: h = {h}, τ'/τ = {ratio:.2f}")
+    picture.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     plt.savefig(figure, dpi=150)
     return verdicts
 

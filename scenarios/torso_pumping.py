@@ -84,6 +84,8 @@ def main(figure: Path) -> list[Verdict]:
 
     _, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     left.loglog(DURATIONS, errors, "ko-", markersize=4)
+    left.set_xticks(DURATIONS, [f"{duration:g}" for duration in DURATIONS])
+    left.minorticks_off()
     left.set(xlabel="duration τ [s]", ylabel="|Δθ + ∫(J/I) dψ| [rad]", title="a quick lean is a horizontal lift")
     right.plot(result.time, np.degrees(result["swing.theta"]), label="FMU")
     right.plot(result.time[::25], np.degrees(theta[::25]), "k.", markersize=3, label="integration at 1e-13")
