@@ -6,6 +6,7 @@ import csv
 import io
 import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
@@ -17,22 +18,46 @@ FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 pytestmark = pytest.mark.slow
 
 
-def table(path: Path, name: str) -> tuple[list[str], np.ndarray]:
+def table(path: Path, file: str) -> tuple[list[str], np.ndarray]:
     """Names of the columns, and the numbers; an array of FMI 3.0 has several in a cell."""
     with zipfile.ZipFile(path) as archive:
-        text = archive.read(f"{FOLDER}/{name}_out.csv").decode()
+        text = archive.read(f"{FOLDER}/{file}").decode()
     head, *rows = csv.reader(io.StringIO(text))
     return head, np.array([[float(number) for cell in row for number in cell.split()] for row in rows])
+
+
+def starts(path: Path, file: str) -> dict[str, float]:
+    """The parameter set."""
+    with zipfile.ZipFile(path) as archive:
+        root = ElementTree.fromstring(archive.read(f"{FOLDER}/{file}"))
+    return {p.attrib["name"]: float(p[0].attrib["value"]) for p in root.iter() if p.tag.endswith("}Parameter")}
+
+
+def related(path: Path) -> dict[str, str]:
+    """Files by their roles."""
+    with zipfile.ZipFile(path) as archive:
+        root = ElementTree.fromstring(archive.read(f"{FOLDER}/fmi-ls-manifest.xml"))
+    return {element.attrib["role"]: element.attrib["source"] for element in root}
 
 
 @every_version
 @every_component
 def test_fmu_agrees_with_its_own_reference_results(name: str, version: str, fmu) -> None:
     path = fmu(name, version)
-    head, expected = table(path, name)
+    files = related(path)
+    head, expected = table(path, files["result"])
+    inputs = None
+    if "testcase" in files:
+        names, rows = table(path, files["testcase"])
+        inputs = np.array([tuple(row) for row in rows], dtype=[(column, float) for column in names])
     experiment = COMPONENTS[name].model().experiment
     result = fmpy.simulate_fmu(
-        str(path), output=head[1:], output_interval=experiment.stop_time / 100, fmi_type="CoSimulation"
+        str(path),
+        output=head[1:],
+        output_interval=experiment.stop_time / 100,
+        fmi_type="CoSimulation",
+        start_values=starts(path, files["parameter"]) if "parameter" in files else {},
+        input=inputs,
     )
     computed = np.hstack([np.reshape(result[column], (len(result), -1)) for column in head])
     assert computed.shape == expected.shape

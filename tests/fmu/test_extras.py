@@ -7,6 +7,7 @@ import io
 import re
 import struct
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 from xml.etree import ElementTree
@@ -18,13 +19,14 @@ import pytest
 from handmade import fall, pendulum
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without stubs
 
+from liaisons.errors import ComponentError
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import SIZE, icons
 from liaisons.fmu.layout import Fmi
-from liaisons.fmu.reference_results import FOLDER, INTERVALS, trajectory
+from liaisons.fmu.reference_results import FOLDER, INTERVALS, columns, trajectory
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
 from liaisons.mechanics import Coordinate, Experiment, Mechanism
-from liaisons.mechanics.model import Model
+from liaisons.mechanics.model import Model, Variable
 from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
 from liaisons.models.pendulum_chain import PendulumChain
 
@@ -183,6 +185,73 @@ def test_reference_results_of_arrays_and_signals() -> None:
 def test_noise_is_rounded_away() -> None:
     head, rows = table(CartesianPendulum.model())
     assert not rows[:, head.index("y")].any()  # it swings in the x-z plane
+
+
+WITH_REFERENCE = [c for c in CATALOGUE if c.model().experiment.reference]
+UNSEEN = {  # cyclic, or the places where springs are at rest
+    *("beta", "wheel_1", "wheel_2", "wheel_3", "azimuth", "twist", "spacing"),
+    *("length", "pivot_x", "pivot_z"),
+}
+
+
+def changed(model: Model, name: str) -> Model:
+    """With another start value, whether it is the reference experiment's or the variable's own."""
+    if name in model.experiment.reference:
+        reference = {**model.experiment.reference, name: 1.01 * model.experiment.reference[name]}
+        return replace(model, experiment=replace(model.experiment, reference=reference))
+
+    def of(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        return tuple(
+            replace(
+                v,
+                start=tuple(1.01 * x + 0.01 * (x == 0) for x in v.starts)
+                if v.dimension
+                else 1.01 * v.starts[0] + 0.01 * (not v.starts[0]),
+            )
+            if v.name == name
+            else v
+            for v in variables
+        )
+
+    return replace(model, parameters=of(model.parameters), inputs=of(model.inputs))
+
+
+@pytest.mark.parametrize("component", WITH_REFERENCE, ids=lambda c: c.__name__)
+def test_reference_results_notice_one_percent_of_everything(component) -> None:
+    """Where the default experiment shows nothing: a wrong parameter or input would be seen in some column."""
+    model = component.model()
+    results = trajectory(model)
+    assert results is not None
+    names = [v.name for v in (*model.parameters, *model.inputs) if v.causality != "calculatedParameter"]
+    for name in set(names) - UNSEEN:
+        other = trajectory(changed(model, name))
+        assert other is not None
+        sizes = {v.name: np.max(np.abs(results[v.name])) for v in columns(model)}
+        moved = max(np.max(np.abs(other[column] - results[column])) / (size or 1) for column, size in sizes.items())
+        assert moved > 1e-4, name  # the FMU agrees to 1e-7
+
+
+def test_experiments_that_show_something_have_references() -> None:
+    """The others have inputs and starts of their own, which importers find beside the results."""
+    assert {c.__name__ for c in WITH_REFERENCE} >= {
+        "DrivenChain",
+        "Satellite",
+        "CircularHoop",
+        "FourierHoop",
+        "Flywheel",
+    }
+    found = extra_members(Satellite.model(), "3")
+    values = ElementTree.fromstring(found[f"{FOLDER}/Satellite.ssv"])
+    given = {p.attrib["name"]: float(p[0].attrib["value"]) for p in values.iter() if p.tag.endswith("Parameter")}
+    head, *rows = csv.reader(io.StringIO(found[f"{FOLDER}/Satellite_in.csv"].decode()))
+    start = given | dict(zip(head, map(float, rows[0]), strict=True))
+    assert Satellite.model().experiment.reference.items() <= start.items()
+    motion = {name: np.array(column, float) for name, *column in zip(head, *rows, strict=True)}
+    np.testing.assert_allclose(
+        np.gradient(motion["wheel_2"], motion["time"])[1:-1], motion["wheel_2_dot"][1:-1], rtol=1e-8
+    )
+    with pytest.raises(ComponentError, match=r"Satellite: Experiment\(reference=...\): 'wheel_1_dto' .* did you mean"):
+        trajectory(replace(Satellite.model(), experiment=Experiment(reference={"wheel_1_dto": 1.0})))
 
 
 class Collapse(Mechanism):

@@ -1,4 +1,7 @@
-"""Reference results of the default experiment (FMI-LS-REF), integrated here from the functions of the model.
+"""Reference results (FMI-LS-REF) of the default experiment, integrated here from the functions of the model.
+
+Where nothing would happen in it, parameters and inputs have values of their own (:attr:`Experiment.reference`), which
+lie beside the results: a parameter set, and a table of the inputs.
 
 Nothing of the FMU takes part: SciPy's DOP853 with tolerances near rounding instead of the FMU's own solver.  The
 numbers are rounded to nine digits of the greatest of their column, so that they are the same on all machines.
@@ -8,8 +11,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, cast
 
@@ -18,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from liaisons.errors import ComponentError, suggestion
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.markup import document, element
 from liaisons.fmu.python_runtime.calls import Call
@@ -38,9 +42,10 @@ WIDEST = 16
 
 _DIGITS = 9
 _BOOKED = ("work", "dissipated")
+_SSP = "http://ssp-standard.org/SSP1/"
 _GIVEN_UP = "it leads to a singularity, or there is too much to integrate while an FMU is built"
 _ABOUT = """\
-{name}_out.csv: results of the default experiment, every {interval:g} s, inputs and parameters at their start values.
+{name}_out.csv: results of the default experiment, every {interval:g} s, {starts}.
 Integrated by DOP853 with a relative tolerance of {tolerance:g} from the functions that the FMU was generated from, not
 by the FMU; nine digits of the greatest number of a column.  With its default tolerance the FMU agrees to 1e-7 of that
 number.
@@ -49,10 +54,11 @@ number.
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The default experiment: times (n,) and all outputs of the model (n, z)."""
+    """The default experiment: times (n,), all inputs (n, u) and outputs (n, z) of the model."""
 
     model: Model
     times: NDArray
+    inputs: NDArray
     values: NDArray
 
     @cached_property
@@ -78,28 +84,67 @@ def trajectory(model: Model) -> Trajectory | None:
     count = model.derivatives.numel_in(1)
     if count * INTERVALS > WORK:
         return None
+    model = _with_reference_starts(model)
     u, k = (np.concatenate([*(v.starts for v in vs), []]) for vs in (model.inputs, model.parameters))
+    motion = _Motion(model, u)
     y, m = (np.array(x, dtype=float).ravel() for x in model.start.call([ca.DM(0), u, k]))
     times = np.linspace(0, model.experiment.stop_time, INTERVALS + 1)
     rows: list[NDArray] = []
     try:
-        for t, state in zip(times, _states(model, times, y, u, k), strict=True):
+        for t, state in zip(times, _states(model, times, y, motion, k), strict=True):
+            u = motion(t)
             m = model.remember.call([t, state, u, k, m])[0]
             rows.append(np.array(model.outputs_function.call([t, state, u, k, m])[0]).ravel())
     except _GivenUpError:
         return None
     values = np.array(rows)
-    return Trajectory(model, times, values) if np.all(np.isfinite(values)) else None
+    inputs = np.array([motion(t).copy() for t in times])
+    return Trajectory(model, times, inputs, values) if np.all(np.isfinite(values)) else None
 
 
-def _states(model: Model, times: NDArray, y: NDArray, u: NDArray, k: NDArray) -> Iterator[NDArray]:
+def _with_reference_starts(model: Model) -> Model:
+    reference = model.experiment.reference
+    scalars = [v.name for v in (*model.parameters, *model.inputs) if v.dimension is None]
+    for name in reference:
+        if name not in scalars:
+            unknown = f"{name!r} is no scalar parameter or input{suggestion(name, scalars)}"
+            raise ComponentError(f"{model.name}: Experiment(reference=...): {unknown}")
+
+    def started(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        return tuple(replace(v, start=reference[v.name]) if v.name in reference else v for v in variables)
+
+    return replace(model, parameters=started(model.parameters), inputs=started(model.inputs))
+
+
+class _Motion:
+    """The inputs at a time: those that an operator prescribes move evenly accelerated, the others rest.
+
+    In an FMU such a motion goes on exactly between two communication points, whatever their distance.
+    """
+
+    def __init__(self, model: Model, start: NDArray) -> None:
+        place = {v.name: i for i, v in enumerate(v for w in model.inputs for v in [w] * w.count)}
+        moving = [a for a in model.active if start[place[a.rate]] or start[place[a.acceleration]]]
+        self._start, self._u = start, start.copy()
+        self._places = np.array([[place[n] for n in (a.value, a.rate, a.acceleration)] for a in moving], dtype=int)
+
+    def __call__(self, t: float) -> NDArray:
+        """Shape (u,); the same array each time."""
+        if self._places.size:
+            value, rate, acceleration = self._start[self._places.T]
+            self._u[self._places[:, 0]] = value + rate * t + acceleration * t**2 / 2
+            self._u[self._places[:, 1]] = rate + acceleration * t
+        return self._u
+
+
+def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArray) -> Iterator[NDArray]:
     """States at the times; the integration starts anew at each event."""
     yield y
     if not y.size:
         yield from (y for _ in times[1:])
         return
-    rate = _rate(model, u, k)
-    nominals = np.array(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
+    rate = _rate(model, motion, k)
+    nominals = np.array(model.nominals.call([ca.DM(0), y, motion(0.0), k])[0]).ravel()
     events = np.array(model.events.call([k])[0]).ravel()
     corners = [*sorted(float(t) for t in events if 0 < t < times[-1]), float(times[-1])]
     t, waiting = 0.0, list(times[1:])
@@ -116,12 +161,12 @@ def _states(model: Model, times: NDArray, y: NDArray, u: NDArray, k: NDArray) ->
     yield y
 
 
-def _rate(model: Model, u: NDArray, k: NDArray) -> Callable[[float, NDArray], NDArray]:
+def _rate(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
     """The right-hand side, called in place: by far the most of the work is here."""
     time, state, result = (
         np.zeros(size) for size in (1, model.derivatives.numel_in(1), model.derivatives.numel_out(0))
     )
-    call = Call(model.derivatives, (time, state, u, k), (result,))
+    call = Call(model.derivatives, (time, state, motion(0.0), k), (result,))
     left = WORK // state.size
 
     def rate(t: float, y: NDArray) -> NDArray:
@@ -130,6 +175,7 @@ def _rate(model: Model, u: NDArray, k: NDArray) -> Callable[[float, NDArray], ND
         if left < 0:
             raise _GivenUpError
         time[0], state[:] = t, y
+        motion(t)  # in place
         call.run()
         return result.copy()
 
@@ -142,33 +188,75 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
     :param results: of this model; None where there are none.
     :param fmi: for FMI 3.0 a cell of the table holds all elements of an array.
     """
-    members = {f"{FOLDER}/fmi-ls-manifest.xml": _manifest(model, results is not None)}
+    members: dict[str, bytes] = {}
+    related: list[dict[str, str]] = []
+
+    def add(kind: str, file: str, role: str, description: str, content: bytes) -> None:
+        members[f"{FOLDER}/{file}"] = content
+        related.append({"type": kind, "source": file, "role": role, "description": description})
+
     if results is not None:
-        members[f"{FOLDER}/{model.name}_out.csv"] = _table(results, fmi)
-        interval = model.experiment.stop_time / INTERVALS
-        about = _ABOUT.format(name=model.name, interval=interval, tolerance=TOLERANCE)
-        members["documentation/fmi-ls-ref.txt"] = about.encode()
-    return members
+        reference = model.experiment.reference
+        starts = {v.name: reference[v.name] for v in model.parameters if v.name in reference}
+        inputs = _moved(model, results)
+        if starts:
+            about = "Parameters of the reference results; all others at their start values"
+            add("application/x-ssp-parameter-set", f"{model.name}.ssv", "parameter", about, _parameter_set(starts))
+        if inputs:
+            table = _table(results.times, inputs, fmi)
+            add("text/csv", f"{model.name}_in.csv", "testcase", "Inputs of the reference results", table)
+        shown = {v: _rounded(results[v.name]) for v in columns(model)}
+        about = "Results of the default experiment, integrated independently of the FMU"
+        add("text/csv", f"{model.name}_out.csv", "result", about, _table(results.times, shown, fmi))
+        own = [f"parameters of {model.name}.ssv"] * bool(starts) + [f"inputs of {model.name}_in.csv"] * bool(inputs)
+        members["documentation/fmi-ls-ref.txt"] = _ABOUT.format(
+            name=model.name,
+            interval=model.experiment.stop_time / INTERVALS,
+            starts=" and ".join([*own, "all else at its start value"]),
+            tolerance=TOLERANCE,
+        ).encode()
+    return {f"{FOLDER}/fmi-ls-manifest.xml": _manifest(related), **members}
+
+
+def _moved(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
+    """The scalar inputs that are not at their start values, and what they are, shape (n, 1)."""
+    found, place = {}, 0
+    for variable in model.inputs:
+        values = results.inputs[:, place : place + variable.count]
+        place += variable.count
+        if np.any(values != variable.starts):
+            found[variable] = values
+    return found
+
+
+def _parameter_set(starts: Mapping[str, float]) -> bytes:
+    attributes = {"xmlns:ssv": f"{_SSP}SystemStructureParameterValues", "version": "1.0", "name": "reference"}
+    parameters = (
+        line
+        for name, value in starts.items()
+        for line in element("ssv:Parameter", {"name": name}, element("ssv:Real", {"value": repr(float(value))}))
+    )
+    return document(element("ssv:ParameterSet", attributes, element("ssv:Parameters", {}, parameters)))
 
 
 def columns(model: Model) -> list[Variable]:
-    """What the table shows: the states, energy, a signal; no long arrays."""
+    """What the table shows: the states, energy, the operators' forces, a signal; no long arrays."""
     states = [state.name for state in model.states if state.name not in _BOOKED]
+    forces = [f"{active.value}_force" for active in model.active]
     signals = [member.variable for port in model.ports if port.kind == "signal" for member in port.members]
-    names = [*states, "energy", *signals]
+    names = [*states, "energy", *forces, *signals]
     known = {variable.name: variable for variable in model.outputs}
     return [known[name] for name in dict.fromkeys(names) if name in known and known[name].count <= WIDEST]
 
 
-def _table(results: Trajectory, fmi: Fmi) -> bytes:
-    shown = columns(results.model)
+def _table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
+    """Columns of the times (n,) and of variables (n, count)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [[e.name for e in v.elements()] if fmi == "2" else [v.name] for v in shown]
     writer.writerow(["time", *(name for names in heads for name in names)])
-    rounded = [_rounded(results[variable.name]) for variable in shown]
-    for i, t in enumerate(results.times):
-        cells = [[f"{x:.{_DIGITS}g}" for x in column[i]] for column in rounded]
+    for i, t in enumerate(times):
+        cells = [[f"{x:.{_DIGITS}g}" for x in column[i]] for column in shown.values()]
         row = [cell for group in cells for cell in (group if fmi == "2" else [" ".join(group)])]
         writer.writerow([f"{t:.{_DIGITS}g}", *row])
     return text.getvalue().encode()
@@ -183,7 +271,7 @@ def _rounded(column: NDArray) -> NDArray:
     return np.array(rounded)
 
 
-def _manifest(model: Model, known: bool) -> bytes:
+def _manifest(related: list[dict[str, str]]) -> bytes:
     attributes = {
         "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
         "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
@@ -196,11 +284,6 @@ def _manifest(model: Model, known: bool) -> bytes:
         "role": "document",
         "description": "Description of the model with its equations",
     }
-    table = {
-        "type": "text/csv",
-        "source": f"{model.name}_out.csv",
-        "role": "result",
-        "description": "Results of the default experiment, integrated independently of the FMU",
-    }
-    results = element("Related", table) if known else [f"<!-- No results of the default experiment: {_GIVEN_UP}. -->"]
-    return document(element("fmiReferences", attributes, [*results, *element("Related", page)]))
+    lines = [line for attributes in related for line in element("Related", attributes)]
+    nothing = [] if related else [f"<!-- No results of the default experiment: {_GIVEN_UP}. -->"]
+    return document(element("fmiReferences", attributes, [*nothing, *lines, *element("Related", page)]))

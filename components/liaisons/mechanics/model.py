@@ -15,7 +15,7 @@ vectors, always in this order, all dense columns of doubles:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -134,11 +134,17 @@ class Port:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Default experiment: one that shows something worthwhile."""
+    """Default experiment: one that shows something worthwhile.
+
+    The start values of a component may be such that nothing happens.  Then ``reference`` gives those of its reference
+    results, by the names of scalar parameters and inputs; a coordinate that an operator prescribes moves as its rate
+    and its acceleration say.
+    """
 
     stop_time: float = 10.0
     step_size: float = 0.01
     tolerance: float = 1e-8
+    reference: Mapping[str, float] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

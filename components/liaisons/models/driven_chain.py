@@ -34,7 +34,7 @@ class DrivenChain(Chain):
     spacing = Parameter(1.0, "m", "distance of neighbours at rest", above=0)
     u = Coordinate("m", "displacements from the places at rest")
     drive = ActiveCoordinate("m", "position of the massless grip")
-    experiment = Experiment(stop_time=20.0, step_size=0.05)
+    experiment = Experiment(stop_time=20.0, step_size=0.05, reference={"drive_dot": 0.2, "drive_ddot": 0.1})
 
     def base(self) -> dict[str, ca.SX]:
         return {"x": self.drive}

@@ -25,7 +25,7 @@ class Flywheel(Mechanism):
     inertia = Parameter(1.0, "kg.m2", "moment of inertia about the shaft", above=0)
     friction = Parameter(0.0, "1/s", "friction coefficient eta of K eq. 61", minimum=0, tunable=True)
     angle = Coordinate("rad", "angle of the wheel", start_rate=1.0)
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
+    experiment = Experiment(stop_time=10.0, step_size=0.01, reference={"angle_force": 1.0, "friction": 0.2})
 
     def kinetic_energy(self) -> ca.SX:
         return self.inertia / 2 * self.dot(self.angle) ** 2

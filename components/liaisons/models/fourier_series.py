@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import Operator, Parameter
+from liaisons.mechanics import Experiment, Operator, Parameter
 from liaisons.units import ANY
 
 
@@ -23,6 +23,8 @@ class FourierSeries(Operator):
     sin_2 = Parameter(0.0, ANY, "coefficient of the sine of the second harmonic")
     sin_3 = Parameter(0.0, ANY, "coefficient of the sine of the third harmonic")
     sin_4 = Parameter(0.0, ANY, "coefficient of the sine of the fourth harmonic")
+
+    experiment = Experiment(reference={"cos_1": 1.0, "sin_2": 0.5})
 
     def signal(self, t: ca.SX) -> ca.SX:
         cosines = self.cos_1, self.cos_2, self.cos_3, self.cos_4

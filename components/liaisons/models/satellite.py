@@ -46,7 +46,11 @@ class Satellite(Mechanism):
     wheel_1 = ActiveCoordinate("rad", "angle of the wheel along x")
     wheel_2 = ActiveCoordinate("rad", "angle of the wheel along y")
     wheel_3 = ActiveCoordinate("rad", "angle of the wheel along z")
-    experiment = Experiment(stop_time=60.0, step_size=0.05)
+    experiment = Experiment(
+        stop_time=60.0,
+        step_size=0.05,
+        reference={"omega_x_0": 0.1, "J_xy": 0.5, "wheel_1_dot": 1.0, "wheel_2_ddot": 0.1, "wheel_3_dot": -2.0},
+    )
 
     @property
     def _inertia(self) -> ca.SX:

@@ -50,7 +50,9 @@ class SpatialCat(Mechanism):
     bend = ActiveCoordinate("rad", "angle between the axes of the two halves")
     azimuth = ActiveCoordinate("rad", "direction about which half B is bent, from the x axis of half A")
     twist = ActiveCoordinate("rad", "turn of half B about its own axis")
-    experiment = Experiment(stop_time=2.0, step_size=0.01)
+    experiment = Experiment(
+        stop_time=2.0, step_size=0.01, reference={"bend": 0.5, "bend_dot": 0.3, "azimuth_dot": 2.0, "twist_ddot": 1.0}
+    )
 
     def _half_B(self) -> tuple[ca.SX, ca.SX]:  # noqa: N802
         """Axis b and angular velocity relative to half A, in the frame of A."""

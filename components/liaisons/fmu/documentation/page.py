@@ -247,7 +247,9 @@ def _experiment(model: Model) -> list[str]:
         ("step size", f"{e.step_size:g} s"),
         ("tolerance", f"{e.tolerance:g}, relative, of each internal step"),
     )
-    return [*_table(("", ""), rows), f"<p>{_RESULTS}</p>"]
+    given = ", ".join(f"<code>{name}</code> = {value:g}" for name, value in e.reference.items())
+    own = [f"<p>Nothing would happen there by itself; the reference results have {given}.</p>"] if given else []
+    return [*_table(("", ""), rows), f"<p>{_RESULTS}</p>", *own]
 
 
 def _sources(sections: dict[str, list[str]]) -> list[str]:
