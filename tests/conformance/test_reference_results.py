@@ -6,6 +6,7 @@ import csv
 import io
 import zipfile
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import fmpy
@@ -46,10 +47,10 @@ def test_fmu_agrees_with_its_own_reference_results(name: str, version: str, fmu)
     path = fmu(name, version)
     files = related(path)
     head, expected = table(path, files["result"])
-    inputs = None
+    moved: dict[str, Any] = {}
     if "testcase" in files:
         names, rows = table(path, files["testcase"])
-        inputs = np.array([tuple(row) for row in rows], dtype=[(column, float) for column in names])
+        moved["input"] = np.array([tuple(row) for row in rows], dtype=[(column, float) for column in names])
     experiment = COMPONENTS[name].model().experiment
     result = fmpy.simulate_fmu(
         str(path),
@@ -57,7 +58,7 @@ def test_fmu_agrees_with_its_own_reference_results(name: str, version: str, fmu)
         output_interval=experiment.stop_time / 100,
         fmi_type="CoSimulation",
         start_values=starts(path, files["parameter"]) if "parameter" in files else {},
-        input=inputs,
+        **moved,
     )
     computed = np.hstack([np.reshape(result[column], (len(result), -1)) for column in head])
     assert computed.shape == expected.shape
