@@ -205,9 +205,10 @@ def test_after_termination_only_reading(pendulum_library) -> None:
 def test_references_that_do_not_exist(pendulum_library) -> None:
     instance = pendulum_library.start()
     last = instance.library.references["input_reconstruction"] - 1
-    message = f"value reference 99 belongs to no floating-point variable; they are 0 to {last}"
-    for function in ("GetReal", "SetReal"):
-        refused(instance, instance.call(function, (c.c_uint * 1)(99), 1, reals([0.0])), ERROR, message)
+    for reference in (0, 99, 2**32 - 1):
+        message = f"value reference {reference} belongs to no floating-point variable; they are 1 to {last}"
+        for function in ("GetReal", "SetReal"):
+            refused(instance, instance.call(function, (c.c_uint * 1)(reference), 1, reals([0.0])), ERROR, message)
     message = "value reference 0 belongs to no integer variable"
     for function in ("GetInteger", "SetInteger"):
         refused(instance, instance.call(function, (c.c_uint * 1)(0), 1, (c.c_int * 1)()), ERROR, message)

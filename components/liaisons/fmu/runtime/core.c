@@ -176,6 +176,7 @@ Instance *core_new(const Model *model, const Options *options) {
     self->places = settable + model->outputs;
     self->by_variable = options->whole && model->variable_rows < self->places;
     self->references = options->whole ? model->variable_rows + 1 : self->places;
+    self->first = first_reference(model);
     self->moving_size = sizeof(Scalars) + moving * sizeof(double);
     self->state_size = self->moving_size + resting * sizeof(double);
     self->s = calloc(1, self->state_size + (model->outputs + 1) * sizeof(double));
@@ -303,10 +304,10 @@ void core_terminate(Instance *self) { self->s->phase = TERMINATED; }
 Status core_check_references(const Instance *self, const unsigned references[], size_t n, size_t count) {
     size_t numbers = n;
     for (size_t i = 0; i < n; i++) {
-        if (references[i] >= self->references)
-            return core_report(self, ERROR, "value reference %u belongs to no floating-point variable; they are 0 to %lu",
-                               references[i], (unsigned long)(self->references - 1));
-        if (self->by_variable) numbers += self->model->variables[references[i]].count - 1;
+        if (references[i] - self->first >= self->references)
+            return core_report(self, ERROR, "value reference %u belongs to no floating-point variable; they are %u to %lu",
+                               references[i], self->first, (unsigned long)(self->first + self->references - 1));
+        numbers += span_of(self, references[i]).count - 1;
     }
     if (numbers == count) return SUCCESS;
     return core_report(self, ERROR, "%lu values for variables that hold %lu", (unsigned long)count,
@@ -323,7 +324,8 @@ static int next_run(const Instance *self, Rest *rest, Span *run) {
     const unsigned reference = *rest->references;
     size_t n = 1;
     while (n < rest->n && rest->references[n] == reference + n) n++;
-    if (reference >= self->references || n > self->references - reference) return 0;
+    const size_t index = reference - self->first;
+    if (index >= self->references || n > self->references - index) return 0;
     const Span first = span_of(self, reference), last = span_of(self, reference + (unsigned)(n - 1));
     *run = (Span){first.first, last.first + last.count - first.first};
     if (run->count > rest->count) return 0;
@@ -345,8 +347,9 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     *self->t = self->s->time;
     if (self->current && !self->by_variable) { /* numbers that are known: nothing is as fast as to take one by one */
         for (size_t i = 0; i < n; i++) {
-            if (references[i] >= self->references) return core_check_references(self, references, n, count);
-            if (i < count) values[i] = self->k[references[i]];
+            const size_t place = references[i] - self->first;
+            if (place >= self->references) return core_check_references(self, references, n, count);
+            if (i < count) values[i] = self->k[place];
         }
         return n == count ? SUCCESS : core_check_references(self, references, n, count);
     }
@@ -449,12 +452,12 @@ static int take(Instance *self, Span run, const double values[], int present) {
 /* Set inputs to finite numbers, one by one; returns 0 if that is not all that is asked for, and sets nothing. */
 static int set_inputs(Instance *self, const unsigned references[], size_t n, const double values[], int present,
                       int *fresh) {
-    const Model *model = self->model;
+    const size_t first = self->first + self->model->parameters, inputs = self->model->inputs;
     uint64_t differences = 0, before, after;
     for (size_t i = 0; i < n; i++)
-        if (references[i] - model->parameters >= model->inputs || values[i] - values[i] != 0) return 0;
+        if (references[i] - first >= inputs || values[i] - values[i] != 0) return 0;
     for (size_t i = 0; i < n; i++) {
-        const size_t place = references[i] - model->parameters;
+        const size_t place = references[i] - first;
         self->set[place] = values[i];
         if (!present) continue;
         memcpy(&before, &self->u[place], sizeof before);
@@ -517,38 +520,41 @@ static const struct {
     {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", 100000},
 };
 
-/* Where the value of a setting is; NULL, and a report, if there is none. */
-static int32_t *setting(const Instance *self, unsigned reference) {
-    if (reference == self->references + RECONSTRUCTION && self->model->inputs > 0) return &self->s->reconstruction;
-    if (reference == self->references + SYMPLECTIC_STEPS && self->model->states > 0) return &self->s->symplectic_steps;
+/* Which setting a reference stands for; SETTINGS, and a report, if there is none. */
+static size_t setting(const Instance *self, unsigned reference) {
+    size_t next = self->first + self->references;
+    if (self->model->inputs > 0 && reference == next++) return RECONSTRUCTION;
+    if (self->model->states > 0 && reference == next) return SYMPLECTIC_STEPS;
     core_report(self, ERROR, "value reference %u belongs to no integer variable", reference);
-    return NULL;
+    return SETTINGS;
+}
+
+static int32_t *value_of(const Instance *self, size_t which) {
+    return which == RECONSTRUCTION ? &self->s->reconstruction : &self->s->symplectic_steps;
 }
 
 Status core_get_setting(const Instance *self, unsigned reference, int *value) {
-    const int32_t *place = setting(self, reference);
-    if (place == NULL) return ERROR;
-    *value = *place;
+    const size_t which = setting(self, reference);
+    if (which == SETTINGS) return ERROR;
+    *value = *value_of(self, which);
     return SUCCESS;
 }
 
 Status core_set_settings(Instance *self, const unsigned references[], size_t n, const int values[]) {
     for (size_t i = 0; i < n; i++) {
-        if (setting(self, references[i]) == NULL) return ERROR;
-        const size_t which = references[i] - self->references;
+        const size_t which = setting(self, references[i]);
+        if (which == SETTINGS) return ERROR;
         if (values[i] < 0 || values[i] > SETTING[which].most)
             return core_report(self, ERROR, "%s = %d: set %s", SETTING[which].name, values[i], SETTING[which].values);
         if (self->s->phase >= EVENT)
             return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
     }
-    for (size_t i = 0; i < n; i++) *setting(self, references[i]) = values[i];
+    for (size_t i = 0; i < n; i++) *value_of(self, setting(self, references[i])) = values[i];
     return SUCCESS;
 }
 
 const Dimension *core_dimension(const Instance *self, unsigned reference) {
-    const size_t first = self->references + SETTINGS;
-    if (reference < first || reference >= first + self->model->dimension_rows) return NULL;
-    return &self->model->dimensions[reference - first];
+    return reference - 1 < self->model->dimension_rows ? &self->model->dimensions[reference - 1] : NULL;
 }
 
 /* ---- model exchange, and events ---------------------------------------------------------------------------- */

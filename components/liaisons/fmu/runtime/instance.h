@@ -36,7 +36,8 @@ struct Instance {
     const Model *model;
     Options options;
     int by_variable;           /* references stand for variables, of which some are arrays */
-    size_t places, references; /* how many there are of each */
+    size_t places, references; /* how many there are of each, settings and sizes aside */
+    unsigned first;            /* reference, which stands for the first of them */
 
     /* What a saved state holds: the scalars, and behind them in the same block the vectors. */
     Scalars *s;
@@ -88,8 +89,9 @@ Status core_check_references(const Instance *, const unsigned references[], size
 
 /* What a reference, which exists, stands for. */
 static inline Span span_of(const Instance *self, unsigned reference) {
-    if (!self->by_variable) return (Span){reference, 1};
-    const Variable *variable = &self->model->variables[reference];
+    const size_t index = reference - self->first;
+    if (!self->by_variable) return (Span){index, 1};
+    const Variable *variable = &self->model->variables[index];
     return (Span){variable->first, variable->count};
 }
 
