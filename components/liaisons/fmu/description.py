@@ -33,7 +33,10 @@ from liaisons.mechanics.model import Model, Variable
 Backend = Literal["native", "python"]
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
-_SOURCES = ("model.c", "core.c", "derivatives.c", "face.c", "solver.c", "starts.c", "step.c", "symplectic.c")
+_SOURCES = (
+    *("model.c", "core.c", "derivatives.c", "face.c", "solver.c"),
+    *("starts.c", "states.c", "step.c", "symplectic.c"),
+)
 
 # What the back ends can do; attributes that are not named are false or 0.
 _BOTH = {

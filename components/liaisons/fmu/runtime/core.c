@@ -10,20 +10,7 @@
 #include "solver.h"
 #include "symplectic.h"
 
-/* Tolerances are kept between these: below, rounding errors take over. */
-static const double TIGHTEST = 1e-14, LOOSEST = 1e-2;
-
 enum { NAME = 256 };
-
-typedef struct { /* in front of the numbers of a saved state */
-    char magic[8];
-    uint32_t byte_order, version;
-    uint64_t size;
-    uint64_t checksum; /* of what follows it; 0: none */
-    char guid[40];
-} Header;
-
-static const Header HEADER = {"liaison", 0x01020304, 2, 0, 0, ""};
 
 /* ---- messages ---------------------------------------------------------------------------------------------- */
 
@@ -517,7 +504,7 @@ static const struct {
     int most;
 } SETTING[SETTINGS] = {
     {"input_reconstruction", "0 (hold), 1 (extrapolate) or 2 (interpolate)", INTERPOLATE},
-    {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", 100000},
+    {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", MOST_SYMPLECTIC_STEPS},
 };
 
 /* Which setting a reference stands for; SETTINGS, and a report, if there is none. */
@@ -631,74 +618,4 @@ void core_enter_continuous_mode(Instance *self) {
 void core_enter_step_mode(Instance *self) {
     self->s->phase = STEP;
     self->current = 0;
-}
-
-/* ---- saved states ------------------------------------------------------------------------------------------ */
-
-size_t core_state_size(const Instance *self) { return sizeof(Header) + self->state_size; }
-
-void core_save(const Instance *self, void *bytes) {
-    Header header = HEADER;
-    header.size = core_state_size(self);
-    strncpy(header.guid, self->model->guid, sizeof header.guid - 1);
-    memcpy(bytes, &header, sizeof header);
-    memcpy((char *)bytes + sizeof header, self->s, self->state_size);
-}
-
-/* FNV-1a, in words of 8 bytes; never 0. */
-static uint64_t checksum(const void *bytes, size_t size) {
-    const size_t first = offsetof(Header, guid); /* a multiple of 8, as the sizes of all parts are */
-    uint64_t sum = 14695981039346656037u, word;
-    for (size_t i = first; i + sizeof word <= size; i += sizeof word) {
-        memcpy(&word, (const char *)bytes + i, sizeof word);
-        sum = (sum ^ word) * 1099511628211u;
-        sum ^= sum >> 32;
-    }
-    return sum | 1;
-}
-
-void core_seal(void *bytes) {
-    Header header;
-    memcpy(&header, bytes, sizeof header);
-    header.checksum = checksum(bytes, header.size);
-    memcpy(bytes, &header, sizeof header);
-}
-
-Status core_check_state(const Instance *self, const void *bytes, size_t size) {
-    Header header;
-    if (size < sizeof header)
-        return core_report(self, ERROR, "the saved state has %lu bytes: it is cut off", (unsigned long)size);
-    memcpy(&header, bytes, sizeof header);
-    if (memcmp(header.magic, HEADER.magic, sizeof header.magic) != 0)
-        return core_report(self, ERROR, "these bytes are no saved state of such an FMU");
-    if (header.byte_order != HEADER.byte_order)
-        return core_report(self, ERROR, "the saved state comes from a machine with another byte order");
-    if (header.version != HEADER.version)
-        return core_report(self, ERROR, "the saved state has version %u, this FMU reads version %u", header.version,
-                           HEADER.version);
-    if (strncmp(header.guid, self->model->guid, sizeof header.guid) != 0)
-        return core_report(self, ERROR, "the saved state belongs to another FMU, with guid %.39s", header.guid);
-    if (header.size != core_state_size(self) || size != header.size)
-        return core_report(self, ERROR, "the saved state has %lu bytes instead of %lu: it is cut off or damaged",
-                           (unsigned long)size, (unsigned long)core_state_size(self));
-    if (header.checksum != 0 && header.checksum != checksum(bytes, size))
-        return core_report(self, ERROR, "the saved state is damaged: its checksum is wrong");
-    return SUCCESS;
-}
-
-Status core_restore(Instance *self, const void *bytes, size_t size) {
-    static const char *const USES[] = {"model exchange", "co-simulation", "co-simulation with events"};
-    Scalars scalars;
-    if (core_check_state(self, bytes, size) != SUCCESS) return ERROR;
-    const char *state = (const char *)bytes + sizeof(Header);
-    memcpy(&scalars, state, sizeof scalars);
-    if (scalars.use != (int32_t)self->options.use)
-        return core_report(self, ERROR, "the saved state belongs to an instance for %s",
-                           scalars.use >= USE_MODEL_EXCHANGE && scalars.use <= USE_CO_SIMULATION_WITH_EVENTS
-                               ? USES[scalars.use]
-                               : "something unknown");
-    memcpy(self->s, state, self->state_size);
-    self->current = self->allowed = 0;
-    self->apart = 1;
-    return SUCCESS;
 }

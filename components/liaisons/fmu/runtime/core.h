@@ -192,9 +192,12 @@ int core_update_discrete_states(Instance *, double *next);
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);
 void core_save(const Instance *, void *bytes);
-void core_seal(void *bytes); /* add a checksum, for bytes that leave the process; those without one are not checked */
-Status core_check_state(const Instance *, const void *bytes, size_t size);
+/* Take back what core_save has written, or what core_check_state has found to be right. */
 Status core_restore(Instance *, const void *bytes, size_t size);
+/* Add the checksum that bytes need which leave the process; ERROR if it is wrong, or if they hold a number that no
+ * instance can have. */
+void core_seal(void *bytes);
+Status core_check_state(const Instance *, const void *bytes, size_t size);
 
 /* Report a text and return its status. */
 Status core_report(const Instance *, Status status, const char *format, ...);

@@ -6,7 +6,11 @@
 
 #include "core.h"
 
-enum { TEXT = 512 };
+/* Tolerances are kept between these: below, rounding errors take over. */
+#define TIGHTEST 1e-14
+#define LOOSEST 1e-2
+
+enum { TEXT = 512, MOST_SYMPLECTIC_STEPS = 100000 };
 enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
 
 typedef struct { /* an input that moves inside a step */
@@ -16,7 +20,7 @@ typedef struct { /* an input that moves inside a step */
     double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
 } Mover;
 
-/* The scalars of a saved state; numbers of fixed size and without gaps. */
+/* The scalars of a saved state; numbers of fixed size and without gaps.  Whoever adds one says in states.c what it may be. */
 typedef struct {
     double time;
     double tolerance;
