@@ -66,9 +66,10 @@ static Model counted;
 
 /* As a co-simulation FMU with the values given to `begin`; NULL if it refuses them. */
 Instance *component_open(double tolerance, int symplectic_steps, int counting) {
-    const Options options = {.use = CO_SIMULATION, .report = tell};
+    const Options options = {.use = USE_CO_SIMULATION, .report = tell};
     const size_t settable = model.parameters + model.inputs;
-    const unsigned symplectic = (unsigned)(settable + model.outputs + 1);
+    const unsigned first = first_reference(&model);
+    const unsigned symplectic = first + (unsigned)(settable + model.outputs) + (model.inputs > 0);
     unsigned references[ROOM];
     double values[ROOM];
     counted = model;
@@ -76,7 +77,7 @@ Instance *component_open(double tolerance, int symplectic_steps, int counting) {
     if (counting) evaluated = 0;
     Instance *instance = core_new(counting ? &counted : &model, &options);
     Status status = core_setup(instance, 0, tolerance);
-    for (size_t i = 0; i < settable; i++) references[i] = (unsigned)i;
+    for (size_t i = 0; i < settable; i++) references[i] = first + (unsigned)i;
     memcpy(values, k, model.parameters * sizeof *k);
     memcpy(values + model.parameters, u, model.inputs * sizeof *u);
     core_enter_initialization(instance);

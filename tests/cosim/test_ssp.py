@@ -189,7 +189,7 @@ def test_reset_goes_back_to_the_start_values_in_the_fmu(component: Callable[[str
     slave.freeInstance()
 
 
-@pytest.mark.parametrize("text", ["r 0 1 3ff", "r x", "q 0 1 0 name", "r 99999 1 0 name", "i 0 1 1 name", "r 0 0 name"])
+@pytest.mark.parametrize("text", ["r 1 1 3ff", "r x", "q 1 1 0 name", "r 99999 1 0 name", "i 1 1 1 name", "r 1 0 name"])
 def test_a_damaged_file_of_start_values_is_refused(text: str, component: Callable[[str], Path], tmp_path: Path) -> None:
     broken = tmp_path / "Pendulum.fmu"
     with zipfile.ZipFile(component("Pendulum")) as old, zipfile.ZipFile(broken, "w") as new:

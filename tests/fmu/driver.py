@@ -103,7 +103,14 @@ class Instance:
     """One instance; freed with the object."""
 
     def __init__(
-        self, library: Library, kind: int, *, name: bytes | None = b"it", guid: str | None = None, logging: int = 0
+        self,
+        library: Library,
+        kind: int,
+        *,
+        name: bytes | None = b"it",
+        guid: str | None = None,
+        resources: str | None = None,
+        logging: int = 0,
     ) -> None:
         self.library = library
         self.messages: list[str] = []
@@ -112,7 +119,7 @@ class Instance:
         self._callbacks = Callbacks(self._logger)
         guid = guid or library.description.guid or ""
         self.component = library.functions.fmi2Instantiate(
-            name, kind, guid.encode(), None, c.byref(self._callbacks), 0, logging
+            name, kind, guid.encode(), resources and resources.encode(), c.byref(self._callbacks), 0, logging
         )
 
     def _note(self, _environment: Any, _name: bytes, status: int, category: bytes, message: bytes) -> None:

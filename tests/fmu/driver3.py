@@ -137,6 +137,7 @@ class Instance3:
         *,
         name: bytes | None = b"it",
         token: str | None = None,
+        resources: str | None = None,
         logging: bool = True,
         events: bool = False,
         early: bool = False,
@@ -148,7 +149,8 @@ class Instance3:
         self.log: list[tuple[int, str, str]] = []
         self._logger = _LOGGER(self._note)  # must live as long as the instance
         token = token or library.description.instantiationToken or ""
-        arguments: list[Any] = [name, token.encode(), None, c.c_bool(False), c.c_bool(logging)]
+        folder = resources and resources.encode()
+        arguments: list[Any] = [name, token.encode(), folder, c.c_bool(False), c.c_bool(logging)]
         if kind == CO_SIMULATION:
             references = self.refs(wanted)
             arguments += [c.c_bool(events), c.c_bool(early), references, N(len(references))]

@@ -10,10 +10,11 @@ from driver import MODEL_EXCHANGE, OK, reals
 from fmpy.validation import validate_fmu
 from fmu_manipulation_toolbox.checker import OperationGenericCheck, OperationSemanticCheck
 from fmu_manipulation_toolbox.operations import FMU
-from handmade import fall, kick, pendulum
+from handmade import fall, kick, pendulum, ring
 
 from liaisons.fmu import build
 from liaisons.fmu.description import model_description
+from liaisons.fmu.description3 import model_description3
 
 GUID = "{00000000-0000-0000-0000-000000000001}"
 
@@ -48,13 +49,32 @@ def test_same_bytes_for_same_model() -> None:
     assert len(texts) == 1
 
 
-def test_reference_is_place_and_index_is_place_plus_one(native) -> None:
+def test_references_are_positions(native) -> None:
+    """Some importers take one for the other, and the index 0 of a derivative for none."""
     names = [variable.name for variable in pendulum().variables]
     elements = list(native.iter("ScalarVariable"))
     assert [element.get("name") for element in elements] == [*names, "input_reconstruction", "symplectic_steps"]
-    assert [int(element.attrib["valueReference"]) for element in elements] == list(range(len(names) + 2))
+    assert [int(element.attrib["valueReference"]) for element in elements] == list(range(1, len(names) + 3))
     _, real = scalar(native, "theta_dot")
     assert names[int(real["derivative"]) - 1] == "theta"
+
+
+@pytest.mark.parametrize("version", ["2", "3", "python"])
+@pytest.mark.parametrize("component", [pendulum, fall, lambda: ring(3)], ids=["pendulum", "fall", "ring"])
+def test_references_count_from_one_and_sizes_come_first(component, version) -> None:
+    model = component()
+    if version == "3":
+        text = model_description3(model, token=GUID)
+    else:
+        text = model_description(model, guid=GUID, backend="python" if version == "python" else "native")
+    root = ElementTree.fromstring(text)
+    variables = root.findall("ModelVariables/*")
+    assert [int(v.attrib["valueReference"]) for v in variables] == list(range(1, len(variables) + 1))
+    sizes = [size.name for size in model.dimensions]
+    assert [v.attrib["name"] for v in variables[: len(sizes)]] == sizes
+    by_reference = {v.attrib["valueReference"]: v.attrib["name"] for v in variables}
+    for dimension in root.iterfind("ModelVariables/*/Dimension"):
+        assert by_reference[dimension.attrib["valueReference"]] in sizes
 
 
 def test_variable_attributes(native) -> None:

@@ -61,7 +61,7 @@ def test_validator_finds_nothing(request, library) -> None:
 def test_description_says_the_same_as_that_of_fmi2(pendulum3, pendulum_library) -> None:
     three, two = pendulum3.description, pendulum_library.description
     for old in two.modelVariables[:-2]:  # behind them FMI 3.0 has the time
-        new = three.modelVariables[old.valueReference]
+        new = three.modelVariables[old.valueReference - 1]
         for attribute in ("name", "description", "causality", "variability", "initial", "unit", "displayUnit"):
             assert getattr(new, attribute) == getattr(old, attribute), (new.name, attribute)
         for attribute in ("start", "min", "max", "nominal"):
@@ -315,9 +315,10 @@ def test_references_that_do_not_exist(pendulum3) -> None:
     instance = pendulum3.start()
     last = pendulum3.references["time"]
     for function in ("GetFloat64", "SetFloat64"):
-        status = instance.call(function, (c.c_uint * 1)(last + 1), 1, reals([0.0]), 1)
-        message = f"value reference {last + 1} belongs to no floating-point variable; they are 0 to {last}"
-        refused(instance, status, message)
+        for reference in (0, last + 1):
+            status = instance.call(function, (c.c_uint * 1)(reference), 1, reals([0.0]), 1)
+            message = f"value reference {reference} belongs to no floating-point variable; they are 1 to {last}"
+            refused(instance, status, message)
     status = instance.call("GetUInt64", (c.c_uint * 1)(last + 2), 1, (c.c_uint64 * 1)(), 1)
     refused(instance, status, f"value reference {last + 2} belongs to no variable of type UInt64")
 

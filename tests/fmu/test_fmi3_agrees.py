@@ -14,7 +14,7 @@ from handmade import pendulum, ring
 from numpy.typing import NDArray
 
 from liaisons.fmu import build
-from liaisons.fmu.layout import places
+from liaisons.fmu.layout import first_reference, places
 from liaisons.mechanics.model import Model
 from liaisons.models import CartesianPendulum, CircularHoop, OscillatorChain, PendulumChain, Ramp
 
@@ -32,15 +32,15 @@ STEP = 0.1
 
 @dataclass(frozen=True)
 class Pair:
-    """The same component by both versions, addressed by places and by variables."""
+    """The same component by both versions, addressed by numbers and by variables."""
 
     model: Model
     two: Library
     three: Library3
 
     def elements(self, names: list[str]) -> list[int]:
-        where = places(self.model)
-        return [place for name in names for place in where[name]]
+        where, first = places(self.model), first_reference(self.model)
+        return [first + place for name in names for place in where[name]]
 
 
 @pytest.fixture(scope="module", params=MODELS)

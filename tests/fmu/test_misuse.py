@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes as c
 import math
+import struct
 
 import numpy as np
 import pytest
@@ -202,12 +203,38 @@ def test_after_termination_only_reading(pendulum_library) -> None:
     refused(instance, instance.set(length=1.0), ERROR, "fmi2SetReal must not be called after termination")
 
 
+@pytest.mark.parametrize("library", ["pendulum_library", "pendulum3"])
+def test_start_values_in_the_resources_are_not_passed_over(request, library, tmp_path) -> None:
+    """A copy of an FMU with other start values has a guid of its own: without them it would start somewhere else."""
+    made = request.getfixturevalue(library)
+    two = library == "pendulum_library"
+    guid = made.description.guid or made.description.instantiationToken
+    names = {"guid" if two else "token": f"{guid}-0123456789abcdef"}
+    given = made.instantiate(**names)
+    (message,) = given.messages
+    assert message.endswith(": start values of this FMU are in its resources: give the path of that folder")
+    assert not (given.component if two else given.pointer)
+
+    folder = tmp_path.as_uri() if two else str(tmp_path)
+    given = made.instantiate(**names, resources=folder)
+    (message,) = given.messages
+    assert message == f"{tmp_path}/starts.txt cannot be read: this FMU has its start values there"
+
+    bits = struct.pack(">d", 2.5).hex()
+    (tmp_path / "starts.txt").write_text(f"r {made.references['mass']} 1 {bits} mass\n")
+    given = made.instantiate(**names, resources=folder)
+    assert given["mass"] == 2.5
+    (tmp_path / "starts.txt").unlink()
+    assert given.call("Reset") == ERROR
+
+
 def test_references_that_do_not_exist(pendulum_library) -> None:
     instance = pendulum_library.start()
     last = instance.library.references["input_reconstruction"] - 1
-    message = f"value reference 99 belongs to no floating-point variable; they are 0 to {last}"
-    for function in ("GetReal", "SetReal"):
-        refused(instance, instance.call(function, (c.c_uint * 1)(99), 1, reals([0.0])), ERROR, message)
+    for reference in (0, 99, 2**32 - 1):
+        message = f"value reference {reference} belongs to no floating-point variable; they are 1 to {last}"
+        for function in ("GetReal", "SetReal"):
+            refused(instance, instance.call(function, (c.c_uint * 1)(reference), 1, reals([0.0])), ERROR, message)
     message = "value reference 0 belongs to no integer variable"
     for function in ("GetInteger", "SetInteger"):
         refused(instance, instance.call(function, (c.c_uint * 1)(0), 1, (c.c_int * 1)()), ERROR, message)

@@ -486,11 +486,12 @@ def test_tolerance_out_of_range(instance: Callable[..., Instance]) -> None:
 
 
 def test_unknown_value_references(instance: Callable[..., Instance]) -> None:
-    item = instance().initialize()
-    assert np.isnan(item.fmu.getReal([1000])[0])
-    item.message("1000")
-    item.fmu.setReal([1000], [1.0])
-    item.message("value reference 1000")
+    for reference in (1000, 0):
+        item = instance().initialize()
+        assert np.isnan(item.fmu.getReal([reference])[0])
+        item.message(f"[{reference}] some belong to no Real variable")
+        item.fmu.setReal([reference], [1.0])
+        item.message(f"value reference {reference} = 1: it belongs to no Real variable")
 
 
 # ---- the native FMU ----------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes as c
+import re
 import struct
 import subprocess
 import sys
@@ -10,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from driver import ERROR, MODEL_EXCHANGE, OK, Instance, reals
-from handmade import breathing
+from driver import ERROR, MODEL_EXCHANGE, OK, Instance, Library, reals
+from handmade import GRAVITY, breathing
 
 NAMES = ("length", "length_dot", "length_ddot")
 OUTPUTS = ("theta", "p_theta", "work", "dissipated", "energy", "energy_balance", "length_force")
@@ -145,9 +146,10 @@ def test_foreign_and_damaged_states_are_refused(pendulum_library, fall_library) 
         content + b"12345678": f"the saved state has {size + 8} bytes instead of {size}: it is cut off or damaged",
         _patched(content, 0, b"nonsense"): "these bytes are no saved state of such an FMU",
         _patched(content, 8, order.to_bytes(4, "big")): "the saved state comes from a machine with another byte order",
-        _patched(content, 12, struct.pack("=I", 99)): "the saved state has version 99, this FMU reads version 2",
+        _patched(content, 12, struct.pack("=I", 99)): "the saved state has another version than 2",
         _patched(content, size - 20, b"####"): "the saved state is damaged: its checksum is wrong",
-        fall_library.start().serialize(): f"belongs to another FMU, with guid {fall_library.description.guid}",
+        _patched(content, 24, bytes(8)): "the saved state is damaged: its checksum is wrong",
+        fall_library.start().serialize(): "the saved state belongs to another FMU",
     }
     before = instance.get(*OUTPUTS)
     for damaged, message in cases.items():
@@ -159,6 +161,154 @@ def test_foreign_and_damaged_states_are_refused(pendulum_library, fall_library) 
     exchange = pendulum_library.start(MODEL_EXCHANGE)
     assert exchange.deserialize(content) == ERROR
     assert exchange.messages == ["the saved state belongs to an instance for co-simulation"]
+
+
+# ---- forged states: the checksum can be computed anew ----------------------------------------------------------------
+
+_MASK = 2**64 - 1
+# Where the scalars of instance.h are: header of 72 bytes, then four reals and eight integers.
+_REALS = {name: 72 + 8 * i for i, name in enumerate(("time", "tolerance", "step", "limit"))}
+_INTEGERS = (
+    *("phase", "use", "reconstruction", "unstarted"),
+    *("jumped", "expanded", "symplectic_steps", "known"),
+)
+_PLACES = _REALS | {name: 104 + 4 * i for i, name in enumerate(_INTEGERS)}
+_VECTORS = 136  # where the first of them begins
+
+
+def _sealed(content: bytes) -> bytes:
+    """With the checksum that such content has: FNV-1a over words of 8 bytes, from the guid on."""
+    total = 14695981039346656037
+    for (word,) in struct.iter_unpack("=Q", content[32:]):
+        total = (total ^ word) * 1099511628211 & _MASK
+        total ^= total >> 32
+    return _patched(content, 24, struct.pack("=Q", total | 1))
+
+
+def _forged(content: bytes, name: str, value: float) -> bytes:
+    return _sealed(_patched(content, _PLACES[name], struct.pack("=d" if name in _REALS else "=i", value)))
+
+
+def _swing(library: Library, *, symplectic: int = 0) -> Instance:
+    """After some steps, with a derivative of an input that waits for the next one."""
+    instance = library.instantiate()
+    assert instance.set(theta_0=0.7) == OK
+    assert instance.call("SetInteger", instance.refs(["symplectic_steps"]), 1, (c.c_int * 1)(symplectic)) == OK
+    assert instance.setup() == OK
+    assert instance.call("EnterInitializationMode") == OK
+    assert instance.call("ExitInitializationMode") == OK
+    run(instance, 0, 3)
+    reference = instance.refs(["theta_force"])
+    assert instance.call("SetRealInputDerivatives", reference, 1, (c.c_int * 1)(1), reals([0.5])) == OK
+    return instance
+
+
+def _refused(instance, content: bytes) -> str:
+    """Neither the instance nor its log shows anything of what was refused; the message."""
+    before = instance.get(*OUTPUTS)
+    instance.messages.clear()
+    assert instance.deserialize(content) == ERROR
+    assert instance.get(*OUTPUTS).tobytes() == before.tobytes()
+    (message,) = instance.messages
+    return message
+
+
+def test_the_checksum_of_the_tests_is_that_of_the_fmu(pendulum_library) -> None:
+    content = _swing(pendulum_library).serialize()
+    assert _sealed(content) == content
+
+
+_IMPOSSIBLE = [
+    *[("time", value) for value in (np.nan, np.inf, -np.inf)],
+    *[("tolerance", value) for value in (0.0, -1e-8, 1.0, 1e-300, np.nan, np.inf)],
+    *[("step", value) for value in (-0.1, np.nan, np.inf)],
+    *[("limit", value) for value in (np.nan, -np.inf, 1.0)],  # the pendulum has no events
+    # 8 is event mode, which an instance for co-simulation without events does not have
+    *[("phase", value) for value in (0, 1, 3, 8, 16, 64, 256, -1, 2**31 - 1)],
+    *[("use", value) for value in (-1, 3, 2**30)],
+    *[("reconstruction", value) for value in (-1, 3, 2**31 - 1)],
+    *[("symplectic_steps", value) for value in (-1, 100001, 2**31 - 1)],
+    *[(flag, value) for flag in ("unstarted", "jumped", "expanded", "known") for value in (-1, 2, 2**31 - 1)],
+    ("unstarted", 1),  # after initialization
+]
+
+
+@pytest.mark.parametrize(("name", "value"), _IMPOSSIBLE)
+def test_scalars_that_no_instance_can_have_are_refused(pendulum_library, name, value) -> None:
+    instance = _swing(pendulum_library)
+    message = _refused(instance, _forged(instance.serialize(), name, value))
+    assert re.fullmatch(r"the saved state is damaged: [a-z_ ]+ is out of range", message)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("symplectic", [0, 2])
+def test_every_number_of_the_vectors_is_finite(pendulum_library, value, symplectic) -> None:
+    instance = _swing(pendulum_library, symplectic=symplectic)
+    content = instance.serialize()
+    for offset in range(_VECTORS, len(content), 8):
+        message = _refused(instance, _sealed(_patched(content, offset, struct.pack("=d", value))))
+        assert message.endswith("is out of range"), offset
+        assert not re.search("nan|inf", message)
+
+
+def test_parameters_of_a_state_are_in_their_domains(pendulum_library) -> None:
+    instance = _swing(pendulum_library)
+    content = instance.serialize()
+    mass = content.index(struct.pack("=d", 1.0) + struct.pack("=d", GRAVITY), _VECTORS)
+    forged = _sealed(_patched(content, mass, struct.pack("=d", -2.5)))
+    assert _refused(instance, forged) == "the saved state is damaged: mass is out of range"
+    early = pendulum_library.instantiate()
+    assert early.set(mass=-2.5) == OK  # is refused when initialization ends, so it can be saved before
+    other = pendulum_library.instantiate()
+    assert other.deserialize(early.serialize()) == OK
+    assert other["mass"] == -2.5
+
+
+def _rewritten(content: bytes, random: np.random.Generator) -> bytes:
+    """With up to three words that are swapped, drawn, turned over in a bit, or of another size; sealed."""
+    words = np.frombuffer(content[72:], dtype=np.uint64).copy()
+    for _ in range(random.integers(1, 4)):
+        i, j = random.integers(words.size, size=2)
+        change = random.integers(4)
+        if change == 0:
+            words[[i, j]] = words[[j, i]]
+        elif change == 1:
+            words[i] = random.integers(2**64, dtype=np.uint64)
+        elif change == 2:
+            words[i] ^= np.uint64(1) << np.uint64(random.integers(64))
+        else:
+            words[i] = np.float64(10.0 ** random.uniform(-300, 300)).view(np.uint64)
+    return _sealed(content[:72] + words.tobytes())
+
+
+def test_a_forged_state_is_refused_or_behaves(pendulum_library) -> None:
+    """Whatever was accepted ends, and no number that is not finite comes with OK."""
+    random = np.random.default_rng(1)
+    content = _swing(pendulum_library).serialize()
+    accepted = 0
+    for _ in range(100):
+        forged, other = _rewritten(content, random), pendulum_library.instantiate()
+        if other.deserialize(forged) != OK:
+            continue
+        accepted += 1
+        (t,) = struct.unpack_from("=d", forged, _PLACES["time"])
+        for _ in range(3):
+            if other.step(t, 0.1) != OK:
+                break
+            t += 0.1
+            values = reals([0.0] * len(OUTPUTS))
+            if other.call("GetReal", other.refs(OUTPUTS), len(OUTPUTS), values) == OK:
+                assert np.isfinite(values).all()
+    assert accepted > 10
+
+
+def test_states_in_memory_need_no_checksum(pendulum_library) -> None:
+    instance = _swing(pendulum_library)
+    state = instance.save()
+    assert instance.step(0.3, 0.1) == OK
+    assert instance.call("SetFMUstate", state) == OK
+    assert instance.step(0.3, 0.1) == OK
+    assert instance.call("FreeFMUstate", c.byref(state)) == OK
 
 
 def test_serialization_into_too_little_memory_is_refused(pendulum_library) -> None:

@@ -1,8 +1,8 @@
 """modelDescription.xml of FMI 2.0: what an importer learns about a component before it loads any code.
 
-Arrays are shown number by number.  A variable's value reference is the place of its number; its index, which
-ModelStructure counts in, is that plus one.  Dependencies are the sparsity patterns of the Jacobians, so they are
-complete by construction; of very many numbers they are left out, which FMI defines as "all".
+Arrays are shown number by number.  A variable's value reference is its index, which ModelStructure counts in; see
+:mod:`liaisons.fmu.layout`.  Dependencies are the sparsity patterns of the Jacobians, so they are complete by
+construction; of very many numbers they are left out, which FMI defines as "all".
 """
 
 from __future__ import annotations
@@ -17,14 +17,26 @@ from scipy.sparse import csr_array
 
 from liaisons import __version__, units
 from liaisons.fmu.dependencies import between_numbers, initial, running, shown_states, states_that_jump
-from liaisons.fmu.layout import SYMPLECTIC_STEPS, Fmi, Setting, places, scalars, settings, size_references
+from liaisons.fmu.layout import (
+    SYMPLECTIC_STEPS,
+    Fmi,
+    Setting,
+    first_reference,
+    places,
+    scalars,
+    settings,
+    size_references,
+)
 from liaisons.fmu.markup import document, element
 from liaisons.mechanics.model import Model, Variable
 
 Backend = Literal["native", "python"]
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
-_SOURCES = ("model.c", "core.c", "derivatives.c", "face.c", "solver.c", "starts.c", "step.c", "symplectic.c")
+_SOURCES = (
+    *("model.c", "core.c", "derivatives.c", "face.c", "solver.c"),
+    *("starts.c", "states.c", "step.c", "symplectic.c"),
+)
 
 # What the back ends can do; attributes that are not named are false or 0.
 _BOTH = {
@@ -174,9 +186,20 @@ def nominals(model: Model) -> dict[str, list[float]]:
 
 
 def _variables(model: Model, backend: Backend) -> Iterator[str]:
-    where = places(model)
+    where = _references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model) if backend == "native" else set()
+    references = size_references(model)
+    for dimension in model.dimensions:
+        attributes = {
+            "name": dimension.name,
+            "valueReference": str(references[dimension.name]),
+            "description": dimension.description,
+            "causality": "local",
+            "variability": "constant",
+            "initial": "exact",
+        }
+        yield from _scalar(attributes, "Integer", {"start": str(dimension.count)})
     for variable in model.variables:
         first = where[variable.name].start
         of_derivative = where[variable.derivative_of].start if variable.derivative_of else 0
@@ -187,22 +210,18 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
             real = common if size == 1 else real_attributes(variable, size)
             real = real | ({} if variable.start is None else {"start": repr(float(start))}) | reinit
             if variable.derivative_of:
-                real["derivative"] = str(of_derivative + i + 1)
+                real["derivative"] = str(of_derivative + i)
             yield from _scalar(general_attributes(variable, scalar.name, first + i), "Real", real)
     for reference, setting in settings(model, "2").items():
         if backend == "native" or setting is not SYMPLECTIC_STEPS:
             attributes = general_attributes(setting.variable, setting.variable.name, reference)
             yield from _scalar(attributes, "Integer", integer_attributes(setting))
-    for dimension in model.dimensions:
-        attributes = {
-            "name": dimension.name,
-            "valueReference": str(size_references(model, "2")[dimension.name]),
-            "description": dimension.description,
-            "causality": "local",
-            "variability": "constant",
-            "initial": "exact",
-        }
-        yield from _scalar(attributes, "Integer", {"start": str(dimension.count)})
+
+
+def _references(model: Model) -> dict[str, range]:
+    """The value references, which are the indices, of each variable's numbers."""
+    first = first_reference(model)
+    return {name: range(first + at.start, first + at.stop) for name, at in places(model).items()}
 
 
 def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]) -> Iterator[str]:
@@ -213,10 +232,10 @@ def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]
 
 
 def _structure(model: Model) -> Iterator[str]:
-    where = places(model)
+    where = _references(model)
 
     def indices(names: Sequence[str]) -> list[int]:
-        return [place + 1 for name in names for place in where[name]]
+        return [index for name in names for index in where[name]]
 
     states = indices([state.name for state in model.states])
     derivatives = indices([state.derivative for state in model.states])
@@ -227,7 +246,7 @@ def _structure(model: Model) -> Iterator[str]:
     sparse = scalars(model) <= MOST_DEPENDENCIES
     runs = between_numbers(running(model), (1, 2)) if sparse else None
     starts = between_numbers(initial(model), (2, 1)) if sparse else None
-    first = len(parameters) + len(inputs) + 1  # index of the first of model.outputs
+    first = first_reference(model) + len(parameters) + len(inputs)  # index of the first of model.outputs
     for title, unknowns, knowns, pattern in (
         ("Outputs", outputs, states + inputs, runs),
         ("Derivatives", derivatives, states + inputs, runs),

@@ -1,7 +1,6 @@
 """modelDescription.xml of FMI 3.0: arrays are variables, structural sizes are structural parameters.
 
-A variable's value reference is its index in :attr:`Model.variables`; see :mod:`liaisons.fmu.layout` for those of the
-time, of the settings and of the structural sizes.
+A variable's value reference is its position in the file, from 1; see :mod:`liaisons.fmu.layout`.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from liaisons.fmu.description import (
     real_attributes,
     unit_definitions,
 )
-from liaisons.fmu.layout import TIME, settings, size_references
+from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
 from liaisons.mechanics.model import Dimension, Model, Variable
 
@@ -78,7 +77,9 @@ def _variables(model: Model) -> Iterator[str]:
     reference = _references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model)
-    reference_of_size = size_references(model, "3")
+    reference_of_size = size_references(model)
+    for size in model.dimensions:
+        yield from _size(size, reference_of_size[size.name])
     for variable in model.variables:
         attributes = general_attributes(variable, variable.name, reference[variable.name])
         attributes |= real_attributes(variable, max(sizes.get(variable.name, (1.0,)))) | _start(variable)
@@ -97,8 +98,6 @@ def _variables(model: Model) -> Iterator[str]:
     for of_setting, setting in settings(model, "3").items():
         attributes = general_attributes(setting.variable, setting.variable.name, of_setting)
         yield from element("Int32", attributes | integer_attributes(setting))
-    for size in model.dimensions:
-        yield from _size(size, reference_of_size[size.name])
 
 
 def _start(variable: Variable) -> dict[str, str]:
@@ -122,7 +121,7 @@ def _size(size: Dimension, reference: int) -> Iterator[str]:
 
 
 def _references(model: Model) -> dict[str, int]:
-    return {variable.name: i for i, variable in enumerate((*model.variables, TIME))}
+    return {variable.name: i for i, variable in enumerate((*model.variables, TIME), first_reference(model))}
 
 
 # ---- model structure -------------------------------------------------------------------------------------------

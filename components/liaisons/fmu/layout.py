@@ -1,8 +1,10 @@
 """Where the numbers of a model are, and the references by which an importer asks for them.
 
-The *place* of a number is its index in the flat vectors (k, u, z).  FMI 2.0 refers to numbers, by their places; FMI 3.0
-to variables, by their index in :attr:`Model.variables`, and behind them to the time.  Behind these come, in both, the
-settings and the structural sizes.
+The *place* of a number is its index in the flat vectors (k, u, z).
+
+Value references count from 1 in the order of ModelVariables, since some importers take them for positions there: the
+structural sizes, since some importers look for them before the arrays that use them; numbers in FMI 2.0, by their
+places; in FMI 3.0 variables, by their index in :attr:`Model.variables`, and the time; the settings.
 """
 
 from __future__ import annotations
@@ -67,18 +69,18 @@ def scalars(model: Model) -> int:
     return sum(variable.count for variable in model.variables)
 
 
+def size_references(model: Model) -> dict[str, int]:
+    """Value references of the structural sizes, by name."""
+    return {size.name: 1 + i for i, size in enumerate(model.dimensions)}
+
+
+def first_reference(model: Model) -> int:
+    """Value reference of the first number in FMI 2.0, of the first variable in FMI 3.0."""
+    return 1 + len(model.dimensions)
+
+
 def settings(model: Model, fmi: Fmi) -> dict[int, Setting]:
     """The settings that a native FMU of a model has, by value reference."""
-    first = _first_setting(model, fmi)
     has = {RECONSTRUCTION: bool(model.inputs), SYMPLECTIC_STEPS: bool(model.states)}
-    return {first + i: setting for i, setting in enumerate(has) if has[setting]}
-
-
-def size_references(model: Model, fmi: Fmi) -> dict[str, int]:
-    """Value references of the structural sizes, by name: they follow the settings."""
-    first = _first_setting(model, fmi) + 2
-    return {size.name: first + i for i, size in enumerate(model.dimensions)}
-
-
-def _first_setting(model: Model, fmi: Fmi) -> int:
-    return scalars(model) if fmi == "2" else len(model.variables) + 1
+    first = first_reference(model) + (scalars(model) if fmi == "2" else len(model.variables) + 1)
+    return dict(enumerate((setting for setting in has if has[setting]), first))

@@ -80,6 +80,7 @@ def _component(model: Model, guid: str) -> bytes:
         "parameters": [_entry(variable) for variable in model.parameters],
         "inputs": [_entry(variable) for variable in model.inputs],
         "outputs": [_entry(variable) for variable in model.outputs],
+        "sizes": [[size.name, size.count] for size in model.dimensions],
         "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
         "condition_texts": model.condition_texts,
         "start_only": model.start_only,

@@ -1,6 +1,6 @@
 """The FMI face of a component: pythonfmu's slave over the numbers of one instance.
 
-Variables live in one array in the order of the value references: parameters, inputs, everything else.
+Variables live in one array, where their value references say: parameters, inputs, everything else.
 Outputs are evaluated when they are read, once per change.
 
 pythonfmu's wrapper knows three answers: OK; Discard, from ``do_step`` alone; Fatal, when a method raises, after
@@ -39,12 +39,13 @@ class Slave(Fmi2Slave):
         if resources in sys.path:  # put there by the wrapper at each instantiation, and done with
             sys.path.remove(resources)
         self._table = table = load(resources)
-        self._first_input = len(table.parameters)
+        self._first = table.first
+        self._first_input = self._first + len(table.parameters)
         self._first_output = self._first_input + len(table.inputs)
         self._mode = EXTRAPOLATE
         self._tolerance = table.tolerance
         self._step: Step | None = None  # there is one from the end of initialization on
-        self._settable = set(range(self._first_output))
+        self._settable = set(range(self._first, self._first_output))
         self._started = False  # y and m belong to the parameters and inputs as they are
         self._remembered = True  # m belongs to the end of the last step
         self._jumped = False  # something was set since then: the energy may have jumped
@@ -53,8 +54,9 @@ class Slave(Fmi2Slave):
         self._refused: dict[int, str] = {}  # by value reference: set calls that the next step answers for
 
         f = table.functions
-        self._values = np.array([entry.start or 0.0 for entry in table.variables])
-        self._k = self._values[: self._first_input]
+        # by value reference; those below the first belong to no Real variable
+        self._values = np.array([math.nan] * self._first + [entry.start or 0.0 for entry in table.variables])
+        self._k = self._values[self._first : self._first_input]
         self._given = self._values[self._first_input : self._first_output]  # inputs as set by the importer
         self._z = self._values[self._first_output :]
         states = f["start"].numel_out(0)
@@ -114,7 +116,7 @@ class Slave(Fmi2Slave):
     def _bad_start(self) -> str:
         """What forbids this initialization; empty if nothing does."""
         t = self._t[0]
-        for entry, value in zip(self._table.settable, self._values, strict=False):
+        for entry, value in zip(self._table.settable, self._values[self._first :], strict=False):
             if not entry.allows(value):
                 return entry.violation(value, t)
         if not np.isfinite(self._y).all():
@@ -123,8 +125,9 @@ class Slave(Fmi2Slave):
 
     def _enter(self, *, stepping: bool) -> None:
         """Enter the phase before the end of initialization, where all can be set, or the one after it."""
-        fixed = [vr for vr, entry in enumerate(self._table.parameters) if stepping and entry.variability == "fixed"]
-        self._settable = set(range(self._first_output)).difference(fixed)
+        parameters = enumerate(self._table.parameters, self._first)
+        fixed = [vr for vr, entry in parameters if stepping and entry.variability == "fixed"]
+        self._settable = set(range(self._first, self._first_output)).difference(fixed)
         if not stepping:
             self._step = None
         elif self._step is None or (self._step.mode, self._step.tolerance) != (self._mode, self._tolerance):
@@ -203,10 +206,12 @@ class Slave(Fmi2Slave):
             self._evaluate()
         number = self._number
         try:
-            return [number[vr] for vr in vrs]
+            if min(vrs, default=self._first) >= self._first:  # a negative one would be taken from the end
+                return [number[vr] for vr in vrs]
         except IndexError:
-            self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
-            return [math.nan] * len(vrs)
+            pass
+        self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
+        return [math.nan] * len(vrs)
 
     def _evaluate(self) -> None:
         self._initialize()
@@ -238,17 +243,24 @@ class Slave(Fmi2Slave):
     def _refuse_real(self, vr: int, value: float) -> None:
         if vr in self._settable:
             self._refuse(vr, value, f"set a finite number; it stays {self._number[vr]:.9g}")
+        elif not self._first <= vr < self._values.size:
+            self._refuse(vr, value, "it belongs to no Real variable")
         elif vr < self._first_input:
             self._refuse(vr, value, "it is a fixed parameter; set it before initialization ends")
         else:
             self._refuse(vr, value, "it is calculated; set parameters and inputs")
 
     def get_integer(self, vrs: list[int]) -> list[int]:
-        return [self._mode] * len(vrs)  # there is but one: input_reconstruction
+        integers = {vr: count for vr, (_, count) in enumerate(self._table.sizes, 1)} | {self._values.size: self._mode}
+        if not integers.keys() >= set(vrs):
+            self.log(f"of the value references {vrs} some belong to no Integer variable", Fmi2Status.error)
+        return [integers.get(vr, 0) for vr in vrs]
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
         for vr, value in zip(vrs, values, strict=True):
-            if self._step is not None:
+            if vr != self._values.size:  # input_reconstruction follows the numbers
+                self._refuse(vr, value, "it is no Integer variable that can be set")
+            elif self._step is not None:
                 self._refuse(vr, value, "it is a fixed parameter; set it before initialization ends")
             elif value not in (HOLD, EXTRAPOLATE, INTERPOLATE):
                 self._refuse(vr, value, "set 0 (hold), 1 (extrapolate) or 2 (interpolate)")
@@ -258,8 +270,9 @@ class Slave(Fmi2Slave):
 
     def _refuse(self, vr: int, value: float, why: str) -> None:
         """Log that a value was not taken, and let the next step answer for it."""
-        names = [*(entry.name for entry in self._table.variables), "input_reconstruction"]
-        name = names[vr] if 0 <= vr < len(names) else f"value reference {vr}"
+        table = self._table
+        names = [name for name, _ in table.sizes] + [entry.name for entry in table.variables] + ["input_reconstruction"]
+        name = names[vr - 1] if 1 <= vr <= len(names) else f"value reference {vr}"
         self._refused[vr] = f"{name} = {value:.9g}: {why}"
         self.log(self._refused[vr], Fmi2Status.discard)
 

@@ -48,7 +48,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A component at run time.  Value reference = place in parameters + inputs + outputs."""
+    """A component at run time.  Value references count from 1: sizes, parameters + inputs + outputs, the setting."""
 
     name: str
     guid: str
@@ -56,10 +56,16 @@ class Table:
     parameters: tuple[Entry, ...]
     inputs: tuple[Entry, ...]
     outputs: tuple[Entry, ...]
+    sizes: tuple[tuple[str, int], ...]  # structural sizes by name
     active: tuple[tuple[int, int, int], ...]  # places of s, s_dot, s_ddot among the inputs
     condition_texts: tuple[str, ...]
     start_only: int  # so many conditions, the last ones, are asked of the start alone
     functions: dict[str, ca.Function]
+
+    @property
+    def first(self) -> int:
+        """Value reference of the first parameter."""
+        return 1 + len(self.sizes)
 
     @property
     def settable(self) -> tuple[Entry, ...]:
@@ -110,7 +116,7 @@ def _decode(text: str) -> Table:
     document = json.loads(text)
     for kind in ("parameters", "inputs", "outputs"):
         document[kind] = tuple(Entry(**entry) for entry in document[kind])
-    for kind in ("active", "condition_texts"):
+    for kind in ("sizes", "active", "condition_texts"):
         document[kind] = tuple(document[kind])
     functions = {name: ca.Function.deserialize(code) for name, code in document.pop("functions").items()}
     return Table(**document, functions=functions)

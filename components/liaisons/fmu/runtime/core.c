@@ -10,20 +10,7 @@
 #include "solver.h"
 #include "symplectic.h"
 
-/* Tolerances are kept between these: below, rounding errors take over. */
-static const double TIGHTEST = 1e-14, LOOSEST = 1e-2;
-
 enum { NAME = 256 };
-
-typedef struct { /* in front of the numbers of a saved state */
-    char magic[8];
-    uint32_t byte_order, version;
-    uint64_t size;
-    uint64_t checksum; /* of what follows it; 0: none */
-    char guid[40];
-} Header;
-
-static const Header HEADER = {"liaison", 0x01020304, 2, 0, 0, ""};
 
 /* ---- messages ---------------------------------------------------------------------------------------------- */
 
@@ -176,6 +163,7 @@ Instance *core_new(const Model *model, const Options *options) {
     self->places = settable + model->outputs;
     self->by_variable = options->whole && model->variable_rows < self->places;
     self->references = options->whole ? model->variable_rows + 1 : self->places;
+    self->first = first_reference(model);
     self->moving_size = sizeof(Scalars) + moving * sizeof(double);
     self->state_size = self->moving_size + resting * sizeof(double);
     self->s = calloc(1, self->state_size + (model->outputs + 1) * sizeof(double));
@@ -303,10 +291,10 @@ void core_terminate(Instance *self) { self->s->phase = TERMINATED; }
 Status core_check_references(const Instance *self, const unsigned references[], size_t n, size_t count) {
     size_t numbers = n;
     for (size_t i = 0; i < n; i++) {
-        if (references[i] >= self->references)
-            return core_report(self, ERROR, "value reference %u belongs to no floating-point variable; they are 0 to %lu",
-                               references[i], (unsigned long)(self->references - 1));
-        if (self->by_variable) numbers += self->model->variables[references[i]].count - 1;
+        if (references[i] - self->first >= self->references)
+            return core_report(self, ERROR, "value reference %u belongs to no floating-point variable; they are %u to %lu",
+                               references[i], self->first, (unsigned long)(self->first + self->references - 1));
+        numbers += span_of(self, references[i]).count - 1;
     }
     if (numbers == count) return SUCCESS;
     return core_report(self, ERROR, "%lu values for variables that hold %lu", (unsigned long)count,
@@ -323,7 +311,8 @@ static int next_run(const Instance *self, Rest *rest, Span *run) {
     const unsigned reference = *rest->references;
     size_t n = 1;
     while (n < rest->n && rest->references[n] == reference + n) n++;
-    if (reference >= self->references || n > self->references - reference) return 0;
+    const size_t index = reference - self->first;
+    if (index >= self->references || n > self->references - index) return 0;
     const Span first = span_of(self, reference), last = span_of(self, reference + (unsigned)(n - 1));
     *run = (Span){first.first, last.first + last.count - first.first};
     if (run->count > rest->count) return 0;
@@ -345,8 +334,9 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     *self->t = self->s->time;
     if (self->current && !self->by_variable) { /* numbers that are known: nothing is as fast as to take one by one */
         for (size_t i = 0; i < n; i++) {
-            if (references[i] >= self->references) return core_check_references(self, references, n, count);
-            if (i < count) values[i] = self->k[references[i]];
+            const size_t place = references[i] - self->first;
+            if (place >= self->references) return core_check_references(self, references, n, count);
+            if (i < count) values[i] = self->k[place];
         }
         return n == count ? SUCCESS : core_check_references(self, references, n, count);
     }
@@ -449,12 +439,12 @@ static int take(Instance *self, Span run, const double values[], int present) {
 /* Set inputs to finite numbers, one by one; returns 0 if that is not all that is asked for, and sets nothing. */
 static int set_inputs(Instance *self, const unsigned references[], size_t n, const double values[], int present,
                       int *fresh) {
-    const Model *model = self->model;
+    const size_t first = self->first + self->model->parameters, inputs = self->model->inputs;
     uint64_t differences = 0, before, after;
     for (size_t i = 0; i < n; i++)
-        if (references[i] - model->parameters >= model->inputs || values[i] - values[i] != 0) return 0;
+        if (references[i] - first >= inputs || values[i] - values[i] != 0) return 0;
     for (size_t i = 0; i < n; i++) {
-        const size_t place = references[i] - model->parameters;
+        const size_t place = references[i] - first;
         self->set[place] = values[i];
         if (!present) continue;
         memcpy(&before, &self->u[place], sizeof before);
@@ -514,41 +504,44 @@ static const struct {
     int most;
 } SETTING[SETTINGS] = {
     {"input_reconstruction", "0 (hold), 1 (extrapolate) or 2 (interpolate)", INTERPOLATE},
-    {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", 100000},
+    {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", MOST_SYMPLECTIC_STEPS},
 };
 
-/* Where the value of a setting is; NULL, and a report, if there is none. */
-static int32_t *setting(const Instance *self, unsigned reference) {
-    if (reference == self->references + RECONSTRUCTION && self->model->inputs > 0) return &self->s->reconstruction;
-    if (reference == self->references + SYMPLECTIC_STEPS && self->model->states > 0) return &self->s->symplectic_steps;
+/* Which setting a reference stands for; SETTINGS, and a report, if there is none. */
+static size_t setting(const Instance *self, unsigned reference) {
+    size_t next = self->first + self->references;
+    if (self->model->inputs > 0 && reference == next++) return RECONSTRUCTION;
+    if (self->model->states > 0 && reference == next) return SYMPLECTIC_STEPS;
     core_report(self, ERROR, "value reference %u belongs to no integer variable", reference);
-    return NULL;
+    return SETTINGS;
+}
+
+static int32_t *value_of(const Instance *self, size_t which) {
+    return which == RECONSTRUCTION ? &self->s->reconstruction : &self->s->symplectic_steps;
 }
 
 Status core_get_setting(const Instance *self, unsigned reference, int *value) {
-    const int32_t *place = setting(self, reference);
-    if (place == NULL) return ERROR;
-    *value = *place;
+    const size_t which = setting(self, reference);
+    if (which == SETTINGS) return ERROR;
+    *value = *value_of(self, which);
     return SUCCESS;
 }
 
 Status core_set_settings(Instance *self, const unsigned references[], size_t n, const int values[]) {
     for (size_t i = 0; i < n; i++) {
-        if (setting(self, references[i]) == NULL) return ERROR;
-        const size_t which = references[i] - self->references;
+        const size_t which = setting(self, references[i]);
+        if (which == SETTINGS) return ERROR;
         if (values[i] < 0 || values[i] > SETTING[which].most)
             return core_report(self, ERROR, "%s = %d: set %s", SETTING[which].name, values[i], SETTING[which].values);
         if (self->s->phase >= EVENT)
             return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
     }
-    for (size_t i = 0; i < n; i++) *setting(self, references[i]) = values[i];
+    for (size_t i = 0; i < n; i++) *value_of(self, setting(self, references[i])) = values[i];
     return SUCCESS;
 }
 
 const Dimension *core_dimension(const Instance *self, unsigned reference) {
-    const size_t first = self->references + SETTINGS;
-    if (reference < first || reference >= first + self->model->dimension_rows) return NULL;
-    return &self->model->dimensions[reference - first];
+    return reference - 1 < self->model->dimension_rows ? &self->model->dimensions[reference - 1] : NULL;
 }
 
 /* ---- model exchange, and events ---------------------------------------------------------------------------- */
@@ -625,74 +618,4 @@ void core_enter_continuous_mode(Instance *self) {
 void core_enter_step_mode(Instance *self) {
     self->s->phase = STEP;
     self->current = 0;
-}
-
-/* ---- saved states ------------------------------------------------------------------------------------------ */
-
-size_t core_state_size(const Instance *self) { return sizeof(Header) + self->state_size; }
-
-void core_save(const Instance *self, void *bytes) {
-    Header header = HEADER;
-    header.size = core_state_size(self);
-    strncpy(header.guid, self->model->guid, sizeof header.guid - 1);
-    memcpy(bytes, &header, sizeof header);
-    memcpy((char *)bytes + sizeof header, self->s, self->state_size);
-}
-
-/* FNV-1a, in words of 8 bytes; never 0. */
-static uint64_t checksum(const void *bytes, size_t size) {
-    const size_t first = offsetof(Header, guid); /* a multiple of 8, as the sizes of all parts are */
-    uint64_t sum = 14695981039346656037u, word;
-    for (size_t i = first; i + sizeof word <= size; i += sizeof word) {
-        memcpy(&word, (const char *)bytes + i, sizeof word);
-        sum = (sum ^ word) * 1099511628211u;
-        sum ^= sum >> 32;
-    }
-    return sum | 1;
-}
-
-void core_seal(void *bytes) {
-    Header header;
-    memcpy(&header, bytes, sizeof header);
-    header.checksum = checksum(bytes, header.size);
-    memcpy(bytes, &header, sizeof header);
-}
-
-Status core_check_state(const Instance *self, const void *bytes, size_t size) {
-    Header header;
-    if (size < sizeof header)
-        return core_report(self, ERROR, "the saved state has %lu bytes: it is cut off", (unsigned long)size);
-    memcpy(&header, bytes, sizeof header);
-    if (memcmp(header.magic, HEADER.magic, sizeof header.magic) != 0)
-        return core_report(self, ERROR, "these bytes are no saved state of such an FMU");
-    if (header.byte_order != HEADER.byte_order)
-        return core_report(self, ERROR, "the saved state comes from a machine with another byte order");
-    if (header.version != HEADER.version)
-        return core_report(self, ERROR, "the saved state has version %u, this FMU reads version %u", header.version,
-                           HEADER.version);
-    if (strncmp(header.guid, self->model->guid, sizeof header.guid) != 0)
-        return core_report(self, ERROR, "the saved state belongs to another FMU, with guid %.39s", header.guid);
-    if (header.size != core_state_size(self) || size != header.size)
-        return core_report(self, ERROR, "the saved state has %lu bytes instead of %lu: it is cut off or damaged",
-                           (unsigned long)size, (unsigned long)core_state_size(self));
-    if (header.checksum != 0 && header.checksum != checksum(bytes, size))
-        return core_report(self, ERROR, "the saved state is damaged: its checksum is wrong");
-    return SUCCESS;
-}
-
-Status core_restore(Instance *self, const void *bytes, size_t size) {
-    static const char *const USES[] = {"model exchange", "co-simulation", "co-simulation with events"};
-    Scalars scalars;
-    if (core_check_state(self, bytes, size) != SUCCESS) return ERROR;
-    const char *state = (const char *)bytes + sizeof(Header);
-    memcpy(&scalars, state, sizeof scalars);
-    if (scalars.use != (int32_t)self->options.use)
-        return core_report(self, ERROR, "the saved state belongs to an instance for %s",
-                           scalars.use >= USE_MODEL_EXCHANGE && scalars.use <= USE_CO_SIMULATION_WITH_EVENTS
-                               ? USES[scalars.use]
-                               : "something unknown");
-    memcpy(self->s, state, self->state_size);
-    self->current = self->allowed = 0;
-    self->apart = 1;
-    return SUCCESS;
 }

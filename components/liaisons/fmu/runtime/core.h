@@ -1,8 +1,9 @@
 /* One instance of a component: its variables, initialization, motion and saved states.  Nothing here knows FMI.
  *
  * Vectors, as in the generated functions: t time, y continuous states, u inputs, k parameters, m memory, z everything
- * that is calculated.  The place of a number is its place in (k, u, z, t).  A reference of the importer's stands for one
- * place, or for a whole variable, which is a number or an array of them: see Options.
+ * that is calculated.  The place of a number is its place in (k, u, z, t).
+ * References of the importer's count from 1: structural sizes, places, settings.  Where they stand for whole variables,
+ * which are numbers or arrays of them (see Options), those take the place of the places, and the time follows them.
  * A call that returns DISCARD or ERROR has reported why and has changed nothing. */
 #ifndef LIAISONS_CORE_H
 #define LIAISONS_CORE_H
@@ -87,6 +88,9 @@ typedef struct {
 
 extern const Model model;
 
+/* The reference of the first place or variable. */
+static inline unsigned first_reference(const Model *component) { return 1 + (unsigned)component->dimension_rows; }
+
 /* ---- an instance ---- */
 
 typedef enum { SUCCESS, WARNING, DISCARD, ERROR } Status;
@@ -144,8 +148,7 @@ void core_terminate(Instance *);
 /* `count` values of n variables; ERROR if they have more or less numbers. */
 Status core_get(Instance *, const unsigned references[], size_t n, double values[], size_t count);
 Status core_set(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
-/* Behind the references to variables follow those to the settings, "input_reconstruction" and "symplectic_steps", and
- * those to structural sizes. */
+/* Settings are "input_reconstruction", where there are inputs, and "symplectic_steps", where there are states. */
 Status core_get_setting(const Instance *, unsigned reference, int *value);
 Status core_set_settings(Instance *, const unsigned references[], size_t n, const int values[]);
 const Dimension *core_dimension(const Instance *, unsigned reference); /* NULL if it is none */
@@ -189,9 +192,12 @@ int core_update_discrete_states(Instance *, double *next);
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);
 void core_save(const Instance *, void *bytes);
-void core_seal(void *bytes); /* add a checksum, for bytes that leave the process; those without one are not checked */
-Status core_check_state(const Instance *, const void *bytes, size_t size);
+/* Take back what core_save has written, or what core_check_state has found to be right. */
 Status core_restore(Instance *, const void *bytes, size_t size);
+/* Add the checksum that bytes need which leave the process; ERROR if it is wrong, or if they hold a number that no
+ * instance can have. */
+void core_seal(void *bytes);
+Status core_check_state(const Instance *, const void *bytes, size_t size);
 
 /* Report a text and return its status. */
 Status core_report(const Instance *, Status status, const char *format, ...);

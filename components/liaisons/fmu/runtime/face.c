@@ -104,6 +104,9 @@ void *face_open(const Face *face, size_t size, const char *name, const char *gui
         return fail(face, function, ": the instance name is missing");
     if (!fits(guid))
         return fail(face, function, ": the guid of the model description is not that of the binary");
+    const int has_starts = guid[strlen(model.guid)] != '\0';
+    if (has_starts && resources == NULL)
+        return fail(face, function, ": start values of this FMU are in its resources: give the path of that folder");
     Face *opened = malloc(size);
     if (opened != NULL) {
         memcpy(opened, face, size);
@@ -111,6 +114,7 @@ void *face_open(const Face *face, size_t size, const char *name, const char *gui
         options.owner = opened;
         opened->name = malloc(strlen(name) + 1);
         opened->core = core_new(&model, &options);
+        opened->has_starts = has_starts;
         opened->starts = resources == NULL ? NULL : path_of_starts(resources);
     }
     if (opened == NULL || opened->name == NULL || opened->core == NULL || (resources != NULL && opened->starts == NULL)) {

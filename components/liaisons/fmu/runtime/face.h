@@ -14,7 +14,8 @@ struct Face { /* the first member of what an importer's handle points to */
     Write *write;      /* to its log; NULL: it has none */
     const char *marks; /* are doubled in texts */
     unsigned always, logged; /* one bit for each status: reported in any case, and now */
-    char *starts;            /* path of a file with start values, which there need not be */
+    char *starts;            /* path of a file with start values */
+    int has_starts;          /* the file must be there: this is a copy of the FMU that is known by them */
 };
 
 enum { REFUSALS = 1 << ERROR, EVERYTHING = 1 << WARNING | 1 << DISCARD | 1 << ERROR };
@@ -42,7 +43,7 @@ static inline void *face_enter(void *instance, unsigned phases, const char *func
 /* Set the start values in the file of an instance, which replace those of its component: a line
  *     KIND REFERENCE COUNT BITS ... NAME
  * for each variable; KIND is r for reals and i for integers; BITS are those of the numbers in hexadecimal digits, since a
- * locale reads decimal points its own way.  Without the file nothing is set. */
+ * locale reads decimal points its own way.  Without the file, which only some FMUs have, nothing is set. */
 Status face_take_starts(const Face *);
 
 /* Saved states as the importer holds them. */

@@ -100,8 +100,10 @@ static void ask(void *owner, double time) {
 /* How many of these references belong to inputs. */
 static size_t count_inputs(const fmi3ValueReference references[], size_t n) {
     size_t count = 0;
-    for (size_t i = 0; i < n; i++)
-        count += references[i] < model.variable_rows && model.variables[references[i]].kind == INPUT;
+    for (size_t i = 0; i < n; i++) {
+        const size_t row = references[i] - first_reference(&model);
+        count += row < model.variable_rows && model.variables[row].kind == INPUT;
+    }
     return count;
 }
 

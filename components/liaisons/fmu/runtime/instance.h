@@ -6,7 +6,11 @@
 
 #include "core.h"
 
-enum { TEXT = 512 };
+/* Tolerances are kept between these: below, rounding errors take over. */
+#define TIGHTEST 1e-14
+#define LOOSEST 1e-2
+
+enum { TEXT = 512, MOST_SYMPLECTIC_STEPS = 100000 };
 enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
 
 typedef struct { /* an input that moves inside a step */
@@ -16,7 +20,7 @@ typedef struct { /* an input that moves inside a step */
     double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
 } Mover;
 
-/* The scalars of a saved state; numbers of fixed size and without gaps. */
+/* The scalars of a saved state; numbers of fixed size and without gaps.  Whoever adds one says in states.c what it may be. */
 typedef struct {
     double time;
     double tolerance;
@@ -36,7 +40,8 @@ struct Instance {
     const Model *model;
     Options options;
     int by_variable;           /* references stand for variables, of which some are arrays */
-    size_t places, references; /* how many there are of each */
+    size_t places, references; /* how many there are of each, settings and sizes aside */
+    unsigned first;            /* reference, which stands for the first of them */
 
     /* What a saved state holds: the scalars, and behind them in the same block the vectors. */
     Scalars *s;
@@ -88,8 +93,9 @@ Status core_check_references(const Instance *, const unsigned references[], size
 
 /* What a reference, which exists, stands for. */
 static inline Span span_of(const Instance *self, unsigned reference) {
-    if (!self->by_variable) return (Span){reference, 1};
-    const Variable *variable = &self->model->variables[reference];
+    const size_t index = reference - self->first;
+    if (!self->by_variable) return (Span){index, 1};
+    const Variable *variable = &self->model->variables[index];
     return (Span){variable->first, variable->count};
 }
 

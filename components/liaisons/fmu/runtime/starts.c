@@ -49,6 +49,8 @@ static Status take(const Face *face, FILE *file, char kind, unsigned reference, 
 
 Status face_take_starts(const Face *face) {
     FILE *file = face->starts == NULL ? NULL : open_file(face->starts);
+    if (file == NULL && face->has_starts)
+        return core_report(face->core, ERROR, "%s cannot be read: this FMU has its start values there", face->starts);
     if (file == NULL) return SUCCESS;
     Status status = SUCCESS;
     char kind;

@@ -12,8 +12,9 @@ static const double SHARE = 0.02;
 
 static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
     if (core_check_references(self, &reference, 1, 1) != SUCCESS) return ERROR;
-    const char *name = core_name(self, reference);
-    if (core_variable_at(self->model, reference)->kind != INPUT)
+    const size_t place = span_of(self, reference).first;
+    const char *name = core_name(self, place);
+    if (core_variable_at(self->model, place)->kind != INPUT)
         return core_report(self, ERROR, "%s is no input", name);
     if (order < 1 || order > ORDER)
         return core_report(self, ERROR, "derivative of order %d of %s: the order must be 1 to %d", order, name, ORDER);
@@ -29,7 +30,7 @@ Status core_set_input_derivatives(Instance *self, const unsigned references[], s
         if (status != SUCCESS) return status;
     }
     for (size_t i = 0; i < n; i++) {
-        double *taylor = &self->taylor[(references[i] - self->model->parameters) * COEFFICIENTS];
+        double *taylor = &self->taylor[(span_of(self, references[i]).first - self->model->parameters) * COEFFICIENTS];
         taylor[0] = 1;
         taylor[orders[i]] = values[i];
     }
