@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from liaisons.sweeps import grid, sample, sweep
 
 __version__ = "0.1.0"
+__date__ = "2026-11-22"  # of this version
 
 __all__ = [
     "ActiveCoordinate",

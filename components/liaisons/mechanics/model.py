@@ -193,6 +193,7 @@ class Model:
     project: ca.Function | None = None
     start_only: int = 0  # so many of the conditions, the last ones, are asked of the start alone
     active: tuple[ActiveInput, ...] = ()
+    module: str = ""  # where the component is declared
     ports: tuple[Port, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)
     equations: tuple[Equation, ...] = ()  # for the documentation

@@ -114,6 +114,7 @@ class Operator(Component, abstract=True):
         ]
         return Model(
             name=cls.__name__,
+            module=cls.__module__,
             description=cls.summary(),
             documentation=inspect.getdoc(cls) or cls.__name__,
             parameters=(
