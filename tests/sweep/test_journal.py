@@ -107,6 +107,7 @@ def test_a_file_that_is_no_journal_stays_as_it_is(pendulum, tmp_path) -> None:
         sweep(pendulum, CASES, ["theta"], journal=tmp_path / "missing" / "journal", **SPAN)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_interrupted_on_the_command_line(pendulum, tmp_path) -> None:
     def command(*more: str) -> list[str]:
         grid = ["--over", "theta_0=0.1:3:40", "--over", "length=0.5,1", "--keep", "theta", "--stop", "20", *more]
