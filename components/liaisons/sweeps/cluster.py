@@ -11,8 +11,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from liaisons.sweeps.errors import SweepError
+from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import Outcome, Session, extract_all
+from liaisons.sweeps.session import Session, extract_all
 from liaisons.sweeps.workers import Deliver
 
 Client = Any
@@ -22,7 +23,9 @@ _PATIENCE = "10s"  # for a scheduler to answer
 _here = threading.local()  # of a worker: its session and what that was made for
 
 
-def simulate(plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver) -> None:
+def simulate(
+    plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver, *, time_limit: float | None = None
+) -> None:
     """Simulate cases on the workers of a cluster.
 
     What a worker had when it died, Dask gives to another one; a case over which several have died is a failure.
@@ -33,6 +36,8 @@ def simulate(plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver)
     """
     from distributed import as_completed
 
+    if time_limit is not None:
+        raise SweepError("time_limit is for processes of this machine; leave it out on a Dask cluster")
     shipment = client.scatter((plan.key(), plan, plan.files()), broadcast=True, hash=False)
     remaining = list(cases)
     size = max(1, min(256, len(remaining) // (8 * max(1, sum(client.nthreads().values())))))
@@ -48,7 +53,7 @@ def simulate(plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver)
             elif future.status == "cancelled":
                 raise SweepError("the Dask cluster has cancelled the sweep; is its scheduler still there?")
             elif len(chunk) == 1 and future.status == "error":
-                deliver({chunk[0]: f"Dask: {future.exception()}"})
+                deliver({chunk[0]: Failure(f"Dask: {future.exception()}", refused=False)})
             else:  # several cases, one of which is to blame, or a result that was lost with its worker
                 for case in chunk:
                     again = client.submit(_simulate, shipment, [case], pure=False)
@@ -65,8 +70,12 @@ def connected(client: Client | str) -> Iterator[Client]:
     :raises SweepError: if ``distributed`` is not installed, or nobody answers.
     """
     if not isinstance(client, str):
+        if not hasattr(client, "scatter"):
+            raise SweepError(f"client = {client!r}; give a distributed.Client, or the address of a scheduler")
         yield client
         return
+    if not client.strip():  # Dask would start workers here
+        raise SweepError("no Dask scheduler has an empty address; give one, e.g. 'tcp://10.0.0.1:8786'")
     try:
         from distributed import Client as DaskClient
     except ImportError:
