@@ -7,7 +7,7 @@ from importlib import import_module
 import pytest
 
 from liaisons.cli import main
-from liaisons.sweeps.outcome import Failure
+from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.workers import Deliver
 
 
@@ -85,7 +85,8 @@ def test_failing_cases_are_shown(pendulum, capsys) -> None:
 
 
 def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, capsys, monkeypatch) -> None:
-    csv, outcomes = tmp_path / "table.csv", [Failure("took too long", refused=False), (1.0,)]
+    csv = tmp_path / "table.csv"
+    outcomes: list[Outcome] = [Failure("took too long", refused=False), (1.0,)]
 
     def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, *, time_limit: float) -> None:
         assert time_limit == 3.0

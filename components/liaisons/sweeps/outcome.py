@@ -28,6 +28,26 @@ Outcome: TypeAlias = tuple[float, ...] | Failure
 """What was kept of a case, or why it failed."""
 
 
+LIVES = 2
+"""So many processes may die over one case before it is given up, until the next start."""
+
+
+def died(code: int | None) -> Failure:
+    """Of a case over which as many processes have died as may.
+
+    :param code: how the last one ended.
+    """
+    return Failure(f"the process that simulated it died, {LIVES} times (exit code {code})", refused=False)
+
+
+def too_long(time_limit: float) -> Failure:
+    """Of a case whose process was ended for that.
+
+    :param time_limit: [s].
+    """
+    return Failure(f"took longer than the time limit of {time_limit:g} s", refused=False)
+
+
 def failure(error: Exception) -> Failure:
     """A refusal is what an FMU says by Discard or Error, or an iteration that does not converge; nothing else is.
 

@@ -106,7 +106,7 @@ def sweep(
         todo = [case for case in range(plan.cases.count) if case not in outcomes]
         bar = _ProgressBar(plan.title, plan.cases.count, len(todo)) if progress else None
 
-        def deliver(found: dict[int, Outcome]) -> None:
+        def deliver(found: Mapping[int, Outcome]) -> None:
             outcomes.update(found)
             if written is not None:
                 written.add(found)

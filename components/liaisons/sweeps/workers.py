@@ -13,7 +13,7 @@ import sys
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, MutableSequence
+from collections.abc import Callable, Iterable, Mapping, MutableSequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -24,11 +24,11 @@ from typing import final
 from liaisons.cosim import loop
 from liaisons.processes import die_with_parent
 from liaisons.sweeps.errors import SweepError
-from liaisons.sweeps.outcome import Failure, Outcome
+from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
 from liaisons.sweeps.plan import Plan
 from liaisons.sweeps.session import Session, extract_all
 
-Deliver = Callable[[dict[int, Outcome]], None]
+Deliver = Callable[[Mapping[int, Outcome]], None]
 Folders = dict[Path, Path]
 
 _logger = logging.getLogger("liaisons.sweeps")
@@ -36,7 +36,6 @@ _logger = logging.getLogger("liaisons.sweeps")
 _FLUSH = 0.1  # [s] a worker reports as often as this, so that little is lost with it
 _PATIENCE = 5.0  # [s] for a worker to release its FMUs
 _MOST = 256  # cases that a process is given at a time
-_LIVES = 2  # so many processes may die over one case before it is given up, until the next start
 _LONG = 60.0  # [s] after which one is told that a case still runs
 
 
@@ -199,7 +198,7 @@ class _Pool:
         case = int(worker.at[1])
         if worker.at[0] == begun and case in worker.cases:
             worker.cases.remove(case)
-            self._deliver({case: Failure(f"took longer than the time limit of {limit:g} s", refused=False)})
+            self._deliver({case: too_long(limit)})
         self._replace(worker)
 
     def _bury(self, worker: _Worker) -> None:
@@ -208,9 +207,8 @@ class _Pool:
         if len(worker.cases) == 1:
             (case,) = worker.cases
             self._deaths[case] = self._deaths.get(case, 0) + 1
-            if self._deaths[case] == _LIVES:
-                reason = f"the process that simulated it died, {_LIVES} times (exit code {worker.process.exitcode})"
-                self._deliver({case: Failure(reason, refused=False)})
+            if self._deaths[case] == LIVES:
+                self._deliver({case: died(worker.process.exitcode)})
                 worker.cases = []
         self._replace(worker)
 
