@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         output,
         point,
         submersion,
+        unchecked,
     )
     from liaisons.scenario import run_scenario
     from liaisons.sweeps import grid, sample, sweep
@@ -85,6 +86,7 @@ __all__ = [
     "submersion",
     "sweep",
     "table",
+    "unchecked",
     "verdict",
 ]
 
