@@ -204,7 +204,7 @@ def _begin(key: str, plan: Plan, files: Mapping[Path, bytes]) -> None:
         for path, content in files.items():
             here[path].write_bytes(content)
         moved = plan.moved(here)
-        child = Child(dumps((moved, extract_all(moved, folder))))
+        child = Child(dumps((moved, extract_all(moved, folder), str(folder))))
         stack.callback(child.close)
         _mine[key, get_ident()] = child, stack.pop_all()
 
