@@ -197,7 +197,7 @@ Status core_restore(Instance *, const void *bytes, size_t size);
 /* Add the checksum that bytes need which leave the process; ERROR if it is wrong, or if they hold a number that no
  * instance can have. */
 void core_seal(void *bytes);
-Status core_check_state(const Instance *, const void *bytes, size_t size);
+Status core_check_state(Instance *, const void *bytes, size_t size);
 
 /* Report a text and return its status. */
 Status core_report(const Instance *, Status status, const char *format, ...);
