@@ -100,11 +100,11 @@ def start_of(q: Coordinate, dimension: Dimension | None = None) -> list[Variable
 
 def triple(s: ActiveCoordinate) -> list[Variable]:
     """σ, σ̇ and σ̈ of an active coordinate."""
-    speed = units.rate(s.unit)
+    speed, together = units.rate(s.unit), "to be set with it, in model exchange too"
     return [
         s.variable("input", "continuous"),
-        _zero(f"{s.name}_dot", speed, f"rate of {s.name}"),
-        _zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}"),
+        _zero(f"{s.name}_dot", speed, f"rate of {s.name}, {together}"),
+        _zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}, {together}"),
     ]
 
 

@@ -141,6 +141,8 @@ class Prescribed:
             return "it is interpolated over the step"
         if self._table.jumps and not self._table.jumps[i][i] & MIXES:
             return "it is taken as the limit of an ever faster motion"
+        if "project" in self._table.functions:
+            return "the state is put back onto the constraints"
         return "coordinates and momenta stay as they are"
 
 

@@ -106,7 +106,8 @@ static const char *treatment(const Instance *self, const Prescribed *p) {
     if (self->s->reconstruction == INTERPOLATE) return "it is interpolated over the step";
     if (self->model->jumps != NULL && !(self->model->jumps[i * n + i] & MIXES))
         return "it is taken as the limit of an ever faster motion";
-    return "coordinates and momenta stay as they are";
+    return self->model->project == NULL ? "coordinates and momenta stay as they are"
+                                        : "the state is put back onto the constraints";
 }
 
 void core_warn(Instance *self) {
