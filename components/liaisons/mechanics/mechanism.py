@@ -231,7 +231,7 @@ class Mechanism(Component, abstract=True):
             names += [f"{c.name}_residual", f"lambda_{c.name}"]
         names += [f"{c.name}_residual" for c in cls.submersions]
         for s in (c.name for c in cls.actives):
-            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power"]
+            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power", f"{s}_mismatch"]
         names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
         return [*names, "power", "dissipation"]
 

@@ -117,6 +117,12 @@ static const char *wrong_vector(const Instance *self, const Scalars *s, const ch
     if (running && !finite_numbers(SAVED(y), model->states)) return "a state";
     if (!finite_numbers(SAVED(low), model->states)) return "the rounding error of a state";
     if (running && !finite_numbers(SAVED(m), model->memory)) return "the memory of the component";
+    if (!finite_numbers(SAVED(past), self->prescribed_count * (sizeof(Past) / sizeof(double))))
+        return "the past of an input";
+    for (size_t i = 0; i < self->prescribed_count; i++) {
+        const size_t first = i * (sizeof(Past) / sizeof(double));
+        if (number_at(SAVED(past), first + offsetof(Past, size) / sizeof(double)) < 0) return "the past of an input";
+    }
     if (!finite_numbers(SAVED(history), HISTORY * model->coupled)) return "the past of a state";
     if (!finite_numbers(SAVED(taylor), COEFFICIENTS * model->inputs)) return "the derivative of an input";
     for (size_t i = 0; i < model->inputs; i++) {

@@ -124,7 +124,7 @@ class Chain(Component, abstract=True):
             names += [f"{q}_0", f"{q}_dot_0", q, f"{q}_dot", f"{q}_ddot", f"p_{q}", f"p_{q}_dot"]
             names += [f"{q}_force", f"{q}_load"]
         for s in (c.name for c in cls.actives):
-            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power"]
+            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power", f"{s}_mismatch"]
         names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
         return [*names, "power", "dissipation", "n"]
 
