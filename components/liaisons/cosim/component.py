@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
+from liaisons.arguments import as_path
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values
 from liaisons.cosim.variables import Variable
@@ -83,7 +84,7 @@ def component(name: str, path: Path | str, starts: Mapping[str, object]) -> Comp
 
     :raises SimulationError: if the file cannot be used here, or a start value does not fit.
     """
-    fmu = read(path)
+    fmu = read(as_path(f"{name}: fmu", path))
     return Component(name, fmu, start_values(name, fmu, starts))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.arguments import as_path
 from liaisons.cosim.files import replacing
 from liaisons.cosim.variables import Shape, complete, split
 from liaisons.errors import SimulationError, suggestion
@@ -27,7 +28,8 @@ class Result:
     """Signals at the communication points, read-only.
 
     ``result["swing.theta"]`` is one of them, shape (n,).  Where ``chain.theta[1]`` to ``chain.theta[10]`` are there,
-    ``result["chain.theta"]`` is all of them, shape (n, 10).
+    ``result["chain.theta"]`` is all of them, shape (n, 10).  As of a dictionary, ``in``, ``len``, ``keys()`` and
+    iteration go by names, an array under its own: ``dict(result)`` is all signals.
 
     :param title: what was simulated.
     :param time: communication points [s], shape (n,).
@@ -53,6 +55,8 @@ class Result:
 
         :raises SimulationError: with the nearest name, if there is none of this name.
         """
+        if not isinstance(name, str):
+            raise SimulationError(f"the result of {self.title} has signals by name, {name!r} is none; take one by one")
         if name in self._rows:
             return self.values[self._rows[name]]
         if name not in self._arrays:
@@ -72,6 +76,19 @@ class Result:
         """Names, with those of whole arrays in place of their elements'."""
         elements = {row: name for name, (rows, _) in self._arrays.items() for row in rows}
         return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._rows or name in self._arrays if isinstance(name, str) else False
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names, as :attr:`entries`."""
+        return self.entries
 
     @cached_property
     def _rows(self) -> dict[str, int]:
@@ -99,7 +116,7 @@ class Result:
 
         :raises SimulationError: if it cannot be written.
         """
-        with replacing(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as file:
+        with replacing(as_path("to_csv", path)) as part, part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["time", *self.names])
             writer.writerow(["# s", *(self.units[name] for name in self.names)])
@@ -111,8 +128,9 @@ class Result:
 
         :raises SimulationError: if it cannot be read, or is not such a file.
         """
+        path = as_path("from_csv", path)
         try:
-            with Path(path).open(encoding="utf-8", newline="") as file:
+            with path.open(encoding="utf-8", newline="") as file:
                 (_, *names), *rows = csv.reader(file)
             units = rows.pop(0)[1:] if rows and rows[0][:1] and rows[0][0].startswith("#") else [""] * len(names)
             values = np.array(rows, dtype=float).reshape(len(rows), 1 + len(names))
@@ -124,7 +142,7 @@ class Result:
         if len(described) != len(names) or not len(values):
             what = "has a name twice" if len(values) else "has no numbers"
             raise SimulationError(f"{path}: not a result that to_csv has written: it {what}")
-        return cls._of_columns(Path(path).stem, values.T, described)
+        return cls._of_columns(path.stem, values.T, described)
 
     def to_parquet(self, path: Path | str) -> None:
         """Write a Parquet file: a column of doubles a signal, ``time`` first, units in the columns' metadata.
@@ -134,11 +152,12 @@ class Result:
 
         :raises SimulationError: if it cannot be written, or PyArrow is missing.
         """
+        path = as_path("to_parquet", path)
         arrow, parquet = _pyarrow(path)
         units = {"time": "s"} | {name: self.units[name] for name in self.names}
         fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in units.items()]
         schema = arrow.schema(fields, metadata={"title": self.title})
-        with replacing(Path(path)) as part:
+        with replacing(path) as part:
             parquet.write_table(arrow.table([self.time, *self.values], schema=schema), part)
 
     @classmethod
@@ -147,9 +166,10 @@ class Result:
 
         :raises SimulationError: if it cannot be read, or PyArrow is missing.
         """
+        path = as_path("from_parquet", path)
         arrow, parquet = _pyarrow(path)
         try:
-            with Path(path).open("rb") as file:
+            with path.open("rb") as file:
                 table = parquet.ParquetFile(file).read()
             values = np.array([column.to_numpy() for column in table.columns], dtype=float)
         except (OSError, ValueError, arrow.ArrowException) as error:
@@ -158,7 +178,7 @@ class Result:
         units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
         if values.ndim != 2 or len(units) != len(values):
             raise SimulationError(f"{path}: not a result that to_parquet has written: no columns, or a name twice")
-        title = (table.schema.metadata or {}).get(b"title", Path(path).stem.encode()).decode()
+        title = (table.schema.metadata or {}).get(b"title", path.stem.encode()).decode()
         return cls._of_columns(title, values, dict(list(units.items())[1:]))
 
     @classmethod
@@ -237,7 +257,7 @@ class Interrupted(KeyboardInterrupt):
         self.result = result
 
 
-def _pyarrow(path: Path | str) -> tuple[Any, Any]:
+def _pyarrow(path: Path) -> tuple[Any, Any]:
     try:
         import pyarrow
         import pyarrow.parquet

@@ -7,16 +7,19 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal, final, get_args
+from numbers import Integral
+from typing import Any, Literal, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.arguments import finite, listed
 from liaisons.ensembles.equations import Equations, Settable, default_record, equations
 from liaisons.ensembles.kernel import LANES, Advance, kernel
 from liaisons.ensembles.methods import METHODS
 from liaisons.errors import SimulationError, suggestion
-from liaisons.mechanics import Component
+from liaisons.library import Target
+from liaisons.library import component as find
 from liaisons.mechanics.model import Variable
 from liaisons.statements import program
 
@@ -82,7 +85,7 @@ class Ensemble:
 
 
 def ensemble(
-    component: type[Component],
+    component: Target,
     values: Mapping[str, ArrayLike],
     *,
     stop_time: float,
@@ -90,8 +93,8 @@ def ensemble(
     samples: int = 1,
     start_time: float = 0.0,
     method: Method = "rk8",
-    operators: Mapping[str, type[Component]] | None = None,
-    record: Iterable[str] | None = None,
+    operators: Mapping[str, Target] | None = None,
+    record: str | Iterable[str] | None = None,
     estimate: bool = True,
     threads: int | None = None,
     backend: Backend = "auto",
@@ -103,6 +106,7 @@ def ensemble(
 
         ensemble(Pendulum, {"theta_0": angles, "length.amplitude": 0.1}, operators={"length": Sinusoid}, ...)
 
+    :param component: its name, file or class.
     :param values: parameters and inputs by name: a number for all members, or an array with one for each; what is not
         given has its default.
     :param stop_time: end [s].
@@ -110,8 +114,8 @@ def ensemble(
     :param samples: how many times are recorded after the start.
     :param method: ``"rk4"`` (4 evaluations a step, order 4) or ``"rk8"`` (11, order 8).  The order holds where the
         motion is smooth.
-    :param operators: active coordinate -> operator that moves it.
-    :param record: outputs; coordinates and momenta if None.
+    :param operators: active coordinate -> operator that moves it, by its name, file or class.
+    :param record: an output or several; coordinates and momenta if None.
     :param estimate: estimate the error from a second run with steps twice as long, which costs half as much again.
     :param threads: how many; one a core if None.
     :param backend: ``"native"``: C, compiled for this machine; ``"numpy"``; ``"auto"``: C where there is a compiler.
@@ -119,17 +123,20 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if the compiler fails.
     """
-    settable = Settable(component, operators or {})
-    settable.check(values)
+    kind = find(component)
+    moving = {name: find(operator) for name, operator in _mapping("operators", operators or {}).items()}
+    settable = Settable(kind, moving)
+    settable.check(_mapping("values", values))
     for label, choice, known in (("method", method, get_args(Method)), ("backend", backend, get_args(Backend))):
         if choice not in known:
-            raise SimulationError(f"{label} = {choice!r} is not known{suggestion(str(choice), known)}")
-    given = {name: _array(component.__name__, name, value) for name, value in values.items()}
+            raise SimulationError(f"{label} = {choice!r} is not known{suggestion(choice, known)}")
+    title = kind.__name__
+    given = {name: _array(title, name, value) for name, value in values.items()}
     lanes = {name: array for name, array in given.items() if array.ndim}
-    count = _members(component.__name__, lanes)
+    count = _members(title, lanes)
     _check_times(start_time, stop_time, step_size, samples)
 
-    names = tuple(default_record(settable.model) if record is None else record)
+    names = tuple(default_record(settable.model) if record is None else listed("record", record))
     shared = {name: array for name, array in given.items() if not array.ndim}
     found = equations(settable, lanes, shared, names)
     once = np.array([float(array) for array in shared.values()])
@@ -149,7 +156,7 @@ def ensemble(
         fine[:, first:, member] = np.nan
     units = {variable.name: variable.unit for variable in settable.model.outputs}
     return Ensemble(
-        title=component.__name__,
+        title=title,
         time=time,
         names=names,
         values=fine,
@@ -225,6 +232,12 @@ class _Run:
         return np.ascontiguousarray(padded.reshape(len(rows), blocks, LANES).swapaxes(0, 1))
 
 
+def _mapping(label: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        raise SimulationError(f"{label} = {given!r}: give a dictionary by names")
+    return given
+
+
 def _array(owner: str, name: str, value: ArrayLike) -> Floats:
     try:
         array = np.asarray(value, dtype=float)
@@ -250,14 +263,13 @@ def _members(owner: str, lanes: Mapping[str, Floats]) -> int:
 
 def _check_times(start_time: float, stop_time: float, step_size: float, samples: int) -> None:
     for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
-        if not math.isfinite(value):
-            raise SimulationError(f"{name} = {value!r}: must be a finite number")
+        finite(name, value)
     if stop_time <= start_time:
         raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
     if step_size <= 0:
         raise SimulationError(f"step_size = {step_size!r}: must be > 0")
-    if samples < 1:
-        raise SimulationError(f"samples = {samples!r}: must be 1 at least")
+    if not isinstance(samples, Integral) or samples < 1:
+        raise SimulationError(f"samples = {samples!r}: must be a whole number, 1 at least")
 
 
 def _outside(variables: Mapping[str, Variable], given: Mapping[str, Floats], members: int) -> dict[int, str]:

@@ -6,7 +6,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from numbers import Integral, Real
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons.arguments import listed
 from liaisons.cosim import System, checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.ports import Link
@@ -35,8 +36,9 @@ from liaisons.sweeps.workers import simulate as simulate_here
 
 def sweep(
     subject: Path | str | System,
+    /,
     cases: Mapping[str, ArrayLike],
-    keep: Sequence[str] | Mapping[str, Measure],
+    keep: str | Iterable[str] | Mapping[str, Measure],
     *,
     stop_time: float | None = None,
     step_size: float | None = None,
@@ -45,7 +47,7 @@ def sweep(
     tolerance: float | None = None,
     coupling: Coupling | None = None,
     starts: Mapping[str, float | bool | str] | None = None,
-    record: Sequence[str] | None = None,
+    record: str | Iterable[str] | None = None,
     journal: Path | str | None = None,
     retry: bool = False,
     time_limit: float | None = None,
@@ -57,7 +59,7 @@ def sweep(
 
     ::
 
-        table = sweep(fmu_path("Pendulum"), grid({"theta_0": np.linspace(0.1, 3, 50), "length": [0.5, 1.0]}),
+        table = sweep("Pendulum", grid({"theta_0": np.linspace(0.1, 3, 50), "length": [0.5, 1.0]}),
                       keep=["theta", "theta:max"], stop_time=10.0)
 
     A case gives the same numbers, bit by bit, whatever ran before it and wherever it runs, as far as the FMU itself
@@ -68,11 +70,12 @@ def sweep(
     FMUs and functions in ``keep`` are code that runs here, and on the workers of a cluster; whoever can reach a Dask
     scheduler can run code there, too.  Take them from people you trust.
 
-    :param subject: path of an FMU, or a system.
+    :param subject: path of an FMU, or a system; :func:`liaisons.sweep` takes a component by its name, file or class,
+        too.
     :param cases: :func:`grid`, :func:`sample`, or columns of values, by names of parameters and inputs:
         ``"theta_0"`` of an FMU, ``"swing.theta_0"`` of a system.
     :param keep: values at the end, ``"theta"``, or extrema over the communication points, ``"theta:max"``,
-        ``"theta:min"``; or name -> one of these or a function of the :class:`liaisons.Result`.
+        ``"theta:min"``, one or several; or name -> one of these or a function of the :class:`liaisons.Result`.
     :param stop_time: end [s]; this and the next four as in :func:`liaisons.simulate`.
     :param coupling: as in :meth:`liaisons.System.simulate`.
     :param starts: start values that all cases have in common.
@@ -154,7 +157,7 @@ def _plan(
     tolerance: float | None,
     coupling: Coupling | None,
     starts: Mapping[str, float | bool | str],
-    record: Sequence[str] | None,
+    record: str | Iterable[str] | None,
 ) -> Plan:
     _check_names(cases, keep, starts)
     system = subject if isinstance(subject, System) else None
@@ -178,7 +181,7 @@ def _plan(
     points = communication_points(start_time, stop_time, step_size, times)
     if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
         raise SimulationError(f"tolerance = {tolerance!r}: must be > 0")
-    wanted = signals(keep) if record is None else list(record)
+    wanted = signals(keep) if record is None else listed("record", record)
     if wanted is None:
         wanted = [
             variable if system is None else f"{name}.{variable}"
