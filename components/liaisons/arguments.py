@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 from liaisons.errors import LiaisonsError, SimulationError
 
@@ -23,6 +24,17 @@ def listed(label: str, names: object, error: type[LiaisonsError] = SimulationErr
     if not all(isinstance(name, str) for name in found):
         raise error(f"{label} = {names!r}: give a name or a list of names")
     return [str(name) for name in found]
+
+
+def named(label: str, given: object, error: type[LiaisonsError] = SimulationError) -> Mapping[str, Any]:
+    """A dictionary by names.
+
+    :param label: what it is of.
+    :raises error: if it is none.
+    """
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        raise error(f"{label} = {given!r}: give a dictionary with names as keys")
+    return given
 
 
 def as_path(label: str, path: object, error: type[LiaisonsError] = SimulationError) -> Path:

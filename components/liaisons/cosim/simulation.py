@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, finite, listed
+from liaisons.arguments import as_path, finite, listed, named
 from liaisons.cosim import checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.drive import Function, Signal, evaluate
@@ -70,7 +70,7 @@ def simulate(
         {path.stem: single},
         recorded={element: place for name in names for element, place in reals(single, name).items()},
         times=points,
-        signals=_signals(single, inputs or {}, points[0]),
+        signals=_signals(single, named("inputs", {} if inputs is None else inputs), points[0]),
         tolerance=experiment.tolerance if tolerance is None else tolerance,
     )
 

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, Literal, final, get_args
+from typing import Literal, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import finite, listed
+from liaisons.arguments import finite, listed, named
 from liaisons.ensembles.equations import Equations, Settable, default_record, equations
 from liaisons.ensembles.kernel import LANES, Advance, kernel
 from liaisons.ensembles.methods import METHODS
@@ -124,9 +124,9 @@ def ensemble(
     :raises BuildError: if the compiler fails.
     """
     kind = find(component)
-    moving = {name: find(operator) for name, operator in _mapping("operators", operators or {}).items()}
+    moving = {name: find(operator) for name, operator in named("operators", {} if operators is None else operators).items()}
     settable = Settable(kind, moving)
-    settable.check(_mapping("values", values))
+    settable.check(named("values", values))
     for label, choice, known in (("method", method, get_args(Method)), ("backend", backend, get_args(Backend))):
         if choice not in known:
             raise SimulationError(f"{label} = {choice!r} is not known{suggestion(choice, known)}")
@@ -230,12 +230,6 @@ class _Run:
         blocks = -(-self._count // LANES)
         padded = np.pad(rows, ((0, 0), (0, blocks * LANES - self._count)), mode="edge")
         return np.ascontiguousarray(padded.reshape(len(rows), blocks, LANES).swapaxes(0, 1))
-
-
-def _mapping(label: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
-    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
-        raise SimulationError(f"{label} = {given!r}: give a dictionary by names")
-    return given
 
 
 def _array(owner: str, name: str, value: ArrayLike) -> Floats:

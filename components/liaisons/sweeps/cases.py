@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeAlias, final, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.arguments import named
 from liaisons.sweeps.errors import SweepError
 
 
@@ -104,7 +105,7 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
     _check_count("sample", int(count))
     if not isinstance(seed, numbers.Integral) or seed < 0:
         raise SweepError(f"sample: seed = {seed!r}; give a whole number, 0 at least")
-    if not over:
+    if not named("sample: over", over, SweepError):
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
     generator = np.random.default_rng(int(seed))
     if latin_hypercube:
@@ -141,7 +142,7 @@ def _quantiles(name: str, distribution: Distribution, quantiles: NDArray[np.floa
 
 
 def _columns(over: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
-    if not over:
+    if not named("cases", over, SweepError):
         raise SweepError("nothing is varied; give at least one name with its values")
     columns = {}
     for name, values in over.items():

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import listed
+from liaisons.arguments import listed, named
 from liaisons.cosim import System, checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.ports import Link
@@ -36,7 +36,6 @@ from liaisons.sweeps.workers import simulate as simulate_here
 
 def sweep(
     subject: Path | str | System,
-    /,
     cases: Mapping[str, ArrayLike],
     keep: str | Iterable[str] | Mapping[str, Measure],
     *,
@@ -99,7 +98,7 @@ def sweep(
         span=(start_time, stop_time, step_size, times),
         tolerance=tolerance,
         coupling=coupling,
-        starts=starts or {},
+        starts=named("starts", {} if starts is None else starts, SweepError),
         record=record,
     )
     shape = plan.cases.count, len(plan.keep)
