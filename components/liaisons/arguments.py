@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
-from numbers import Real
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from liaisons.errors import LiaisonsError, SimulationError
+
+
+def shown(value: object) -> str:
+    """A value in one line that is not too long."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def listed(label: str, names: object, error: type[LiaisonsError] = SimulationError) -> list[str]:
@@ -22,7 +31,7 @@ def listed(label: str, names: object, error: type[LiaisonsError] = SimulationErr
         return [names]
     found = list(names) if isinstance(names, Iterable) and not isinstance(names, (Mapping, bytes)) else [None]
     if not all(isinstance(name, str) for name in found):
-        raise error(f"{label} = {names!r}: give a name or a list of names")
+        raise error(f"{label} = {shown(names)}: give a name or a list of names")
     return [str(name) for name in found]
 
 
@@ -33,7 +42,7 @@ def named(label: str, given: object, error: type[LiaisonsError] = SimulationErro
     :raises error: if it is none.
     """
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
-        raise error(f"{label} = {given!r}: give a dictionary with names as keys")
+        raise error(f"{label} = {shown(given)}: give a dictionary with names as keys")
     return given
 
 
@@ -44,7 +53,7 @@ def as_path(label: str, path: object, error: type[LiaisonsError] = SimulationErr
     :raises error: if it is none.
     """
     if not isinstance(path, (str, os.PathLike)):
-        raise error(f"{label} = {path!r}: give a path")
+        raise error(f"{label} = {shown(path)}: give a path")
     return Path(path)
 
 
@@ -54,4 +63,36 @@ def finite(label: str, value: object, error: type[LiaisonsError] = SimulationErr
     :raises error: if it is none.
     """
     if not isinstance(value, Real) or not math.isfinite(value):
-        raise error(f"{label} = {value!r}: must be a finite number")
+        raise error(f"{label} = {shown(value)}: must be a finite number")
+
+
+def numbers(label: str, values: object, error: type[LiaisonsError] = SimulationError) -> NDArray[np.float64]:
+    """An array of numbers.
+
+    :param label: what they are.
+    :raises error: if they are none.
+    """
+    try:
+        if values is not None:  # NumPy would take it for not-a-number
+            return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        pass
+    raise error(f"{label} = {shown(values)}: give numbers")
+
+
+def whole(label: str, value: object, error: type[LiaisonsError] = SimulationError, *, least: int = 1) -> None:
+    """Check that it is a whole number.
+
+    :raises error: if it is none, or less than ``least``.
+    """
+    if not isinstance(value, Integral) or value < least:
+        raise error(f"{label} = {shown(value)}: give a whole number, {least} at least")
+
+
+def chosen(label: str, value: object, known: Sequence[str], error: type[LiaisonsError] = SimulationError) -> None:
+    """Check that it is one of some words.
+
+    :raises error: if it is none of them.
+    """
+    if not isinstance(value, str) or value not in known:
+        raise error(f"{label} = {shown(value)}: choose one of {', '.join(map(repr, known))}")

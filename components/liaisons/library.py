@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 from weakref import WeakKeyDictionary
 
-from liaisons.errors import suggestion
+from liaisons.arguments import as_path, shown
+from liaisons.errors import BuildError, suggestion
 from liaisons.project import ProjectError, fmus_directory, load_module
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ Target: TypeAlias = "str | Path | type[Component]"
 """A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class.
 Where FMUs are taken, also the path of one."""
 
-_built: dict[tuple[type[Component], Backend, Path], tuple[Path, tuple[int, ...]]] = {}
+_built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
 """FMUs that this process has seen to be up to date, and the files that these were."""
 _files: WeakKeyDictionary[type[Component], Path] = WeakKeyDictionary()
 """The files that components were loaded from."""
@@ -48,7 +49,7 @@ def components(target: Target) -> list[type[Component]]:
     if isinstance(target, type):
         return [_buildable(target)]
     if not isinstance(target, (str, os.PathLike)):
-        raise ProjectError(f"{target!r} is no component; give its name ('Pendulum'), its file or its class")
+        raise ProjectError(f"{shown(target)} is no component; give its name ('Pendulum'), its file or its class")
     target = str(target)
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
@@ -92,6 +93,8 @@ def model(component: type[Component], **sizes: object) -> Model:
     if not issubclass(component, Chain) or set(sizes) != {"n"}:
         given = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
         raise ProjectError(f"{component.__name__}: {given}: only chains have a size, and it is called n")
+    if sizes["n"] is None:
+        raise ProjectError(f"{component.__name__}: n = None: give a whole number")
     return component.model(sizes["n"])
 
 
@@ -120,7 +123,7 @@ def build(
     from liaisons import fmu
     from liaisons.mechanics import Model
 
-    folder = fmus_directory() if output is None else Path(output)
+    folder = fmus_directory() if output is None else as_path("output", output, BuildError)
     if isinstance(target, Model):
         found, like = target, catalogue().get(target.name)
         if like is not None and inspect.getdoc(like) != found.documentation:  # a model does not know its class
@@ -146,7 +149,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     found = component(target)
     sized = model(found, **sizes) if sizes else None
     folder = fmus_directory() / "-".join(f"{name}={size}" for name, size in sizes.items())
-    key = (found, backend, folder)
+    key = (found, str(backend), folder)
     path, seen = _built.get(key, (None, None))
     if path is None or seen != _identity(path):
         claim(found, folder)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.arguments import as_path
+from liaisons.arguments import as_path, listed, shown
 from liaisons.cosim.files import replacing
 from liaisons.cosim.variables import Shape, complete, split
 from liaisons.errors import SimulationError, suggestion
@@ -56,7 +56,9 @@ class Result:
         :raises SimulationError: with the nearest name, if there is none of this name.
         """
         if not isinstance(name, str):
-            raise SimulationError(f"the result of {self.title} has signals by name, {name!r} is none; take one by one")
+            raise SimulationError(
+                f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
+            )
         if name in self._rows:
             return self.values[self._rows[name]]
         if name not in self._arrays:
@@ -186,15 +188,17 @@ class Result:
         values = np.ascontiguousarray(columns)
         return cls(title, values[0].copy(), tuple(units), values[1:], units)
 
-    def plot(self, *names: str, path: Path | str | None = None) -> Figure:
+    def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals over time, those of one unit in one diagram.
 
-        :param names: what to draw; everything if nothing is named.
+        :param names: what to draw, one by one or in a list; everything if nothing is named.
         :param path: where to save the figure, its kind by the suffix; without it, ``matplotlib.pyplot.show`` shows it.
         :raises SimulationError: if a name is unknown or the file cannot be written.
         """
+        path = None if path is None else as_path("plot: path", path)
         groups: dict[str, list[str]] = {}
-        signals = {name: self[name] for name in names or self.entries}
+        chosen = [name for group in names for name in listed("plot", group)]
+        signals = {name: self[name] for name in chosen or self.entries}
         for name in signals:
             groups.setdefault(self.units[name], []).append(name)
         size = (7.0, 1.0 + 2.0 * max(1, len(groups)))
@@ -215,7 +219,6 @@ class Result:
         diagrams[0].set_title(self.title)
         diagrams[-1].set_xlabel("time [s]")
         if path is not None:
-            path = Path(path)
             try:
                 with replacing(path) as part:
                     figure.savefig(part, format=path.suffix[1:] or "png")

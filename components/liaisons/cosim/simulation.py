@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, finite, listed, named
+from liaisons.arguments import as_path, finite, listed, named, numbers, shown
 from liaisons.cosim import checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.drive import Function, Signal, evaluate
@@ -93,7 +93,8 @@ def run(
     :param recorded: name in the result -> variable.
     """
     feeds = {link.target.place: link.source.place for link in links}
-    _check_numbers(tolerance, error_tolerance)
+    check_positive("tolerance", tolerance)
+    check_positive("error_tolerance", error_tolerance)
     chosen = checks.coupling(components, links, coupling)
     components = checks.prepared(components, feeds, chosen)
     checks.steps(components, feeds, times, chosen, adaptive=error_tolerance is not None)
@@ -156,7 +157,7 @@ def communication_points(
 def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
     if (stop_time, step_size) != (None, None) or start_time != 0.0:
         raise SimulationError("times are the communication points; leave out start_time, stop_time and step_size")
-    points = np.asarray(times, dtype=float)
+    points = numbers("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
         raise SimulationError(f"times of shape {points.shape}: give two finite numbers at least")
     late = np.flatnonzero(np.diff(points) <= 0)
@@ -197,7 +198,7 @@ def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float
             raise SimulationError(f"inputs: {owner.name}.{name} is of causality {causality!r}, so it cannot be driven")
         if not callable(function):
             raise SimulationError(
-                f"inputs: {name} = {function!r} is no function of time; give a constant as start value"
+                f"inputs: {name} = {shown(function)} is no function of time; give a constant as start value"
             )
         port = owner[name].port()
         whole = port is not None and evaluate(function, name, start_time).ndim > 0
@@ -209,12 +210,12 @@ def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float
     return signals
 
 
-def _check_numbers(tolerance: float | None, error_tolerance: float | None) -> None:
-    for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
-        if value is not None:
-            finite(name, value)
-            if value <= 0:
-                raise SimulationError(f"{name} = {value!r}: must be > 0")
+def check_positive(name: str, value: float | None) -> None:
+    """Raise a SimulationError for what is given and no finite number > 0."""
+    if value is not None:
+        finite(name, value)
+        if value <= 0:
+            raise SimulationError(f"{name} = {value!r}: must be > 0")
 
 
 def _unit(components: Mapping[str, Component], links: Sequence[Link], place: Place) -> str:

@@ -18,7 +18,7 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, listed
+from liaisons.arguments import as_path, finite, listed, shown
 from liaisons.cosim import ssp
 from liaisons.cosim.component import Component, End, component
 from liaisons.cosim.ports import Link, links
@@ -37,6 +37,8 @@ class System:
     """
 
     def __init__(self, name: str) -> None:
+        if not isinstance(name, str) or not name:
+            raise SimulationError(f"name = {shown(name)}: give the system a name")
         self.name = name
         self._components: dict[str, Component] = {}
         self._links: dict[Place, Link] = {}
@@ -53,7 +55,7 @@ class System:
             cannot be set, or has the wrong type.
         """
         if not isinstance(name, str) or not name or "." in name:
-            raise SimulationError(f"{self.name}: the name {name!r} of a component must not be empty or have a dot")
+            raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._components:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
         self._components[name] = component(name, fmu, starts)
@@ -75,7 +77,7 @@ class System:
         for end in (source, target):
             if not isinstance(end, End):
                 raise ConnectionError(
-                    f'{self.name}: {end!r} is no end; connect handle["length"] of what add() has returned'
+                    f'{self.name}: {shown(end)} is no end; connect handle["length"] of what add() has returned'
                 )
             if self._components.get(end.component.name) is not end.component:
                 raise ConnectionError(f"{end} is no component of {self.name}; connect what its add() has returned")
@@ -126,9 +128,12 @@ class System:
         :param start_time: begin of the default experiment [s].
         :param stop_time: its end [s].
         :param step_size: its communication step [s], for importers that look for one.
-        :raises SimulationError: if it cannot be written in this form, or not to this path.
+        :raises SimulationError: if it is empty, cannot be written in this form, or not to this path.
         """
         self._check_filled()
+        for label, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
+            if value is not None:
+                finite(label, value)
         experiment = ssp.chosen(start_time, stop_time, step_size, self._last, self._components.values())
         path = as_path("archive", path)
         ssp.write(path, self.name, self._components, self._links.values(), form=form, experiment=experiment)

@@ -7,13 +7,12 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from numbers import Integral
 from typing import Literal, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.arguments import finite, listed, named
+from liaisons.arguments import chosen, finite, listed, named, numbers, whole
 from liaisons.ensembles.equations import Equations, Settable, default_record, equations
 from liaisons.ensembles.kernel import LANES, Advance, kernel
 from liaisons.ensembles.methods import METHODS
@@ -124,12 +123,15 @@ def ensemble(
     :raises BuildError: if the compiler fails.
     """
     kind = find(component)
-    moving = {name: find(operator) for name, operator in named("operators", {} if operators is None else operators).items()}
+    moving = {
+        name: find(operator) for name, operator in named("operators", {} if operators is None else operators).items()
+    }
     settable = Settable(kind, moving)
     settable.check(named("values", values))
-    for label, choice, known in (("method", method, get_args(Method)), ("backend", backend, get_args(Backend))):
-        if choice not in known:
-            raise SimulationError(f"{label} = {choice!r} is not known{suggestion(choice, known)}")
+    chosen("method", method, get_args(Method))
+    chosen("backend", backend, get_args(Backend))
+    if threads is not None:
+        whole("threads", threads)
     title = kind.__name__
     given = {name: _array(title, name, value) for name, value in values.items()}
     lanes = {name: array for name, array in given.items() if array.ndim}
@@ -233,10 +235,7 @@ class _Run:
 
 
 def _array(owner: str, name: str, value: ArrayLike) -> Floats:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise SimulationError(f"{owner}: {name} = {value!r}; give a number or an array of numbers") from None
+    array = numbers(f"{owner}: {name}", value)
     if array.ndim > 1:
         raise SimulationError(f"{owner}: {name} has shape {array.shape}; give one number a member")
     return array
@@ -262,8 +261,7 @@ def _check_times(start_time: float, stop_time: float, step_size: float, samples:
         raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
     if step_size <= 0:
         raise SimulationError(f"step_size = {step_size!r}: must be > 0")
-    if not isinstance(samples, Integral) or samples < 1:
-        raise SimulationError(f"samples = {samples!r}: must be a whole number, 1 at least")
+    whole("samples", samples)
 
 
 def _outside(variables: Mapping[str, Variable], given: Mapping[str, Floats], members: int) -> dict[int, str]:

@@ -8,20 +8,19 @@ import sys
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
-from numbers import Integral, Real
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import listed, named
+from liaisons.arguments import as_path, listed, named, whole
 from liaisons.cosim import System, checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.ports import Link
 from liaisons.cosim.schedule import Coupling
-from liaisons.cosim.simulation import communication_points
-from liaisons.errors import SimulationError
+from liaisons.cosim.simulation import check_positive, communication_points
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.errors import SweepError
@@ -102,7 +101,7 @@ def sweep(
         record=record,
     )
     shape = plan.cases.count, len(plan.keep)
-    book = nullcontext() if journal is None else Journal(Path(journal), plan.key(), *shape, retry=retry)
+    book = nullcontext() if journal is None else Journal(as_path("journal", journal), plan.key(), *shape, retry=retry)
     with book as written:
         outcomes: dict[int, Outcome] = {} if written is None else dict(written.done)
         todo = [case for case in range(plan.cases.count) if case not in outcomes]
@@ -139,8 +138,8 @@ def _check_settings(
 ) -> None:
     if workers is not None and client is not None:
         raise SweepError(f"workers = {workers!r} are processes of this machine; leave it out on a Dask cluster")
-    if workers is not None and not (isinstance(workers, Integral) and workers >= 1):
-        raise SweepError(f"workers = {workers!r}; give a whole number, 1 at least")
+    if workers is not None:
+        whole("workers", workers, SweepError)
     if time_limit is not None and not (isinstance(time_limit, Real) and math.isfinite(time_limit) and time_limit > 0):
         raise SweepError(f"time_limit = {time_limit!r}; give seconds, more than 0, or leave it out")
     if retry and journal is None:
@@ -178,8 +177,7 @@ def _plan(
             stop_time = experiment.stop_time if stop_time is None else stop_time
             step_size = experiment.step_size if step_size is None else step_size
     points = communication_points(start_time, stop_time, step_size, times)
-    if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
-        raise SimulationError(f"tolerance = {tolerance!r}: must be > 0")
+    check_positive("tolerance", tolerance)
     wanted = signals(keep) if record is None else listed("record", record)
     if wanted is None:
         wanted = [
