@@ -198,8 +198,13 @@ def fmu_file(target: Target) -> Path:
 
     :raises ProjectError: if there is no such file or component; else as :func:`fmu_path` does.
     """
-    if isinstance(target, type) or not isinstance(target, (str, os.PathLike)):
+    if isinstance(target, type):
         return fmu_path(target)
+    if not isinstance(target, (str, os.PathLike)):
+        raise ProjectError(
+            f"{shown(target)} is no FMU and no component; give the path of an FMU, or the name ('Pendulum'), file or "
+            "class of a component"
+        )
     path = Path(target)
     if path.suffix == ".ssp":
         raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")

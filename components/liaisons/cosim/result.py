@@ -191,33 +191,21 @@ class Result:
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals over time, those of one unit in one diagram.
 
-        :param names: what to draw, one by one or in a list; everything if nothing is named.
-        :param path: where to save the figure, its kind by the suffix; without it, ``matplotlib.pyplot.show`` shows it.
+        :param names: what to draw, one by one or in a list; if nothing is named, what
+            :func:`liaisons.cosim.figures.essential` finds worth it.
+        :param path: where to save the figure, its kind by the suffix; without it, a notebook shows what is returned,
+            and elsewhere ``matplotlib.pyplot.show`` shows it.
         :raises SimulationError: if a name is unknown or the file cannot be written.
         """
+        from liaisons.cosim.figures import draw, essential
+
         path = None if path is None else as_path("plot: path", path)
-        groups: dict[str, list[str]] = {}
         chosen = [name for group in names for name in listed("plot", group)]
         signals = {name: self[name] for name in chosen or self.entries}
-        for name in signals:
-            groups.setdefault(self.units[name], []).append(name)
-        size = (7.0, 1.0 + 2.0 * max(1, len(groups)))
-        if path is None:
-            from matplotlib.pyplot import figure as new_figure
-        else:  # a figure of its own: no window, and nothing to close
-            from matplotlib.figure import Figure as new_figure  # noqa: N813
-        figure = new_figure(figsize=size, layout="constrained")
-        diagrams = figure.subplots(max(1, len(groups)), sharex=True, squeeze=False)[:, 0]
-        for diagram, (unit, members) in zip(diagrams, groups.items(), strict=False):
-            for name in members:
-                lines = diagram.plot(self.time, signals[name].reshape(len(self.time), -1))
-                lines[0].set_label(name)  # elements of an array share one entry
-            label = f"[{unit}]" if unit else ""
-            diagram.set_ylabel(f"{members[0]} {label}".strip() if len(members) == 1 else label)
-            if len(members) > 1:
-                diagram.legend()
-        diagrams[0].set_title(self.title)
-        diagrams[-1].set_xlabel("time [s]")
+        if not chosen:
+            signals = {name: signals[name] for name in essential(signals, self.units)}
+        figure = _new_figure(alone=path is not None)
+        draw(figure, self.title, self.time, signals, self.units)
         if path is not None:
             try:
                 with replacing(path) as part:
@@ -267,3 +255,19 @@ def _pyarrow(path: Path) -> tuple[Any, Any]:
     except ImportError:
         raise SimulationError(f"{path}: Parquet needs PyArrow; pip install 'liaisons[parquet]'") from None
     return pyarrow, pyarrow.parquet
+
+
+def _new_figure(*, alone: bool) -> Figure:
+    """An empty figure; if it is not to be alone, one that pyplot knows and shows.
+
+    A notebook shows what pyplot knows, and what a cell returns: there it is alone, or it would be seen twice.
+    """
+    import matplotlib as mpl
+
+    if alone or "inline" in mpl.get_backend():
+        from matplotlib.figure import Figure
+
+        return Figure(layout="constrained")
+    from matplotlib.pyplot import figure
+
+    return figure(layout="constrained")

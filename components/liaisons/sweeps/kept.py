@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from liaisons.arguments import listed
+from liaisons.arguments import listed, shown
 from liaisons.cosim import Result
 from liaisons.errors import suggestion
 from liaisons.sweeps.errors import SweepError
@@ -34,7 +34,7 @@ def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Mea
         if isinstance(measure, str):
             split(measure)
         elif not callable(measure):
-            raise SweepError(f"keep: {name} = {measure!r}; give the name of a signal or a function of the Result")
+            raise SweepError(f"keep: {name} = {shown(measure)}; give the name of a signal or a function of the Result")
     return found
 
 
