@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 from weakref import WeakKeyDictionary
 
-from liaisons.arguments import as_path, shown
+from liaisons.arguments import as_path, shown, whole
 from liaisons.errors import BuildError, suggestion
 from liaisons.project import ProjectError, fmus_directory, load_module
 
@@ -93,8 +93,7 @@ def model(component: type[Component], **sizes: object) -> Model:
     if not issubclass(component, Chain) or set(sizes) != {"n"}:
         given = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
         raise ProjectError(f"{component.__name__}: {given}: only chains have a size, and it is called n")
-    if sizes["n"] is None:
-        raise ProjectError(f"{component.__name__}: n = None: give a whole number")
+    whole(f"{component.__name__}: n", sizes["n"], ProjectError)
     return component.model(sizes["n"])
 
 

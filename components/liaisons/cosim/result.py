@@ -210,8 +210,8 @@ class Result:
             try:
                 with replacing(path) as part:
                     figure.savefig(part, format=path.suffix[1:] or "png")
-            except ValueError as error:
-                raise SimulationError(f"{path}: {error}") from None
+            except (ValueError, RuntimeError) as error:  # of an unknown kind, or one that needs a program
+                raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
         return figure
 
     def __repr__(self) -> str:

@@ -164,6 +164,8 @@ def _plan(
     if isinstance(subject, System):
         title = subject.name
         components, links = dict(subject.components), list(subject.links)
+        if not components:
+            raise SweepError(f"{title} is empty; add() an FMU first")
         if starts:
             raise SweepError(f"{title}: starts are for a single FMU; give them to add()")
     else:
