@@ -225,7 +225,7 @@ def test_progress(pendulum, capsys) -> None:
         (({"theta_0": [1.0]}, ["tehta"]), SimulationError, "did you mean 'theta'"),
         (({"theta_0": [1.0]}, ["theta:mx"]), SweepError, "did you mean 'max'"),
         (({"theta_0": [1.0]}, []), SweepError, "nothing is kept"),
-        (({"theta_0": [1.0]}, "theta"), SweepError, "give a list"),
+        (({"theta_0": [1.0]}, 5), SweepError, "keep = 5: give a name or a list of names"),
         (({"theta_0": [1.0]}, ["theta", ""]), SweepError, "no signal is named"),
         (({"theta_0": [1.0]}, {"x": 7}), SweepError, "x = 7"),
         (({}, ["theta"]), SweepError, "nothing is varied"),
