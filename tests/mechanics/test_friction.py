@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -260,7 +260,8 @@ def test_friction_within_a_free_system_leaves_its_momenta(tmp_path: Path) -> Non
     """Noether's theorem holds of D, too: unchanged when the whole is moved or turned, it leaves the momenta."""
     result = simulate(build(FreePair.model(), tmp_path), stop_time=20.0, step_size=0.1, tolerance=1e-11)
     momentum = [result[f"p_{axis}_1"] + result[f"p_{axis}_2"] for axis in "xy"]
-    turning = sum(result[f"x_{i}"] * result[f"p_y_{i}"] - result[f"y_{i}"] * result[f"p_x_{i}"] for i in (1, 2))
+    moments = [result[f"x_{i}"] * result[f"p_y_{i}"] - result[f"y_{i}"] * result[f"p_x_{i}"] for i in (1, 2)]
+    turning = moments[0] + moments[1]
     for conserved in (*momentum, turning):
         assert max_error(conserved, conserved[0]) <= 1e-8  # 20 s at 1e-11, and roundings of a body that flies off
     assert result["dissipated"][-1] > 0.1
@@ -284,7 +285,7 @@ class Stirred(Mechanism):
 
 
 def test_friction_of_an_orientation_is_a_torque_against_its_turn(tmp_path: Path) -> None:
-    start = {"omega_x_0": 1.0, "omega_y_0": -2.0, "omega_z_0": 0.5}
+    start: Any = {"omega_x_0": 1.0, "omega_y_0": -2.0, "omega_z_0": 0.5}
     result = simulate(build(Stirred.model(), tmp_path), stop_time=2.0, step_size=0.1, tolerance=1e-10, **start)
     for axis in "xyz":  # H = I ω, H' = -c ω about an axis that stays
         expected = 0.4 * start[f"omega_{axis}_0"] * np.exp(-0.3 / 0.4 * result.time)
@@ -311,9 +312,8 @@ def test_dampers_of_a_free_chain_act_between_its_links() -> None:
     names = [v.name for v in model.outputs]
     rng = np.random.default_rng(5)
     u, p = rng.normal(size=(2, n))
-    k = [v.start for v in model.parameters]
-    values = {v.name: v.start for v in model.parameters}
-    arguments = (0, [*u, *p, 0, 0], [0.0] * len(model.inputs), k)
+    values = {v.name: v.starts[0] for v in model.parameters}
+    arguments = (0, [*u, *p, 0, 0], [0.0] * len(model.inputs), list(values.values()))
     found = dict(zip(names, model.outputs_function(*arguments, [0, 0]).full()[:, 0], strict=True))
     difference = np.diff(np.eye(n), axis=0)
     v = p / values["mass"]
