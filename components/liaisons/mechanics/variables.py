@@ -173,7 +173,7 @@ def of_point(name: str, place: Point, *values: Expression, dimension: Dimension 
 def of_energies(kinetic: Expression, potential: Expression, power: Expression, dissipation: Expression) -> list[Row]:
     """Energies and powers; ``work``, ``dissipated``, ``energy_balance`` are filled in by the assembly."""
     filled_in = ca.DM(0)
-    loss = "power lost by friction, twice the friction coefficient times T (K eq. 67)"
+    loss = "power lost by friction, the rates times the gradient of the dissipation function (K eq. 67)"
     return [
         _output("kinetic_energy", "J", "kinetic energy T (K eq. 12)", kinetic),
         _output("potential_energy", "J", "potential energy V", potential),

@@ -58,7 +58,7 @@ def assemble(component: type[Chain], n: int) -> Model:
 
     forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     power = ca.dot(forces, m.s_dot) + moving.power
-    dissipation = 2 * link.eta * moving.kinetic_energy
+    dissipation = moving.dissipation
     outputs = [
         *_of_coordinates(dimension, link, m, moving),
         *(row for i, s in enumerate(m.actives) for row in variables.of_active(s, forces[i], m.s_dot[i])),
