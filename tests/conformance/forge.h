@@ -10,7 +10,7 @@
 enum { CHECKSUM = 24, GUID = 32, HEADER = 72, INTEGERS = HEADER + 4 * 8, VECTORS = INTEGERS + 8 * 4, WORD = 8 };
 
 typedef struct {
-    unsigned long tried, taken;
+    unsigned long taken, refused;
 } Tally;
 
 /* Without a right checksum none is taken; with one some are, and the instance has to behave. */
@@ -124,8 +124,8 @@ static Offer some_bytes(void) {
 /* Note what became of them; `target` has got the state if they were taken. */
 static int offered(Offer offer, int status, Saved *target) {
     if (offer.tally) {
-        offer.tally->tried++;
         offer.tally->taken += status == 0;
+        offer.tally->refused += status != 0;
     }
     if (status == 0) *target = (Saved){target->state, offer.as.phase, offer.as.time, offer.as.wild, offer.as.forged};
     return status;
