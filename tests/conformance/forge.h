@@ -121,8 +121,22 @@ static Offer some_bytes(void) {
     return offer;
 }
 
+/* Whether there are but finite numbers among the vectors, and the time is one. */
+static int finite_in(const char *bytes, size_t size) {
+    int finite = isfinite(time_in(bytes));
+    for (size_t i = VECTORS; i + WORD <= size; i += WORD) {
+        double number;
+        memcpy(&number, bytes + i, WORD);
+        finite &= isfinite(number) != 0;
+    }
+    return finite;
+}
+
 /* Note what became of them; `target` has got the state if they were taken. */
 static int offered(Offer offer, int status, Saved *target) {
+    /* Before it runs, states of an instance follow from its parameters, whatever the bytes say. */
+    if (status == 0 && offer.as.phase & (RUNNING | TERMINATED) && !finite_in(offer.bytes, offer.size))
+        now.fault = "a state with a number that is not finite is taken";
     if (offer.tally) {
         offer.tally->taken += status == 0;
         offer.tally->refused += status != 0;
