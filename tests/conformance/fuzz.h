@@ -243,6 +243,8 @@ static Experiment some_experiment(void) {
     } else if (one_in(20)) {
         it_is.stop = one_in(2) ? it_is.start - 1 : NAN;
         if (it_is.stop_given) expect(FAILS);
+    } else if (one_in(30)) { /* from where no step leads on */
+        it_is.start = it_is.stop = one_in(2) ? 1e300 : -DBL_MAX;
     }
     return it_is;
 }
