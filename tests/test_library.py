@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -153,3 +154,10 @@ def test_two_files_with_one_name_do_not_take_turns(own: Callable[..., Path]) -> 
     own("bead.py", "Bead", mass=3.0)  # an edit is no other component
     assert fmu_path(first).read_bytes() != before
     assert fmu_path(Pendulum) == fmu_path("Pendulum")
+
+
+@pytest.mark.parametrize("function", [simulate, sweep])
+def test_help_says_that_components_are_taken(function: Callable[..., object]) -> None:
+    signature, below = inspect.signature(function), inspect.signature(inspect.unwrap(function))
+    assert "type[Component]" in str(signature)
+    assert list(signature.parameters) == list(below.parameters)

@@ -120,3 +120,14 @@ def test_without_a_compiler_the_main_road_is_python_and_one_line_says_how_to_get
     assert (tmp_path / "out" / "python" / "Bead.fmu").is_file()
     assert "pip install ziglang" in done.stdout + done.stderr
     assert (done.stdout + done.stderr).count("\n") == 2
+
+
+def test_a_component_of_ones_own_does_not_take_the_place_of_another(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(bead.read_text().replace("class Bead", "class Constant").replace("class Parabola", "class Square"))
+    assert is_misuse(liaisons("build", own), "own.py:Constant", "the catalogue's component of this name", "rename")
+    other = tmp_path / "other.py"
+    other.write_text(bead.read_text())
+    assert is_misuse(liaisons("build", bead, other, "--output", "out"), "other.py:Bead", "FMU of", "bead.py:Bead")
+    assert list(tmp_path.rglob("*.fmu")) == []
+    assert liaisons("build", f"{own}:Constant", "--backend", "python", "--output", "out").status == 0

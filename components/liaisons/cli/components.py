@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from liaisons.check import table
 from liaisons.cli._command import command
-from liaisons.library import catalogue, model
+from liaisons.library import catalogue, claim, model
 from liaisons.library import components as find
 from liaisons.project import declared_components, fmus_directory
 
@@ -79,6 +79,8 @@ def _build(arguments: argparse.Namespace) -> int:
     found = [component for target in arguments.targets or declared_components() for component in find(target)]
     output = arguments.output or fmus_directory()
     versions: tuple[Fmi, ...] = ("2", "3") if arguments.fmi == "both" else (arguments.fmi,)
+    for component in found:
+        claim(component, output)
     for component in found:
         sized = model(component, **dict([arguments.size] if arguments.size else []))
         for fmi in versions:
