@@ -1,6 +1,8 @@
 """``liaisons check``, on our FMUs and on those of another tool."""
 
+import re
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 from pythonfmu.builder import FmuBuilder
@@ -72,6 +74,22 @@ def test_what_does_not_hold_is_named(liaisons: Cli, tmp_path: Path, name: str, s
     assert reply.status == 1
     assert "InitialUnknowns" in reply.out
     assert {claim for claim, word in found.items() if word == "FAIL"} == failing
+
+
+def test_default_experiment_that_cannot_be_simulated_is_named(liaisons: Cli, tmp_path: Path) -> None:
+    """The schema lets a step of 0 pass; so did FMUs of ours."""
+    with ZipFile(build(Oscillator.model(), tmp_path / "built")) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    description = members["modelDescription.xml"]
+    members["modelDescription.xml"] = re.sub(rb' stepSize="[^"]*"', b' stepSize="0.0"', description)
+    assert members["modelDescription.xml"] != description
+    with ZipFile(tmp_path / "Still.fmu", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    reply = liaisons("check", "Still.fmu")
+    assert reply.status == 1
+    assert "DefaultExperiment: stepSize = 0: it must be a number > 0" in reply.out
+    assert {claim for claim, word in verdicts(reply.out).items() if word == "FAIL"} == {"fmpy's validator"}
 
 
 def test_a_file_that_is_no_fmu(liaisons: Cli, tmp_path: Path) -> None:

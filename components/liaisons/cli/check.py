@@ -43,12 +43,27 @@ def _check(arguments: argparse.Namespace) -> int:
 
     path = fmu_file(arguments.fmu)
     fmu = read(path)
-    problems = validate_fmu(str(path))
+    problems = [*validate_fmu(str(path)), *_experiment_problems(path)]
     for problem in problems:
         print(problem)
-    verdicts = [verdict("fmpy's validator finds no problem", error=len(problems), tolerance=0), *_runs(fmu)]
+    claim = "fmpy's validator finds no problem, and the default experiment can be simulated"
+    verdicts = [verdict(claim, error=len(problems), tolerance=0), *_runs(fmu)]
     print(table(verdicts))
     return 0 if all(v.passed for v in verdicts) else 1
+
+
+def _experiment_problems(path: Path) -> Iterator[str]:
+    """What of a default experiment no importer can simulate, which the schema of FMI allows."""
+    import fmpy
+
+    experiment = fmpy.read_model_description(str(path), validate=False).defaultExperiment
+    given = {name: getattr(experiment, name, None) for name in ("startTime", "stopTime", "stepSize", "tolerance")}
+    values = {name: float(text) for name, text in given.items() if text is not None}
+    begin = values.pop("startTime", 0.0)
+    for name, value in values.items():
+        least = begin if name == "stopTime" else 0.0
+        if not least < value < float("inf"):
+            yield f"DefaultExperiment: {name} = {value:g}: it must be a number > {least:g}"
 
 
 def _runs(fmu: Fmu) -> Iterator[Verdict]:
