@@ -96,7 +96,8 @@ static void reconstruct(Instance *self, double H) {
         if (set[i] != u[i]) polynomial(self, i)[1] = set[i] - u[i];
     for (const Active *at = model->active; at < model->active + model->active_rows && mode != HOLD; at++)
         for (size_t i = 0; i < at->count; i++)
-            reconstruct_active(self, (Active){at->value + i, at->rate + i, at->acceleration + i, 1}, H);
+            reconstruct_active(self, (Active){at->value + i, at->rate + i, at->acceleration + i, 1, NO_MISMATCH},
+                               H);
     for (size_t i = 0; i < model->inputs && mode != INTERPOLATE && self->s->expanded; i++) {
         const double *taylor = &self->taylor[i * COEFFICIENTS];
         if (taylor[0] == 0) continue;
