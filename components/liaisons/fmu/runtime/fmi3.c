@@ -172,9 +172,8 @@ fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
     ENTER(INSTANTIATED);
-    if (stop_defined && !(stop >= start))
-        return (fmi3Status)core_report(core, ERROR, "stop time = %g lies before start time = %g", stop, start);
-    if (core_setup(core, start, tolerance_defined ? tolerance : 0) != SUCCESS) return fmi3Error;
+    if (core_setup(core, start, stop_defined ? &stop : NULL, tolerance_defined ? tolerance : 0) != SUCCESS)
+        return fmi3Error;
     fmu->stop = stop_defined ? stop : INFINITY;
     core_enter_initialization(core);
     return fmi3OK;
@@ -572,8 +571,7 @@ fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], 
     if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(states);
-    core_get_states(core, states);
-    return fmi3OK;
+    return (fmi3Status)core_get_states(core, states);
 }
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t n) {
