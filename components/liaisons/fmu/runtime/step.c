@@ -255,6 +255,10 @@ static int explain_stuck(Instance *self, double t) {
         if (self->condition[i] < 1e-3) /* distances from a singularity, of order 1 elsewhere */
             return core_because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], time,
                                 self->condition[i]);
+    /* A number that overflows as soon as the states move. */
+    for (size_t i = 0; i < model->states; i++) self->work[i] = self->y[i] + 1e-9 * self->step_size * self->dy[i];
+    evaluate(self, derivatives_of(model), time, self->work, self->ey);
+    if (!core_check_finite(self, self->ey, 1, time)) return 0;
     /* An input that is about to leave its domain, where a singularity lies as a rule. */
     for (double ahead = 1e-12; ahead < 1e-2; ahead *= 10)
         if (!move_inputs(self, t + ahead * self->step_size)) return 0;
