@@ -176,7 +176,7 @@ def _child(simulate: Callable[[Case, str, str], bool], case: Case, fmu: str, sou
     try:
         status = 0 if simulate(case, fmu, source) else 11
     except BaseException as error:  # noqa: BLE001 - whatever it is, it is the end of the run
-        print(f"{type(error).__name__}: {error}")
+        sys.stdout.write(f"{type(error).__name__}: {error}\n")
     finally:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -243,15 +243,17 @@ def _in_libcosim(case: Case, fmu: str, source: str) -> bool:
     it = execution.add_local_slave(CosimLocalSlave(fmu, "it"))
     places = _references(fmu)
     for name, value in case.starts.items():
-        give = execution.integer_initial_value if isinstance(value, int) else execution.real_initial_value
-        give(it, places[name], value)
+        if isinstance(value, int):
+            execution.integer_initial_value(it, places[name], value)
+        else:
+            execution.real_initial_value(it, places[name], value)
     if case.ramp:
         ramp, others = execution.add_local_slave(CosimLocalSlave(source, "ramp")), _references(source)
         for name, value in zip(("offset", "rate"), case.ramp[1:], strict=True):
             execution.real_initial_value(ramp, others[name], value)
         execution.connect_real_variables(ramp, others["y"], it, places[case.ramp[0]])
     fine = execution.step(case.steps)
-    print(get_last_error_message())
+    sys.stdout.write(get_last_error_message())
     return fine
 
 
@@ -280,11 +282,12 @@ def _in_ours(case: Case, fmu: str, _: str) -> bool:
 
     begin, step = case.times
     inputs: dict[str, Any] = {}
+    starts: dict[str, Any] = case.starts
     if case.ramp:
         name, value, rate = case.ramp
         inputs[name] = lambda t: value + rate * (t - begin)
     end = begin + case.steps * step
-    simulate(fmu, start_time=begin, stop_time=end, step_size=step, inputs=inputs, **case.starts)
+    simulate(fmu, start_time=begin, stop_time=end, step_size=step, inputs=inputs, **starts)
     return True
 
 
@@ -321,10 +324,11 @@ def _outcome(status: int, seconds: float, printed: str) -> Outcome:
 
 
 def cases(name: str, fmu: Path) -> Iterator[Case]:
-    """What can be refused by a component, from its description."""
+    """What can be refused by a component, from its description; arrays of FMI 3.0, which not all can set, left out."""
     description = fmpy.read_model_description(str(fmu), validate=False)
     everything = {v.name: v for v in description.modelVariables}
-    reals = [v for v in description.modelVariables if v.type == "Real" and v.causality in {"parameter", "input"}]
+    given = [v for v in description.modelVariables if v.causality in {"parameter", "input"} and not v.shape]
+    reals = [v for v in given if v.type in {"Real", "Float64"}]
     lowest = {v.name: float(v.min) for v in reals if v.min is not None}
     for variable in reals[:1]:
         yield Case(
@@ -352,13 +356,11 @@ def cases(name: str, fmu: Path) -> Iterator[Case]:
 # ---- the table ---------------------------------------------------------------------------------------------------
 
 
-def table(rows: Sequence[tuple[Case, Master, Outcome | None]]) -> Iterator[str]:
+def table(rows: Sequence[tuple[Case, Master, Outcome]]) -> Iterator[str]:
     """Lines of Markdown."""
     yield "| component | refused | importer | statuses | the run | s | message |"
     yield "|---|---|---|---|---|---|---|"
     for case, master, outcome in rows:
-        if outcome is None:
-            continue
         statuses, message = " then ".join(outcome.statuses), outcome.message.strip()[:90].replace("|", "\\|")
         entry = [case.component, case.kind, master, statuses, outcome.end, f"{outcome.seconds:.2f}", message]
         yield f"| {' | '.join(entry)} |"
@@ -373,19 +375,22 @@ def main(names: Sequence[str]) -> None:
     names = list(models) if list(names) == ["all"] else names
     with tempfile.TemporaryDirectory() as folder:
 
-        def fmu(name: str, version: str) -> Path:
+        def fmu(name: str, master: Master) -> Path:
+            version = "3" if master.endswith("3") else "2"
             found = Path(folder, "fmi3" * (version == "3"), f"{name}.fmu")
             return found if found.exists() else build(models[name].model(), folder, backend="native", fmi=version)
 
-        chosen = [case for name in names for case in cases(name, fmu(name, "2"))] or list(CASES)
-        rows: list[tuple[Case, Master, Outcome | None]] = []
-        for master in filter(installed, MASTERS):
+        chosen = [case for name in names for case in cases(name, fmu(name, "ours 2"))] or list(CASES)
+        rows: list[tuple[Case, Master, Outcome]] = []
+        for master in MASTERS:
+            if not installed(master):
+                continue
             mine = [case for case in chosen if master in case.masters]
-            tasks = [(case, fmu(case.component, master[-1])) for case in mine]
-            rows += [(c, master, o) for c, o in zip(mine, run(master, tasks, fmu("Ramp", "2")), strict=True)]
+            tasks = [(case, fmu(case.component, master)) for case in mine]
+            rows += [(c, master, o) for c, o in zip(mine, run(master, tasks, fmu("Ramp", "ours 2")), strict=True)]
         rows.sort(key=lambda row: (chosen.index(row[0]), MASTERS.index(row[1])))
         with suppress(BrokenPipeError):
-            print("\n".join(table(rows)))
+            sys.stdout.writelines(f"{line}\n" for line in table(rows))
 
 
 if __name__ == "__main__":
