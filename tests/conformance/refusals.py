@@ -77,7 +77,7 @@ CASES = (
     Case("parameter outside its domain", "Pendulum", "mass = -1 at t = 0: it must be > 0", {"mass": -1.0}),
     Case("input nan", "Pendulum", "length = nan: set a fin", {"length": np.nan}, statuses=_SET, masters=_NOT_OURS),
     Case("input infinite", "Pendulum", "length = inf: set a fin", {"length": np.inf}, statuses=_SET, masters=_NOT_OURS),
-    Case("start is singular", "KeplerOrbit", "(r must stay > 0|must be finite)", {"x_0": 0.0, "y_dot_0": 0.0}),
+    Case("start is singular", "KeplerOrbit", "r must stay > 0", {"x_0": 0.0, "y_dot_0": 0.0}),
     Case("start off the constraint", "CartesianPendulum", "rod .* must be kept to", {"x_0": 0.5}),
     Case(
         "motion ends in a step",
@@ -387,7 +387,8 @@ def main(names: Sequence[str]) -> None:
                 continue
             mine = [case for case in chosen if master in case.masters]
             tasks = [(case, fmu(case.component, master)) for case in mine]
-            rows += [(c, master, o) for c, o in zip(mine, run(master, tasks, fmu("Ramp", "ours 2")), strict=True)]
+            for case, outcome in zip(mine, run(master, tasks, fmu("Ramp", "ours 2")), strict=True):
+                rows.append((case, master, outcome))
         rows.sort(key=lambda row: (chosen.index(row[0]), MASTERS.index(row[1])))
         with suppress(BrokenPipeError):
             sys.stdout.writelines(f"{line}\n" for line in table(rows))

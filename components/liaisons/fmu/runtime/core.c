@@ -347,16 +347,22 @@ static int next_run(const Instance *self, Rest *rest, Span *run) {
     return 1;
 }
 
-Status core_refuse_infinite(const Instance *self, const unsigned references[], const double *values, size_t count,
+Status core_refuse_infinite(Instance *self, const unsigned references[], const double *values, size_t count,
                             const char *what) {
+    const double t = self->s->time;
     size_t i = 0;
     while (i + 1 < count && isfinite(values[i])) i++;
     const double value = values[i];
     for (; i >= span_of(self, *references).count; references++) i -= span_of(self, *references).count;
-    /* To a solver of the importer's the standard says Discard: it may try a shorter step. */
-    return core_report(self, self->options.use == USE_MODEL_EXCHANGE ? DISCARD : ERROR,
-                       "%s%s = %s at t = %.9g: it must be finite; choose other start values, parameters or inputs", what,
-                       core_name(self, span_of(self, *references).first + i), core_spelled(value), self->s->time);
+    /* Solvers of importers are told what the standard has for them: they may try a shorter step. */
+    const Status status = self->options.use == USE_MODEL_EXCHANGE ? DISCARD : ERROR;
+    const int unusable = self->s->phase < EVENT
+                         && !(core_check_domains(self, t)
+                              && core_check_conditions(self, t, self->y, self->model->start_conditions));
+    const char *name = core_name(self, span_of(self, *references).first + i);
+    if (unusable) return core_report(self, status, "%s; %s%s = %s", self->text, what, name, core_spelled(value));
+    return core_report(self, status, "%s%s = %s at t = %.9g: it must be finite; choose other start values, parameters or inputs",
+                       what, name, core_spelled(value), t);
 }
 
 static void copy(double *to, const double *from, size_t n) {

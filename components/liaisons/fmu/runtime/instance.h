@@ -148,7 +148,7 @@ static inline int all_finite(const double *v, size_t n) {
 }
 
 /* Report the first of these variables whose number is not finite; `what` it is of them. */
-Status core_refuse_infinite(const Instance *, const unsigned references[], const double *values, size_t count,
+Status core_refuse_infinite(Instance *, const unsigned references[], const double *values, size_t count,
                             const char *what);
 
 /* A number that is not finite, alike on all platforms. */
