@@ -218,6 +218,7 @@ static int enter_event_mode2(void) {
 }
 
 static int new_discrete_states2(void) {
+    if (it.wild) expect(MAY_FAIL);
     return F.NewDiscreteStates(component(), given(take(sizeof(fmi2EventInfo)), 1));
 }
 

@@ -49,6 +49,7 @@ static int enter_event_mode3(void) {
 }
 
 static int update_discrete_states3(void) {
+    if (it.wild) expect(MAY_FAIL);
     bool *flags = take(5 * sizeof *flags);
     double *next = take(sizeof *next);
     return F.UpdateDiscreteStates(component(), given(flags, 1), given(flags + 1, 1), given(flags + 2, 1),

@@ -71,10 +71,23 @@ static void start(Instance *self) {
     self->s->unstarted = 0;
 }
 
-void core_remember(Instance *self) {
+int core_remember(Instance *self) {
     evaluate(self, self->model->remember, self->s->time, self->y, self->dm);
+    if (!all_finite(self->dm, self->model->memory)) return 0;
     memcpy(self->m, self->dm, self->model->memory * sizeof *self->m);
     self->s->jumped = 0;
+    return 1;
+}
+
+int core_because_infinite(Instance *self) {
+    const size_t first = self->model->parameters + self->model->inputs;
+    self->current = 0;
+    evaluate(self, self->model->calculate, self->s->time, self->y, self->z);
+    for (size_t i = 0; i < self->model->outputs; i++)
+        if (!isfinite(self->z[i]))
+            return core_because(self, "%s = %s at t = %.9g: it must be finite", core_name(self, first + i),
+                                core_spelled(self->z[i]), self->s->time);
+    return core_because(self, "an energy at t = %.9g is not finite", self->s->time);
 }
 
 void core_jump(Instance *self) {
@@ -297,7 +310,8 @@ Status core_exit_initialization(Instance *self) {
     start(self);
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->y, 0, t)
-        || !core_check_conditions(self, t, self->y, self->model->start_conditions))
+        || !core_check_conditions(self, t, self->y, self->model->start_conditions)
+        || (!all_finite(self->m, self->model->memory) && !core_because_infinite(self)))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->text);
     measure(self);
     core_follow(self);
@@ -361,7 +375,7 @@ Status core_refuse_infinite(Instance *self, const unsigned references[], const d
                               && core_check_conditions(self, t, self->y, self->model->start_conditions));
     const char *name = core_name(self, span_of(self, *references).first + i);
     if (unusable) return core_report(self, status, "%s; %s%s = %s", self->text, what, name, core_spelled(value));
-    return core_report(self, status, "%s%s = %s at t = %.9g: it must be finite; choose other start values, parameters or inputs",
+    return core_report(self, status, "%s%s = %s at t = %.9g: it must be finite; choose other start values or inputs",
                        what, name, core_spelled(value), t);
 }
 
@@ -635,20 +649,25 @@ void core_enter_event_mode(Instance *self) {
     self->current = 0;
 }
 
-int core_update_discrete_states(Instance *self, double *next) {
-    const size_t size = self->model->states * sizeof *self->y;
-    int changed = 0;
+Status core_update_discrete_states(Instance *self, int *changed, double *next) {
+    const char *before = (const char *)self->backup + ((const char *)self->y - (const char *)self->s);
+    *changed = 0;
     if (self->s->jumped) {
-        memcpy(self->backup, self->y, size); /* which is long enough, and not in use here */
+        memcpy(self->backup, self->s, self->moving_size);
         core_compare(self);
         core_jump(self);
-        core_remember(self);
+        if (!core_check_finite(self, self->y, 0, self->s->time)
+            || (!core_remember(self) && !core_because_infinite(self))) {
+            memcpy(self->s, self->backup, self->moving_size);
+            self->current = 0;
+            return core_report(self, DISCARD, "%s; set other inputs or states", self->text);
+        }
         core_follow(self);
-        changed = memcmp(self->backup, self->y, size) != 0;
+        *changed = memcmp(before, self->y, self->model->states * sizeof *self->y) != 0;
         self->current = 0;
     }
     *next = core_next_instant(self, self->s->time);
-    return changed;
+    return SUCCESS;
 }
 
 void core_enter_continuous_mode(Instance *self) {

@@ -197,8 +197,8 @@ void core_enter_continuous_mode(Instance *);
 
 /* both, where events are used */
 void core_enter_event_mode(Instance *);
-/* Book what a jump of the inputs brought in; returns whether states changed.  *next: next time event, or INFINITY. */
-int core_update_discrete_states(Instance *, double *next);
+/* Book what a jump of the inputs brought in, if it is finite; *changed: states have.  *next: time event, or INFINITY. */
+Status core_update_discrete_states(Instance *, int *changed, double *next);
 
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);

@@ -326,14 +326,16 @@ fmi2Status fmi2EnterEventMode(fmi2Component component) {
 fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info) {
     ENTER(EVENT);
     NEED(info);
-    double next;
+    double next = INFINITY;
+    int changed = 0;
+    const Status status = core_update_discrete_states(core, &changed, &next);
     info->newDiscreteStatesNeeded = fmi2False;
     info->terminateSimulation = fmi2False;
     info->nominalsOfContinuousStatesChanged = fmi2False;
-    info->valuesOfContinuousStatesChanged = core_update_discrete_states(core, &next) ? fmi2True : fmi2False;
+    info->valuesOfContinuousStatesChanged = changed ? fmi2True : fmi2False;
     info->nextEventTimeDefined = next < INFINITY ? fmi2True : fmi2False;
     info->nextEventTime = next;
-    return fmi2OK;
+    return (fmi2Status)status;
 }
 
 fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component) {

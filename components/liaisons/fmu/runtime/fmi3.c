@@ -204,9 +204,12 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *need_upd
     *need_update = fmi3False;
     *terminate = fmi3False;
     *nominals_changed = fmi3False;
-    *states_changed = core_update_discrete_states(core, next_time) != 0;
+    int changed = 0;
+    *next_time = INFINITY;
+    const Status status = core_update_discrete_states(core, &changed, next_time);
+    *states_changed = changed != 0;
     *time_defined = *next_time < INFINITY;
-    return fmi3OK;
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {

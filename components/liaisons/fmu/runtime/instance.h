@@ -151,6 +151,9 @@ static inline int all_finite(const double *v, size_t n) {
 Status core_refuse_infinite(Instance *, const unsigned references[], const double *values, size_t count,
                             const char *what);
 
+/* 0: the first of the calculated variables that is not finite. */
+int core_because_infinite(Instance *);
+
 /* A number that is not finite, alike on all platforms. */
 const char *core_spelled(double value);
 
@@ -168,7 +171,8 @@ void core_leap(Instance *);         /* move the states along with jumps */
 /* ---- generated functions ---- */
 
 void core_update(Instance *);   /* z at the present time */
-void core_remember(Instance *); /* m */
+/* m; 0 if it would not be finite, which leaves it. */
+int core_remember(Instance *);
 void core_jump(Instance *);     /* the inputs have jumped: states that an impulse changes, say the work done */
 /* The first instant after t at which the component is not smooth. */
 double core_next_instant(Instance *, double t);

@@ -345,8 +345,7 @@ static int move_states(Instance *self) {
             break;
         }
     }
-    self->curable = 1;
-    return core_check_finite(self, self->y, 0, start + self->reach);
+    return 1;
 }
 
 /* ---- the step ---------------------------------------------------------------------------------------------- */
@@ -410,9 +409,6 @@ static int advance(Instance *self, double time, double size) {
         self->curable = movers_begin_well(self);
         return 0;
     }
-    if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
-    self->s->expanded = 0;
-    self->apart = self->moving > 0;
     self->s->time = snapped(instant, self->reach == size ? end : time + self->reach);
     /* At an event that the importer handles, all is taken from its left until it does. */
     self->s->limit = with_events && self->s->time == instant ? instant : INFINITY;
@@ -420,7 +416,12 @@ static int advance(Instance *self, double time, double size) {
         && core_next_instant(self, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
     core_arrive(self);
-    core_remember(self);
+    self->curable = self->model->states > 0;
+    if (!core_check_finite(self, self->y, 0, self->s->time)) return 0;
+    if (!core_remember(self)) return core_because_infinite(self);
+    if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
+    self->s->expanded = 0;
+    self->apart = self->moving > 0;
     return 1;
 }
 
