@@ -181,16 +181,9 @@ class Slave(Fmi2Slave):
             problem = "; ".join(self._refused.values())
             self._refused.clear()
             return problem
-        if not 0 < H < math.inf:
-            return f"step size = {H:g}: it must be > 0 and finite"
-        if not math.isfinite(t):
-            return f"step from t = {t:g}: it must be finite"
-        if not math.isfinite(t + H):
-            return f"step from t = {t:.15g} of size {H:g}: it must end at a finite time"
-        if not abs(t - now[0]) <= 1e-6 * H + 1e-12 * abs(t):  # rounding of the importer's clock
-            return f"step from t = {t:.15g}: the instance is at t = {now[0]:.15g}"
-        if not t + H > t:
-            return f"step size = {H:g}: it is too small to lead on from t = {t:.15g}"
+        wrong = self._wrong_times(t, H)
+        if wrong:
+            return wrong
         self._warn()
         now[0], self._H_view[0] = t, H
         if self._mode != INTERPOLATE:
@@ -210,6 +203,19 @@ class Slave(Fmi2Slave):
             self._project.run()
             self._y[:] = self._y_jumped
         self._remembered = self._jumped = self._evaluated = False
+        return ""
+
+    def _wrong_times(self, t: float, H: float) -> str:
+        """Why there is no step from t to t + H; empty if there is."""
+        here = self._t[0]
+        if not 0 < H < math.inf:
+            return f"step size = {H:g}: it must be > 0 and finite"
+        if not math.isfinite(t):
+            return f"step from t = {t:g}: it must be finite"
+        if not abs(t - here) <= 1e-6 * H + 1e-12 * abs(t):  # rounding of the importer's clock
+            return f"step from t = {t:.15g}: the instance is at t = {here:.15g}"
+        if not t < t + H < math.inf:
+            return f"step from t = {t:.15g} of size {H:g}: it must end later, at a finite time"
         return ""
 
     def _at_instant(self, end: float) -> float:
