@@ -151,6 +151,14 @@ FAULTY = Source(
     options="",
 )
 
+# refuses long steps, and can go back
+HASTY = Source(
+    (V("longest", "parameter", "", 0.1), V("status", "parameter", start="2", kind="Integer"), V("x", "output")),
+    outputs="x = t;",
+    step='if (h > longest) { say(m, status, "%g s are too long", h); return status; }',
+    options=GOES_BACK,
+)
+
 # names only: two points in the plane, and an array
 POINTS = Source(
     tuple(

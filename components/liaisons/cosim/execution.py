@@ -30,7 +30,7 @@ from liaisons.cosim.drive import SIGNALS, Signal
 from liaisons.cosim.explicit import Explicit
 from liaisons.cosim.instances import AnyInstance, extract, make
 from liaisons.cosim.loop import Loop
-from liaisons.cosim.messages import DISCARD, WARNING, Action
+from liaisons.cosim.messages import DISCARD, ERROR, WARNING, Action
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.progress import deferred_interrupts, progress_bar
 from liaisons.cosim.refusal import RefusedError
@@ -254,7 +254,8 @@ class Execution:
 
     def _fail(self, name: str, action: Action, status: int) -> None:
         error = self._instances[name].failure(action, status, self._clock.when(action))
-        raise RefusedError(str(error)) if status == DISCARD else error
+        # after both an instance may go on from a saved state, and the inputs of a shorter step may be better ones
+        raise RefusedError(str(error)) if status in {DISCARD, ERROR} else error
 
     def _depends(self, output: Place, input_: Place) -> bool:
         return self._components[output[0]].fmu.depends(output[1], input_[1])
