@@ -56,7 +56,7 @@ def declared_components() -> list[str] | None:
         raise ProjectError(f'{declaration}: {error}; write components = ["Pendulum", ...]') from None
 
 
-def shown(path: Path) -> Path:
+def from_here(path: Path) -> Path:
     """A path as one would type it: what lies in the clone, from where we are in it."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(_root()) and path.is_relative_to(here) else path

@@ -26,7 +26,7 @@ from pathlib import Path
 from liaisons.arguments import shown
 from liaisons.check import Verdict, table
 from liaisons.errors import suggestion
-from liaisons.project import ProjectError, figures_directory, load_module, scenario_files, shown
+from liaisons.project import ProjectError, figures_directory, from_here, load_module, scenario_files
 
 Main = Callable[[Path], list[Verdict]]
 
@@ -125,7 +125,7 @@ def run_scenario(main: Main) -> int:
     path = Path(inspect.getfile(main))
     outcome = execute(_scenario(main, path, inspect.getdoc(inspect.getmodule(main))), debug=True)
     print(report([outcome]))
-    print(f"figure: {shown(outcome.figure)}")
+    print(f"figure: {from_here(outcome.figure)}")
     return 0 if outcome.passed else 1
 
 

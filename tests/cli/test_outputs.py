@@ -142,7 +142,7 @@ def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
 )
 def test_what_does_not_fit_into_the_memory_is_said_before_the_run(liaisons: Cli, words: tuple[str, ...]) -> None:
     reply = liaisons("simulate", "Pendulum", *words)
-    assert is_misuse(reply, "points", "36 signals", "of memory are free", "larger steps"), reply.err
+    assert is_misuse(reply, "points", " signals at each", "of memory are free", "larger steps"), reply.err
 
 
 def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPatch, fmus: Path) -> None:

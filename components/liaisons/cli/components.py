@@ -10,7 +10,7 @@ from liaisons.cli._command import command
 from liaisons.cli._terminal import fitting_table
 from liaisons.library import catalogue, model
 from liaisons.library import components as find
-from liaisons.project import declared_components, fmus_directory, shown
+from liaisons.project import declared_components, fmus_directory, from_here
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
@@ -86,7 +86,7 @@ def _build(arguments: argparse.Namespace) -> int:
         sized = model(component, **dict([arguments.size] if arguments.size else []))
         for fmi in versions:
             fmu = build(sized, output, backend=arguments.backend, platforms=arguments.platforms, fmi=fmi)
-            print(shown(fmu), flush=True)
+            print(from_here(fmu), flush=True)
     return 0
 
 

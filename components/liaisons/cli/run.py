@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from liaisons.cli._command import command
-from liaisons.project import ProjectError, shown
+from liaisons.project import ProjectError, from_here
 from liaisons.scenario import execute, load, names, report
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for scenario in [load(target) for target in targets]:
         print(f"{scenario.name}: {scenario.claim}", flush=True)
         outcome = execute(scenario, arguments.figures, debug=arguments.debug)
-        print(f"figure: {shown(outcome.figure)}" if outcome.verdicts else f"error: {outcome.error}", flush=True)
+        print(f"figure: {from_here(outcome.figure)}" if outcome.verdicts else f"error: {outcome.error}", flush=True)
         outcomes.append(outcome)
     print(f"\n{report(outcomes)}")
     return 0 if all(outcome.passed for outcome in outcomes) else 1
