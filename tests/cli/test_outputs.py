@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from liaisons.cosim import Result, System, memory, simulate
+from liaisons.cosim.simulation import communication_points
 from liaisons.errors import SimulationError
 from liaisons.library import fmu_path
 
@@ -168,7 +169,7 @@ def test_steps_that_are_none(liaisons: Cli, words: tuple[str, str]) -> None:
 
 def test_a_step_smaller_than_the_rounding_of_time() -> None:
     with pytest.raises(SimulationError, match=r"step_size = 0\.1: smaller than the rounding of times up to 1e\+17"):
-        System("none").simulate(1e17, 0.1, start_time=1e17 - 1e3)
+        communication_points(1e17 - 1e3, 1e17, 0.1)
 
 
 def test_the_default_experiment_says_when_to_begin(liaisons: Cli, fmus: Path, tmp_path: Path) -> None:
