@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from liaisons import __version__
+from liaisons.cli._encoding import tolerate_encodings
 from liaisons.errors import LiaisonsError, suggestion
 
 _EXAMPLES = """\
@@ -34,6 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     :param argv: the words after ``liaisons``; those of the process unless given.
     :returns: exit status: 0 done, 1 a claim or check failed, 2 it could not be done, 130 interrupted.
     """
+    tolerate_encodings()
     try:
         return _perform(_parser().parse_args(argv))
     except KeyboardInterrupt:

@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from liaisons.check import table
 from liaisons.cli._command import command
+from liaisons.cli._terminal import fitting_table
 from liaisons.library import catalogue, claim, model
 from liaisons.library import components as find
-from liaisons.project import declared_components, fmus_directory
+from liaisons.project import declared_components, fmus_directory, from_here
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
@@ -40,7 +40,10 @@ def register(commands: Commands) -> None:
         "liaisons build my_component.py --output /tmp/fmus --platforms all",
     )
     build.add_argument(
-        "targets", nargs="*", metavar="NAME|FILE.py", help="what to build; everything in fmus/fmus.toml unless given"
+        "targets",
+        nargs="*",
+        metavar="NAME|FILE.py",
+        help="what to build (default: what fmus/fmus.toml declares; without one, the whole catalogue)",
     )
     build.add_argument(
         "--backend",
@@ -68,7 +71,7 @@ def register(commands: Commands) -> None:
 
 def _list(arguments: argparse.Namespace) -> int:
     targets = arguments.targets or catalogue()
-    print(table([_row(component) for target in targets for component in find(target)]))
+    print(fitting_table([_row(component) for target in targets for component in find(target)], narrow={"free": 13}))
     return 0
 
 
@@ -76,7 +79,7 @@ def _build(arguments: argparse.Namespace) -> int:
     from liaisons.fmu import build
 
     # All are found before the first is built: a misspelt name must not cost a compilation.
-    found = [component for target in arguments.targets or declared_components() for component in find(target)]
+    found = [component for target in _targets(arguments.targets) for component in find(target)]
     output = arguments.output or fmus_directory()
     versions: tuple[Fmi, ...] = ("2", "3") if arguments.fmi == "both" else (arguments.fmi,)
     for component in found:
@@ -85,8 +88,14 @@ def _build(arguments: argparse.Namespace) -> int:
         sized = model(component, **dict([arguments.size] if arguments.size else []))
         for fmi in versions:
             fmu = build(sized, output, backend=arguments.backend, platforms=arguments.platforms, fmi=fmi)
-            print(fmu, flush=True)
+            print(from_here(fmu), flush=True)
     return 0
+
+
+def _targets(named: list[str]) -> list[str]:
+    """What to build: what is named, else what the project declares, else the whole catalogue."""
+    declared = None if named else declared_components()
+    return named or (list(catalogue()) if declared is None else declared)
 
 
 def _size(text: str) -> tuple[str, object]:
@@ -101,9 +110,11 @@ def _row(component: type[Component]) -> dict[str, str]:
 
     moving = component if issubclass(component, (Mechanism, Chain)) else None
     ending = "[n]" if issubclass(component, Chain) else ""
+    free = [f"{c.name}{ending}" for c in moving.coordinates] if moving else []
+    free += [turn.name for turn in component.orientations] if issubclass(component, Mechanism) else []
     return {
         "name": component.__name__,
-        "free": ", ".join(f"{c.name}{ending}" for c in moving.coordinates) if moving else "-",
+        "free": ", ".join(free) or "-",
         "active": ", ".join(c.name for c in moving.actives) or "-" if moving else "-",
         "what it is": component.summary(),
     }

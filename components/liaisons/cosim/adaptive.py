@@ -57,7 +57,10 @@ class Adaptive:
         states = {name: instance.states() for name, instance in instances.items()}
         self._saves: dict[str, Call] = {name: save for name, (save, _) in states.items()}
         self._restores: dict[str, Call] = {name: restore for name, (_, restore) in states.items()}
-        units = [components[name].fmu.variables[variable].unit for name, variable in bus.index]
+        units = [  # a function of time is compared with nothing but itself
+            components[name].fmu.variables[variable].unit if name in components else variable
+            for name, variable in bus.index
+        ]
         numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
         self._units = np.array([numbers[unit] for unit in units], dtype=np.intp)
         self._sizes = np.zeros(len(numbers))

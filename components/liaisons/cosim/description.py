@@ -25,11 +25,12 @@ _DESCRIPTION = "modelDescription.xml"
 @final
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """The default experiment [s, s, 1]; None where the FMU gives none."""
+    """The default experiment [s, s, 1, s]; None where the FMU gives none."""
 
     stop_time: float | None
     step_size: float | None
     tolerance: float | None
+    start_time: float | None = None
 
 
 @final
@@ -209,7 +210,7 @@ def _true(attributes: Mapping[str, str], name: str) -> bool:
 
 def _experiment(path: Path, attributes: Mapping[str, str]) -> Experiment:
     try:
-        texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance"))
+        texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance", "startTime"))
         return Experiment(*(None if text is None else float(text) for text in texts))
     except ValueError as error:
         raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None

@@ -168,6 +168,7 @@ class Execution:
             self._instances,
             self._feeds,
             self._bus,
+            drives=self._signals,
             newton=self._settings.coupling == "implicit",
             depends=self._depends,
             depends_initially=self._depends_initially,
@@ -175,10 +176,10 @@ class Execution:
             judge=self._fail,
             clock=self._clock,
         )
-        coupled.settle(begin, initial=True)
+        coupled.settle(begin, self._planned[1], initial=True)
         for instance in self._instances.values():
             instance.exit_initialization()
-        coupled.settle(begin, initial=False)
+        coupled.settle(begin, self._planned[1], initial=False)
         others = [call for name in self._components for call in self._other_readings(name)]
         self._perform(others)
         return [coupled.step, *others]
