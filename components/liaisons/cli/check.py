@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from ctypes import c_double
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +12,7 @@ import numpy as np
 from liaisons.check import Verdict, table, verdict
 from liaisons.cli._command import command
 from liaisons.cli._mismatch import mismatches
+from liaisons.folders import passing_folder
 from liaisons.library import fmu_file
 
 if TYPE_CHECKING:
@@ -105,9 +104,7 @@ def _relative_difference(coarse: Result, fine: Result) -> float:
 
 def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     """Largest difference between two steps and their repetition; None if the FMU cannot restore its state."""
-    import fmpy
-
-    from liaisons.cosim.instances import make
+    from liaisons.cosim.instances import extract, make
     from liaisons.cosim.messages import WARNING
 
     outputs = [fmu.variables[name] for name in fmu.reals("output")]
@@ -116,9 +113,9 @@ def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     seen = (c_double * len(outputs))()
     time, size = c_double(0.0), c_double(step_size)
     results = []
-    with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-        fmpy.extract(fmu.path, folder)
-        with make(fmu.path.stem, fmu, Path(folder)) as instance:
+    with passing_folder() as folder:
+        extract(fmu.path, folder)
+        with make(fmu.path.stem, fmu, folder) as instance:
             instance.setup(tolerance, 0.0, 3 * step_size)
             instance.enter_initialization()
             instance.exit_initialization()

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import final
-from zipfile import BadZipFile, ZipFile
 
 import fmpy
 
+from liaisons.cosim.archive import Archive, plain_file
 from liaisons.cosim.model_description import Description, Table, Unit, parse
 from liaisons.cosim.variables import Array, Shape, Variables, split
 from liaisons.errors import SimulationError, suggestion
@@ -47,7 +47,7 @@ class Fmu:
     :param inside_inputs: whether it says that inputs can be set at times inside a step (FMI 3.0 only).
     :param output_derivative_order: up to which order derivatives of outputs can be read.
     :param only_one: whether a process can have one instance of it only.
-    :param tool: what has made it; empty where it does not say.
+    :param unpacked: bytes that its files take unpacked.
     """
 
     path: Path
@@ -63,7 +63,7 @@ class Fmu:
     inside_inputs: bool
     output_derivative_order: int
     only_one: bool
-    tool: str
+    unpacked: int
     log_categories: tuple[str, ...]
     experiment: Experiment
     variables: Variables
@@ -132,38 +132,29 @@ class Fmu:
 def read(path: Path | str) -> Fmu:
     """Read the description inside an FMU file; a file that has not changed is read once.
 
-    :raises SimulationError: if the file is missing, truncated, no FMU, of another FMI version or kind, or has no
-        binary for this platform.
+    :raises SimulationError: if the file is missing, truncated, too big, no FMU, of another FMI version or kind, has
+        no binary for this platform, or a model description that contradicts itself.
     """
     path = Path(path)
-    if not path.is_file():
-        what = "is a directory, not an FMU" if path.is_dir() else "no such file"
-        raise SimulationError(f"{path}: {what}; check the path, or build it with 'liaisons build'")
-    status = path.stat()
+    status = plain_file(path)
     return _read(path, status.st_mtime_ns, status.st_size, status.st_ino)
 
 
 @lru_cache(maxsize=64)
 def _read(path: Path, *_identity: int) -> Fmu:
-    try:
-        with ZipFile(path) as archive:
-            files = archive.namelist()
-            if _DESCRIPTION not in files:
-                raise SimulationError(f"{path}: has no {_DESCRIPTION} inside, so it is no FMU")
-            with archive.open(_DESCRIPTION) as file:
+    with Archive(path) as archive:
+        if _DESCRIPTION not in archive.names:
+            raise SimulationError(f"{path}: has no {_DESCRIPTION} inside, so it is no FMU")
+        with archive.open(_DESCRIPTION) as file:
+            try:
                 description = parse(file)
-    except BadZipFile as error:
-        damage = f"damaged ({error})" if "CRC" in str(error) else "truncated, or no FMU at all (no zip archive)"
-        raise SimulationError(f"{path}: {damage}; build or copy it again") from None
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: {reason}") from error
-    except OSError as error:
-        raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
-    return _fmu(path, files, description)
+                return _fmu(path, archive, description)
+            except ValueError as error:
+                reason = " ".join(str(error).split())
+                raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: {reason}") from error
 
 
-def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
+def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
     root, kind = description.root, description.co_simulation
     version = root["fmiVersion"]
     if version[:2] not in {"2.", "3."}:
@@ -185,7 +176,7 @@ def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
         guid=root[needed[1]],
-        binary=_binary(path, files, kind["modelIdentifier"], two=two),
+        binary=_binary(path, archive.names, kind["modelIdentifier"], two=two),
         variable_step=_true(kind, "canHandleVariableCommunicationStepSize"),
         restores=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
         differentiates=_true(kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"),
@@ -193,7 +184,7 @@ def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
         inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=int(kind.get("maxOutputDerivativeOrder", 0)),
         only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
-        tool=root.get("generationTool", ""),
+        unpacked=archive.size,
         log_categories=tuple(description.log_categories),
         experiment=_experiment(path, description.experiment),
         variables=description.variables,
@@ -210,9 +201,10 @@ def _true(attributes: Mapping[str, str], name: str) -> bool:
 def _experiment(path: Path, attributes: Mapping[str, str]) -> Experiment:
     try:
         texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance"))
-        return Experiment(*(None if text is None else float(text) for text in texts))
+        given = Experiment(*(None if text is None else float(text) for text in texts))
     except ValueError as error:
         raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
+    return given
 
 
 def _binary(path: Path, files: list[str], identifier: str, *, two: bool) -> str:
