@@ -105,6 +105,10 @@ class Archive:
         with self._reading(*_DAMAGE), self._zip.open(self._members[name]) as file:
             yield file
 
+    def size_of(self, name: str) -> int:
+        """Bytes that a file takes unpacked."""
+        return self._members[name].file_size
+
     def copy(self, name: str, target: Path) -> None:
         """Copy a file out of the archive."""
         with self.open(name) as file:

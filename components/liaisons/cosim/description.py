@@ -19,7 +19,8 @@ from liaisons.errors import SimulationError, suggestion
 LONGEST = 1000
 """Arrays with more elements are recorded only on request: the default must not fill the memory."""
 
-_DESCRIPTION = "modelDescription.xml"
+DESCRIPTION = "modelDescription.xml"
+"""What makes an archive an FMU."""
 
 
 @final
@@ -143,15 +144,15 @@ def read(path: Path | str) -> Fmu:
 @lru_cache(maxsize=64)
 def _read(path: Path, *_identity: int) -> Fmu:
     with Archive(path) as archive:
-        if _DESCRIPTION not in archive.names:
-            raise SimulationError(f"{path}: has no {_DESCRIPTION} inside, so it is no FMU")
-        with archive.open(_DESCRIPTION) as file:
+        if DESCRIPTION not in archive.names:
+            raise SimulationError(f"{path}: has no {DESCRIPTION} inside, so it is no FMU")
+        with archive.open(DESCRIPTION) as file:
             try:
                 description = parse(file)
                 return _fmu(path, archive, description)
             except ValueError as error:
                 reason = " ".join(str(error).split())
-                raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: {reason}") from error
+                raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: {reason}") from error
 
 
 def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
@@ -165,9 +166,9 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
     needed = ("modelName", "guid" if two else "instantiationToken")
     for name in needed:
         if name not in root:
-            raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: fmiModelDescription has no {name!r}")
+            raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: fmiModelDescription has no {name!r}")
     if "modelIdentifier" not in kind:
-        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: CoSimulation has no 'modelIdentifier'")
+        raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: CoSimulation has no 'modelIdentifier'")
     initial = description.outputs | description.initial_unknowns
     initial |= dict.fromkeys(description.exact, frozenset[int]())
     return Fmu(
@@ -202,9 +203,29 @@ def _experiment(path: Path, attributes: Mapping[str, str]) -> Experiment:
     try:
         texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance"))
         given = Experiment(*(None if text is None else float(text) for text in texts))
+        start = float(attributes.get("startTime", 0.0))
     except ValueError as error:
-        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
-    return given
+        raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
+    stop_time, step_size = usable(start, given.stop_time, given.step_size)
+    tolerance = given.tolerance
+    return Experiment(stop_time, step_size, tolerance if tolerance and 0 < tolerance < math.inf else None)
+
+
+def usable(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
+    """Stop time and step size of a default experiment; None for those with which nothing can be simulated.
+
+    Its maker may have left them at whatever they were; whoever simulates gives others then.
+    """
+    if step is not None and not 0 < step < math.inf:
+        step = None
+    if stop is not None and not start < stop < math.inf:
+        stop = None
+    if stop is not None and step is not None and not (stop - start) / step <= _MOST_STEPS:
+        return None, None
+    return stop, step
+
+
+_MOST_STEPS = 1e12
 
 
 def _binary(path: Path, files: list[str], identifier: str, *, two: bool) -> str:

@@ -179,7 +179,10 @@ def _bound(files: _Files, element: Place, binding: Element) -> Iterable[Paramete
         if source is not None:
             inner = files.xml(source, f"the mapping of {owner}", "ssm:ParameterMapping")
         entries += [] if inner is None else inner.findall(tag("ssm:MappingEntry"))
-    return mapped(parameters(values), entries, prefix=binding.get("prefix", ""))
+    try:
+        return list(mapped(parameters(values), entries, prefix=binding.get("prefix", "")))
+    except (ValueError, OverflowError) as error:
+        raise SimulationError(f"{owner} cannot be read: {error}") from None
 
 
 def _links(structure: Structure, components: dict[Place, Component]) -> list[Link]:
