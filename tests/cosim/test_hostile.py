@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import hostile
 import pytest
@@ -228,7 +228,7 @@ def trials(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> list[object]:  #
     return made
 
 
-def _again(path: Path, **starts: float) -> None:
+def _again(path: Path, **starts: Any) -> None:
     """Simulate as a new process would, that knows nothing but the cache."""
     cache._known.clear()
     path.touch()  # so that it is read anew
