@@ -57,7 +57,7 @@ def _deflated(data: bytes) -> bytes:
     return packer.compress(data) + packer.flush()
 
 
-Write = Callable[[Path], None]
+Write = Callable[[Path], object]
 
 
 def text(words: str, *more: Member) -> Write:
@@ -253,8 +253,8 @@ def _zip_in_zip(path: Path) -> None:
 SLOW = {"million variables", "dependencies", "million elements", "60000 files"}
 
 FMUS: dict[str, tuple[str, Write]] = {
-    "empty file": ("no archive at all", lambda path: path.write_bytes(b"") and None),
-    "text": ("no archive at all", lambda path: path.write_text("Lorem ipsum " * 1000) and None),
+    "empty file": ("no archive at all", lambda path: path.write_bytes(b"")),
+    "text": ("no archive at all", lambda path: path.write_text("Lorem ipsum " * 1000)),
     "truncated": ("truncated", _truncated),
     "folder": ("is a directory", lambda path: path.mkdir()),
     "nothing inside": ("has no modelDescription.xml", partial(zipped, members=[])),
@@ -373,7 +373,7 @@ SSPS: dict[str, tuple[str, Write]] = {
     ),
     "FMU that is none": (
         "resources/x.fmu: truncated",
-        archive(structure(elements(component("c"))), fmu=lambda path: path.write_text("no") and None),
+        archive(structure(elements(component("c"))), fmu=lambda path: path.write_text("no")),
     ),
     "digits in an index": (
         "has no variable",
