@@ -97,13 +97,22 @@ def _end_at_last(pipe: int) -> None:
 
 @lru_cache(maxsize=1)
 def _forget_after_fork() -> None:
-    os.register_at_fork(after_in_child=_forget)
+    """A forked process shares the pipe, so that its signals would end us: it is to have none of all this."""
+    os.register_at_fork(before=_hold, after_in_parent=_let_go, after_in_child=_forget)
+
+
+def _hold() -> None:
+    signal.pthread_sigmask(signal.SIG_BLOCK, _handled)
+
+
+def _let_go() -> None:
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _handled)
 
 
 def _forget() -> None:
-    """A forked process shares the pipe, so that its signals would end us."""
     if _handled:
         signal.set_wakeup_fd(-1)
         for number in _handled:
             signal.signal(number, signal.SIG_DFL)
+        _let_go()
         _handled.clear()

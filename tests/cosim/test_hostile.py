@@ -355,7 +355,8 @@ def test_command_that_is_killed(hanging: Start, first: int, temporary: Path) -> 
     _wait_for(lambda: not _runs(command.hanging_process()))
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGINT, 130)])
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_command_that_is_ended_in_the_middle(
     hanging: Start, number: signal.Signals, status: int, temporary: Path
 ) -> None:
