@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterable, Mapping, MutableSequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 from typing import final
 
 from liaisons.cosim import loop
