@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from liaisons.check import table
-from liaisons.cli._command import command
+from liaisons.cli._command import add_unpacked_limit, command
 from liaisons.cli._inputs import drives
 from liaisons.cli._mismatch import mismatches, taken_out
 from liaisons.cosim import System, ssp
@@ -227,6 +227,7 @@ def add_experiment(parser: argparse.ArgumentParser, start_value: str) -> None:
     parser.add_argument("--stop", type=float, metavar="T", help="end [s] (default: the FMU's)")
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s] (default: the FMU's)")
     parser.add_argument("--tolerance", type=float, metavar="R", help="relative tolerance (default: the FMU's)")
+    add_unpacked_limit(parser)
 
 
 def assignment(text: str) -> tuple[str, float | bool | str]:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import final
 
@@ -35,6 +34,7 @@ from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.progress import deferred_interrupts, progress_bar
 from liaisons.cosim.refusal import RefusedError
 from liaisons.cosim.schedule import Coupling, Feeds, Place
+from liaisons.folders import passing_folder
 
 _PORTION = 0.02  # [s] between two looks at the keyboard, about
 
@@ -115,7 +115,7 @@ class Execution:
         :raises KeyboardInterrupt: if it is asked for, at the end of the communication step.
         """
         with ExitStack() as stack:
-            directory = Path(stack.enter_context(TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)))
+            directory = stack.enter_context(passing_folder())
             folders: dict[Path, Path] = {}
             for name, component in self._components.items():
                 path = component.fmu.path
