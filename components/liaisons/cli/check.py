@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from ctypes import c_double
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
