@@ -53,7 +53,7 @@ def lines_of_python() -> str:
     # pictures are shown in a window; a result has the signals that the text speaks of
     calls = [f"single.{call[7:]}" if call.startswith("result.") and '"theta"' in call else call for call in calls]
     before = ["import liaisons, matplotlib", "matplotlib.use('Agg')", "a = b = result", "result.to_csv('b.csv')"]
-    single = "single = liaisons.simulate(fmu_path('Pendulum'), stop_time=1.0)"
+    single = "single = liaisons.simulate('Pendulum', stop_time=1.0)"
     return "\n".join([python_block("System("), *before, single, *calls])
 
 
