@@ -107,9 +107,9 @@ def test_a_system_of_names_is_flattened_and_read_again(tmp_path: Path) -> None:
         ("pendulum", "did you mean 'Pendulum'"),
         ("none.py", "none.py: no such file"),
         ("none.fmu", "none.fmu: no such file; check the path, or build it"),
-        (5, "5 is no component; give its name"),
-        (None, "None is no component"),
-        (b"Pendulum", "b'Pendulum' is no component"),
+        (5, "5 is no FMU and no component; give the path of an FMU, or the name"),
+        (None, "None is no FMU and no component"),
+        (b"Pendulum", "b'Pendulum' is no FMU and no component"),
         (int, "the class int is no component; derive one"),
     ],
 )
@@ -122,7 +122,7 @@ def test_what_is_neither_is_one_line(call: Callable[[Any], object], target: Any,
 def test_models_are_built_and_are_no_fmus(folder: Path) -> None:
     model = PendulumChain.model(2)
     assert build(model) == folder / "PendulumChain.fmu"
-    with pytest.raises(ProjectError, match="is no component"):
+    with pytest.raises(ProjectError, match="is no FMU and no component"):
         simulate(model)  # type: ignore[arg-type]
 
 
