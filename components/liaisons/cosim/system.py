@@ -181,7 +181,8 @@ class System:
         """
         self._check_filled()
         recorded = self._recorded(record)
-        driven = {self._place("input", name): function for name, function in named("inputs", inputs or {}).items()}
+        given = named("inputs", {} if inputs is None else inputs)
+        driven = {self._place("input", name): function for name, function in given.items()}
         if error_tolerance is None:
             points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
         elif times is None:
