@@ -63,6 +63,7 @@ CALLS: dict[str, tuple[Callable[[Things, Any], object], Any]] = {
     "simulate": (lambda _, w: simulate(w), ()),
     "simulate stop_time": (lambda x, w: simulate(x.fmu, stop_time=w, step_size=0.01), NONE),
     "simulate step_size": (lambda x, w: simulate(x.fmu, stop_time=0.02, step_size=w), NONE),
+    "simulate start_time": (lambda x, w: simulate(x.fmu, **SPAN, start_time=w), NONE),
     "simulate times": (lambda x, w: simulate(x.fmu, times=w), type(None)),
     "simulate tolerance": (lambda x, w: simulate(x.fmu, **SPAN, tolerance=w), NONE),
     "simulate record": (lambda x, w: simulate(x.fmu, **SPAN, record=w), type(None)),

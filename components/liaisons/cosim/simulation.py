@@ -67,7 +67,9 @@ def simulate(
             raise SimulationError(f"{path.name} has no default {missing}: give simulate() one")
     names = single.fmu.recorded() if record is None else listed("record", record)
     recorded = {element: place for name in names for element, place in reals(single, name).items()}
-    points = communication_points(start_time or 0.0, stop_time, step_size, times, signals=len(recorded))
+    points = communication_points(
+        0.0 if start_time is None else start_time, stop_time, step_size, times, signals=len(recorded)
+    )
     given = named("inputs", {} if inputs is None else inputs)
     driven = {(path.stem, name): function for name, function in given.items()}
     return run(

@@ -179,7 +179,7 @@ def _plan(
             start_time = experiment.start_time if start_time is None else start_time
             stop_time = experiment.stop_time if stop_time is None else stop_time
             step_size = experiment.step_size if step_size is None else step_size
-    points = communication_points(start_time or 0.0, stop_time, step_size, times)
+    points = communication_points(0.0 if start_time is None else start_time, stop_time, step_size, times)
     check_positive("tolerance", tolerance)
     wanted = signals(keep) if record is None else listed("record", record)
     if wanted is None:
