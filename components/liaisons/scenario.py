@@ -5,7 +5,7 @@ A scenario is one Python file::
     \"\"\"A pendulum of small amplitude swings with the period 2π√(l/g).\"\"\"
 
     def main(figure: Path) -> list[Verdict]:
-        result = simulate(fmu_path("Pendulum"), stop_time=10.0, theta_0=1e-4)
+        result = simulate("Pendulum", stop_time=10.0, theta_0=1e-4)
         ...
         return [verdict("period", error=..., tolerance=...)]
 

@@ -203,11 +203,9 @@ def test_an_archive_that_says_nothing_of_its_experiment(liaisons: Cli, tmp_path:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="interrupts of other processes are POSIX's")
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_keeps_what_there_is(tmp_path: Path, fmus: Path) -> None:
-    code = (
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from liaisons.cli import main; raise SystemExit(main())"
-    )
+    code = "from liaisons.cli import main; raise SystemExit(main())"
     words = ["simulate", "Pendulum", "--stop", "1e4", "--step", "1e-3", "--tolerance", "1e-10", "--record", "theta"]
     process = subprocess.Popen(
         [sys.executable, "-c", code, *words, "--csv", "out.csv"],
