@@ -31,6 +31,23 @@ def test_all_components_of_a_file_go_where_output_says(liaisons: Cli, bead: Path
     assert len(list((tmp_path / "out").rglob("*.fmu"))) == 2
 
 
+def test_many_are_built_on_all_cores_and_named_in_order(
+    liaisons: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    names = ["SmoothStep", "Constant", "Ramp", "Sinusoid"]
+    reply = liaisons("build", *names, "--backend", "python")
+    assert reply.status == 0, reply.err
+    assert [Path(line).stem for line in reply.out.splitlines()] == names
+    (tmp_path / "fmus" / "python" / "Ramp.fmu").unlink()
+    (tmp_path / "fmus" / "python" / "Ramp.fmu").mkdir()  # cannot be written there
+    reply = liaisons("build", *names, "--backend", "python")
+    assert reply.status == 2
+    assert [Path(line).stem for line in reply.out.splitlines()] == names[:2]
+    assert "Ramp.fmu" in reply.err
+    assert reply.err.count("\n") == 1
+
+
 def test_both_versions(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
     reply = liaisons("build", f"{bead}:Bead", "--backend", "native", "--fmi", "both")
     fmus = [tmp_path / "fmus" / "Bead.fmu", tmp_path / "fmus" / "fmi3" / "Bead.fmu"]
@@ -52,6 +69,7 @@ def test_no_name_builds_what_is_declared(liaisons: Cli, monkeypatch: pytest.Monk
 def test_without_a_declaration_the_catalogue_is_built(liaisons: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("liaisons.project._root", Path)
     built: list[str] = []
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # all in this process, where nothing is built
     monkeypatch.setattr("liaisons.fmu.build", lambda model, *_, **__: built.append(model.name) or Path(model.name))
     reply = liaisons("build")
     assert (reply.status, reply.err) == (0, "")
