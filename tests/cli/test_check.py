@@ -94,4 +94,4 @@ def test_default_experiment_that_cannot_be_simulated_is_named(liaisons: Cli, tmp
 
 def test_a_file_that_is_no_fmu(liaisons: Cli, tmp_path: Path) -> None:
     (tmp_path / "text.fmu").write_text("no archive")
-    assert is_misuse(liaisons("check", "text.fmu"), "text.fmu", "no FMU at all")
+    assert is_misuse(liaisons("check", "text.fmu"), "text.fmu", "no archive at all")

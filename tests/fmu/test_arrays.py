@@ -102,8 +102,8 @@ def test_dependencies_of_fmi2_are_those_of_elements() -> None:
 
 def test_elements_of_fmi2(ring_library) -> None:
     names = [v.name for v in ring_library.description.modelVariables]
-    assert names == [*(v.name for v in ring(3).flat().variables), "input_reconstruction", "symplectic_steps", "n"]
-    size = ring_library.description.modelVariables[-1]
+    assert names == ["n", *(v.name for v in ring(3).flat().variables), "input_reconstruction", "symplectic_steps"]
+    size = ring_library.description.modelVariables[0]
     assert (size.type, size.variability, size.start) == ("Integer", "constant", "3")
     instance = ring_library.start()
     value = (c.c_int * 1)()
