@@ -94,7 +94,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         raise BuildError(f"{tool} the compiler in the ziglang package: pip install ziglang")
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
     headers = sorted(item for item in sources.items() if item[0].endswith(".h"))
-    flags = [flag for flag in FLAGS if flag != "-shared"]
+    flags = [flag for flag in (*FLAGS, *target.flags) if not _is_of_linker(flag)]
     with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
         for name, content in sources.items():
             Path(folder, name).write_bytes(content)
@@ -113,6 +113,10 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         # Names relative to the folder: no path gets into the library.
         _run([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
         return library.read_bytes()
+
+
+def _is_of_linker(flag: str) -> bool:
+    return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l"))
 
 
 def _run(command: list[str], folder: str) -> None:

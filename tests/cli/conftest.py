@@ -66,6 +66,18 @@ def liaisons(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     return run
 
 
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the FMUs land that several tests of a file use, built once."""
+    return tmp_path_factory.mktemp("fmus")
+
+
+@pytest.fixture
+def shared_fmus(liaisons: Cli, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - it comes first
+    """Let ``liaisons`` put FMUs there."""
+    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
+
+
 @pytest.fixture
 def bead(tmp_path: Path) -> Path:
     """A file of a user with a mechanism ``Bead`` and an operator ``Parabola``."""

@@ -21,22 +21,13 @@ from liaisons.library import fmu_path
 
 from .conftest import Cli, is_misuse
 
+pytestmark = pytest.mark.usefixtures("shared_fmus")
+
 RESULT = Result("ramp", np.arange(3.0), ("x",), np.arange(3.0)[None], {"x": "m"})
 TEXT = "time,x\n# s,m\n0.0,0.0\n1.0,1.0\n2.0,2.0\n"
 
 # Links to devices: without what is tested here, the link would be replaced, not the device of this machine.
 needs_devices = pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-
-
-@pytest.fixture(scope="module")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("fmus")
-
-
-@pytest.fixture
-def liaisons(liaisons: Cli, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
-    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
-    return liaisons
 
 
 def is_quick(monkeypatch: pytest.MonkeyPatch) -> None:

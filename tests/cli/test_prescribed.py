@@ -13,6 +13,8 @@ from liaisons.library import fmu_path
 
 from .conftest import Cli, is_misuse
 
+pytestmark = pytest.mark.usefixtures("shared_fmus")
+
 G = 9.81
 
 INTEGRATOR = """
@@ -30,18 +32,6 @@ class Integrator(Fmi2Slave):
         self.y += step * self.u
         return True
 """
-
-
-@pytest.fixture(scope="module")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """FMUs that several tests simulate, built once."""
-    return tmp_path_factory.mktemp("fmus")
-
-
-@pytest.fixture
-def liaisons(liaisons: Cli, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
-    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
-    return liaisons
 
 
 def swing(times: NDArray, *, start: float = 0.0) -> NDArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -99,7 +100,7 @@ def test_the_readme_has_two_commands_first() -> None:
 
 def test_what_the_console_shows(liaisons: Cli, tmp_path: Path) -> None:
     for command, printed in documents.console("README.md"):
-        reply = liaisons(*command.split()[1:])
+        reply = liaisons(*shlex.split(command)[1:])
         assert reply.status == 0, reply.err
         assert printed in {"", reply.out.replace(f"{tmp_path}/", "")}
 
@@ -113,7 +114,7 @@ def test_the_commands_in_the_text(liaisons: Cli, tmp_path: Path) -> None:
     assert len(ours) >= 7
     for command in ours:
         if command != "true" and not command.startswith("liaisons run"):
-            reply = liaisons(*command.split()[1:])
+            reply = liaisons(*shlex.split(command)[1:])
             assert reply.status == 0, f"{command}: {reply.err}"
     assert (tmp_path / "Pendulum.png").is_file()
     assert (tmp_path / "fmus" / "TurningParabola.fmu").is_file()

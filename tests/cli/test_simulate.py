@@ -10,17 +10,7 @@ from liaisons.models import Pendulum
 
 from .conftest import Cli, is_misuse
 
-
-@pytest.fixture(scope="module")
-def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """FMUs that several tests simulate, built once."""
-    return tmp_path_factory.mktemp("fmus")
-
-
-@pytest.fixture
-def liaisons(liaisons: Cli, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
-    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
-    return liaisons
+pytestmark = pytest.mark.usefixtures("shared_fmus")
 
 
 def rows(out: str) -> dict[str, list[str]]:
