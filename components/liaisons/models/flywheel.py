@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
+from liaisons.mechanics.closed_form import Values, closed_form
 from liaisons.models._linear import oscillation
-from liaisons.models._validity import require_not_negative, require_positive
 
 
 class Flywheel(Mechanism):
@@ -33,24 +32,9 @@ class Flywheel(Mechanism):
     def friction_coefficient(self) -> ca.SX:
         return self.friction
 
+    @closed_form("the motion under a constant torque; without it an exponential run-down", t=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        angle_0: float = 0.0,
-        angle_dot_0: float = 1.0,
-        inertia: float = 1.0,
-        friction: float = 0.0,
-        angle_force: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """Motion under a constant torque ``angle_force``; without it an exponential run-down.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``angle`` [rad], ``angle_dot`` [rad/s].
-        :raises ValidityError: for inertia <= 0, negative friction or times.
-        """
-        require_positive("Flywheel.exact", inertia=inertia)
-        require_not_negative("Flywheel.exact", friction=friction, t=float(np.min(t)))
-        forces = [(angle_force / inertia, 0.0)]
-        angle, rate = oscillation(t, angle_0, angle_dot_0, omega_squared=0.0, gamma=friction, forces=forces)
-        return {"angle": angle, "angle_dot": rate}
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        forces = [(at.angle_force / at.inertia, 0.0)]
+        motion = oscillation(t, at.angle_0, at.angle_dot_0, omega_squared=0.0, gamma=at.friction, forces=forces)
+        return dict(zip(("angle", "angle_dot"), motion, strict=True))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
+from liaisons.mechanics.closed_form import Values, closed_form
 from liaisons.models._linear import oscillation
-from liaisons.models._validity import require_not_negative, require_positive
 
 
 class FreeParticle(Mechanism):
@@ -42,31 +41,13 @@ class FreeParticle(Mechanism):
     def friction_coefficient(self) -> ca.SX:
         return self.friction
 
+    @closed_form("a parabola; with friction the velocity tends to -g/η e_z exponentially", t=">= 0", mass="> 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_0: float = 0.0,
-        y_0: float = 0.0,
-        z_0: float = 0.0,
-        x_dot_0: float = 1.0,
-        y_dot_0: float = 0.0,
-        z_dot_0: float = 9.81,
-        mass: float = 1.0,
-        gravity: float = 9.81,
-        friction: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """A parabola; with friction the velocity tends to -g/η e_z exponentially.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``x``, ``y``, ``z`` [m], ``x_dot``, ``y_dot``, ``z_dot`` [m/s].
-        :raises ValidityError: for mass <= 0, negative friction or times.
-        """
-        require_positive("FreeParticle.exact", mass=mass)
-        require_not_negative("FreeParticle.exact", friction=friction, t=float(np.min(t)))
-        along = {"x": (x_0, x_dot_0, 0.0), "y": (y_0, y_dot_0, 0.0), "z": (z_0, z_dot_0, -gravity)}
-        motion = {
-            axis: oscillation(t, start, rate, omega_squared=0.0, gamma=friction, forces=[(acceleration, 0.0)])
-            for axis, (start, rate, acceleration) in along.items()
-        }
-        return {q: r for q, (r, _) in motion.items()} | {f"{q}_dot": v for q, (_, v) in motion.items()}
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        motion = {}
+        for axis, acceleration in (("x", 0.0), ("y", 0.0), ("z", -at.gravity)):
+            start, forces = at.array(f"{axis}_0", f"{axis}_dot_0"), [(acceleration, 0.0)]
+            motion[axis], motion[f"{axis}_dot"] = oscillation(
+                t, *start, omega_squared=0.0, gamma=at.friction, forces=forces
+            )
+        return motion
