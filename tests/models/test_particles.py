@@ -101,13 +101,14 @@ def test_guiding_centre_drifts_with_e_cross_b_whatever_the_charge(random_states,
     for n in random_states(equations, **{f"{axis}_{kind}": 0.0 for axis in "xyz" for kind in ("force", "load")}):
         B, E, v = vector(n, "B_{}"), vector(n, "E_{}"), vector(n, "{}_dot")
         arm = number(equations, guiding_centre(m) - m._r, n)
-        # Across B, at v_⊥/Ω from the particle, in the direction in which the magnetic force pulls.
-        across = v - B * (v @ B) / (B @ B)
+        drift = ChargedParticle.drift(**{f"{F}_{axis}": n[f"{F}_{axis}"] for F in "BE" for axis in "xyz"})
+        # Seen from the drift: across B, at v_⊥/Ω from the particle, in the direction in which the magnetic force pulls.
+        seen = v - drift
+        across = seen - B * (seen @ B) / (B @ B)
         radius = n["mass"] * np.linalg.norm(across) / (abs(n["charge"]) * np.linalg.norm(B))
-        pull = n["charge"] * np.cross(v, B)
+        pull = n["charge"] * np.cross(seen, B)
         assert arm == algebra(radius * pull / np.linalg.norm(pull))
         rate = number(equations, m.dot(guiding_centre(m)), n)
-        drift = ChargedParticle.drift(**{f"{F}_{axis}": n[f"{F}_{axis}"] for F in "BE" for axis in "xyz"})
         assert rate - B * (rate @ B) / (B @ B) == algebra(drift)
         assert drift == algebra(np.cross(E, B) / (B @ B))
 
@@ -300,8 +301,23 @@ def test_charged_particle_is_exact_to_rounding_in_any_fields(fields: State, tayl
     phase = abs(n["charge"] / n["mass"]) * np.linalg.norm(vector(n, "B_{}")) * times[-1]
     # Roundings of the phase times speeds of up to 2 m/s and lengths of up to 30 m.
     tolerance = 4e-16 * max(30.0, 2 * phase)
-    for name, expected in zip(exact, reference, strict=True):
+    names = [form.format(axis) for form in ("{}", "{}_dot") for axis in "xyz"]
+    for name, expected in zip(names, reference, strict=True):
         np.testing.assert_allclose(exact[name], expected, rtol=1e-14, atol=tolerance, err_msg=name)
+
+
+@pytest.mark.parametrize("fields", [FIELDS[0], FIELDS[3]])
+def test_guiding_centre_is_the_centre_of_the_turns(fields: State) -> None:
+    """It is where the particle is on the average of a turn about now, when nothing pulls along B."""
+    B, E = (np.array([fields.get(f"{F}_{axis}", 0.0) for axis in "xyz"]) for F in "BE")
+    E -= B * (B @ E) / (B @ B)
+    given: Any = fields | {f"E_{axis}": float(component) for axis, component in zip("xyz", E, strict=True)}
+    period = 2 * np.pi * given.get("mass", 1.0) / (abs(given.get("charge", 1.0)) * np.linalg.norm(B))
+    for now in (0.0, 0.3 * period, 5.1 * period):
+        turn = ChargedParticle.exact(now + period * (np.arange(64) + 0.5) / 64 - period / 2, y_0=2.0, **given)
+        at = ChargedParticle.exact(now, y_0=2.0, **given)
+        mean = [float(np.mean(turn[axis])) for axis in "xyz"]  # the rule is exact for a sine and a straight line
+        np.testing.assert_allclose(mean, [at[f"guiding_centre_{axis}"] for axis in "xyz"], rtol=0, atol=1e-13)
 
 
 ORBITS: dict[str, State] = {
@@ -413,6 +429,15 @@ def test_charged_particle_in_uniform_fields(fmu, start: Any) -> None:
     for name, values in ChargedParticle.exact(result.time, **start).items():
         scale = max(1.0, float(np.max(np.abs(values))))
         assert max_error(result[name], values) <= 1e-8 * scale, name  # κ = 1: linear, with constant coefficients
+
+
+@pytest.mark.parametrize("start", [TRAPS["oblique fields"], {"B_z": 2.0, "E_x": 0.4, "E_y": -0.3, "z_dot_0": 0.0}])
+def test_charged_particle_goes_round_the_guiding_centre_at_one_distance(fmu, start: Any) -> None:
+    result = simulate(fmu(ChargedParticle), stop_time=50.0, step_size=0.05, tolerance=1e-10, **start)
+    r, centre = (np.array([result[form.format(axis)] for axis in "xyz"]) for form in ("{}", "guiding_centre_{}"))
+    distance = np.linalg.norm(r - centre, axis=0)
+    assert max_error(distance, distance[0]) <= 1e-8  # 50 s at 1e-10, ten times
+    assert distance[0] > 0.1
 
 
 def test_charged_particle_keeps_what_the_fields_let_it_keep(fmu) -> None:

@@ -19,12 +19,12 @@ class ChargedParticle(Mechanism):
         L = ½ m |r'|² - Q (φ - r'·A),    φ = -E·r,    A = ½ B∧r          K eq. 24, 26
         p = ∂L/∂r' = m r' + Q A,         m r'' = Q (E + r'∧B)             K eq. 21
         Ω = Q B/m                                                         K eq. 28
-        r_c = r + m r'∧B/(Q B²)          at rest if E = 0, else
-        r_c' = E∧B/B²                    if E is across B
+        w = E∧B/B²                                                        drift
+        r_c = r + m (r' - w)∧B/(Q B²),   r_c' = w + (r'·B) B/B²
 
     r [m], m [kg] mass, Q [C] charge, B [T], E [V/m]; p_x, p_y, p_z [kg.m/s] are the canonical momenta in the
-    symmetric gauge, m r' the kinetic one, r_c [m] the centre of the turns.  The magnetic force does no work: the
-    energy is ½ m |r'|² - Q E·r.  A = ½ B∧r asks for a uniform B.
+    symmetric gauge, m r' the kinetic one, r_c [m] the centre of the turns, which the particle goes round at a constant
+    distance.  The magnetic force does no work: the energy is ½ m |r'|² - Q E·r.  A = ½ B∧r asks for a uniform B.
 
     Source: K 2.3, Ex. 4 (eq. 27 with its dots restored), Ex. 7.
     """
@@ -50,11 +50,15 @@ class ChargedParticle(Mechanism):
     def _B(self) -> ca.SX:  # noqa: N802
         return ca.vertcat(self.B_x, self.B_y, self.B_z)
 
+    @property
+    def _E(self) -> ca.SX:  # noqa: N802
+        return ca.vertcat(self.E_x, self.E_y, self.E_z)
+
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * ca.sumsqr(self.dot(self._r))
 
     def potential_energy(self) -> ca.SX:
-        return -self.charge * ca.dot(ca.vertcat(self.E_x, self.E_y, self.E_z), self._r)
+        return -self.charge * ca.dot(self._E, self._r)
 
     def lagrangian(self) -> ca.SX:
         A = ca.cross(self._B, self._r) / 2
@@ -74,10 +78,11 @@ class ChargedParticle(Mechanism):
 
     @property
     def _guiding_centre(self) -> ca.SX:
-        QB = self.charge * self._B
+        QE, QB = self.charge * self._E, self.charge * self._B
         square = ca.sumsqr(QB)
-        arm = self.mass * ca.cross(self.dot(self._r), QB) / (square + (square == 0))  # 0 where there is no field
-        return self._r + arm
+        square += square == 0  # without a field drift and arm are 0
+        drift = ca.cross(QE, QB) / square
+        return self._r + self.mass * ca.cross(self.dot(self._r) - drift, QB) / square
 
     @output("m", "x of the centre of the turns; of the particle itself where charge or magnetic field is 0")
     def guiding_centre_x(self) -> ca.SX:
@@ -113,15 +118,23 @@ class ChargedParticle(Mechanism):
         """Helix, cycloid or parabola: K Ex. 4 for any direction of the fields and any start, without division by Ω.
 
         :param t: times since the start [s], any shape.
-        :returns: ``x``, ``y``, ``z`` [m], ``x_dot``, ``y_dot``, ``z_dot`` [m/s].
+        :returns: ``x``, ``y``, ``z``, ``guiding_centre_x``, ``guiding_centre_y``, ``guiding_centre_z`` [m], ``x_dot``,
+            ``y_dot``, ``z_dot`` [m/s].
         :raises ValidityError: for mass <= 0.
         """
         require_positive("ChargedParticle.exact", mass=mass)
         turn = -charge / mass * np.array([B_x, B_y, B_z])  # v' = a + turn∧v
         a = charge / mass * np.array([E_x, E_y, E_z])
-        r, r_dot = turning_motion(t, np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0]), a, turn)
-        names = ("x", "y", "z", "x_dot", "y_dot", "z_dot")
-        return dict(zip(names, (*r, *r_dot), strict=True))
+        r_0, v_0 = np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0])
+        r, r_dot = turning_motion(t, r_0, v_0, a, turn)
+        centre, square = r, turn @ turn
+        if square > 0:  # it moves along B as the particle does, and across B with the drift
+            across = np.cross(turn, a) / square
+            centre_0 = r_0 + np.cross(turn, v_0 - across) / square
+            rate, along = across + turn * (turn @ v_0) / square, turn * (turn @ a) / square
+            centre, _ = turning_motion(t, centre_0, rate, along, np.zeros(3))
+        names = (form.format(axis) for form in ("{}", "{}_dot", "guiding_centre_{}") for axis in "xyz")
+        return dict(zip(names, (*r, *r_dot, *centre), strict=True))
 
     @staticmethod
     def drift(
