@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, constraint, output, submersion
+from liaisons.mechanics.closed_form import Values, closed_form
 from liaisons.models.pendulum import Pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
@@ -59,31 +60,18 @@ class CartesianPendulum(Mechanism):
     def lambda_2(self) -> ca.SX:
         return self.constraint_force("plane")
 
+    @closed_form(
+        "the motion of Pendulum with a fixed rod, from the angle theta_0 at the rate theta_dot_0", gravity="> 0"
+    )
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        theta_0: float = _START,
-        theta_dot_0: float = 0.0,
-        rod: float = 1.0,
-        mass: float = 1.0,
-        height: float = 1.0,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion with a fixed rod, from :meth:`Pendulum.exact`: the start lies at an angle from the vertical.
-
-        :param t: times since the start [s], any shape.
-        :param theta_0: initial angle [rad]; ``theta_dot_0`` its rate [rad/s].
-        :returns: ``x``, ``z`` [m], ``x_dot``, ``z_dot`` [m/s], ``lambda_1`` [N/m].
-        :raises ValidityError: for mass, rod or gravity that are not positive.
-        """
+    def exact(t: NDArray, at: Values, *, theta_0: float = _START, theta_dot_0: float = 0.0) -> dict[str, NDArray]:
         start = {"theta_0": theta_0, "theta_dot_0": theta_dot_0}
-        swing = Pendulum.exact(t, **start, length=rod, mass=mass, gravity=gravity)
+        swing = Pendulum.exact(t, **start, length=at.rod, mass=at.mass, gravity=at.gravity)
         sine, cosine = np.sin(swing["theta"]), np.cos(swing["theta"])
         return {
-            "x": rod * sine,
-            "z": height - rod * cosine,
-            "x_dot": rod * cosine * swing["theta_dot"],
-            "z_dot": rod * sine * swing["theta_dot"],
-            "lambda_1": -swing["tension"] / (2 * rod),
+            "x": at.rod * sine,
+            "z": at.height - at.rod * cosine,
+            "x_dot": at.rod * cosine * swing["theta_dot"],
+            "z_dot": at.rod * sine * swing["theta_dot"],
+            "lambda_1": -swing["tension"] / (2 * at.rod),
         }

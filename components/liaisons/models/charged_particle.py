@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
+from liaisons.mechanics.closed_form import Values, closed_form
 from liaisons.models._stumpff import turning_motion
-from liaisons.models._validity import require, require_positive
+from liaisons.models._validity import require
 
 
 class ChargedParticle(Mechanism):
@@ -96,36 +97,12 @@ class ChargedParticle(Mechanism):
     def guiding_centre_z(self) -> ca.SX:
         return self._guiding_centre[2]
 
+    @closed_form("helix, cycloid or parabola (K Ex. 4) for any fields and any start, without division by Ω")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_0: float = 0.0,
-        y_0: float = 0.0,
-        z_0: float = 0.0,
-        x_dot_0: float = 1.0,
-        y_dot_0: float = 0.0,
-        z_dot_0: float = 0.1,
-        mass: float = 1.0,
-        charge: float = 1.0,
-        B_x: float = 0.0,
-        B_y: float = 0.0,
-        B_z: float = 1.0,
-        E_x: float = 0.0,
-        E_y: float = 0.0,
-        E_z: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """Helix, cycloid or parabola: K Ex. 4 for any direction of the fields and any start, without division by Ω.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``x``, ``y``, ``z``, ``guiding_centre_x``, ``guiding_centre_y``, ``guiding_centre_z`` [m], ``x_dot``,
-            ``y_dot``, ``z_dot`` [m/s].
-        :raises ValidityError: for mass <= 0.
-        """
-        require_positive("ChargedParticle.exact", mass=mass)
-        turn = -charge / mass * np.array([B_x, B_y, B_z])  # v' = a + turn∧v
-        a = charge / mass * np.array([E_x, E_y, E_z])
-        r_0, v_0 = np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0])
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        turn = -at.charge / at.mass * at.array("B_x", "B_y", "B_z")  # v' = a + turn∧v
+        a = at.charge / at.mass * at.array("E_x", "E_y", "E_z")
+        r_0, v_0 = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
         r, r_dot = turning_motion(t, r_0, v_0, a, turn)
         centre, square = r, turn @ turn
         if square > 0:  # it moves along B as the particle does, and across B with the drift
@@ -136,14 +113,9 @@ class ChargedParticle(Mechanism):
         names = (form.format(axis) for form in ("{}", "{}_dot", "guiding_centre_{}") for axis in "xyz")
         return dict(zip(names, (*r, *r_dot, *centre), strict=True))
 
+    @closed_form("the velocity of the guiding centre across B, E∧B/B² [m/s], (3,): that of all masses and charges")
     @staticmethod
-    def drift(
-        *, B_x: float = 0.0, B_y: float = 0.0, B_z: float = 1.0, E_x: float = 0.0, E_y: float = 0.0, E_z: float = 0.0
-    ) -> NDArray:
-        """Velocity of the guiding centre across B, E∧B/B² [m/s], shape (3,): the same for all masses and charges.
-
-        :raises ValidityError: where there is no magnetic field.
-        """
-        B = np.array([B_x, B_y, B_z])
+    def drift(at: Values) -> NDArray:
+        B, E = at.array("B_x", "B_y", "B_z"), at.array("E_x", "E_y", "E_z")
         require(bool(np.any(B != 0)), "ChargedParticle.drift: B = 0; without a magnetic field nothing drifts")
-        return np.cross([E_x, E_y, E_z], B) / (B @ B)
+        return np.cross(E, B) / (B @ B)

@@ -66,7 +66,7 @@ class CircularHoop(Hoop):
     @closed_form("at constant rate a pendulum of frequency |β_dot| √(d/R)", offset="< radius", hoop_inertia=">= 0")
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        """The centrifugal force is its gravity.  The operator's torque balances the moment of the normal force about O."""
+        """The centrifugal force is its gravity; the operator's torque balances the moment of the normal force."""
         R, d, Y = at.radius, at.offset, at.beta_dot
         frequency = abs(Y) * np.sqrt(d / R)
         if frequency > 0:

@@ -7,11 +7,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, calculated, output
+from liaisons.mechanics.closed_form import Values, closed_form
 from liaisons.models._linear import superposition
-from liaisons.models._validity import require_not_negative, require_positive
 
 
 def _frequencies(m: Any, M: Any, stiffness: Any) -> tuple[Any, Any, Any]:
@@ -28,6 +28,11 @@ def _normal_coordinates(u: Sequence[Any], m: Any, M: Any) -> tuple[Any, Any, Any
         (right - left) / 2**0.5,
         (4 * alpha**2 + 2) ** 0.5 * (left - 2 * middle + right) / (2 * (1 + 2 * alpha)),
     )
+
+
+def _modes(m: float, M: float) -> NDArray:
+    columns = np.array([[1, 1, 1], [-1, 0, 1], [1, -2 * m / M, 1]]).T
+    return columns / np.linalg.norm(columns, axis=0)
 
 
 class LinearMolecule(Mechanism):
@@ -93,49 +98,19 @@ class LinearMolecule(Mechanism):
         u = (self.x_1, self.x_2 - self.spacing, self.x_3 - 2 * self.spacing)
         return _normal_coordinates(u, self.mass_outer, self.mass_inner)
 
+    @closed_form("superposition of the three modes (K eq. 148 and 150)", t=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_1_0: float = -0.01,
-        x_2_0: float = 0.116,
-        x_3_0: float = 0.232,
-        x_1_dot_0: float = 0.0,
-        x_2_dot_0: float = 0.0,
-        x_3_dot_0: float = 0.0,
-        mass_outer: float = 15.999,
-        mass_inner: float = 12.011,
-        stiffness: float = 1.0,
-        spacing: float = 0.116,
-    ) -> dict[str, NDArray]:
-        """Superposition of the three modes (K eq. 148 and 150).
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``x_1``, ``x_2``, ``x_3`` [m], their rates ``x_1_dot``, ... [m/s], and ``mode_1``, ... [m].
-        :raises ValidityError: for masses or stiffness <= 0, negative spacing or times.
-        """
-        require_positive("LinearMolecule.exact", mass_outer=mass_outer, mass_inner=mass_inner, stiffness=stiffness)
-        require_not_negative("LinearMolecule.exact", spacing=spacing, t=float(np.min(t)))
-        rest = spacing * np.arange(3)
-        u, u_dot = superposition(
-            t,
-            np.array(_frequencies(mass_outer, mass_inner, stiffness)),
-            LinearMolecule.modes(mass_outer=mass_outer, mass_inner=mass_inner),
-            np.array([x_1_0, x_2_0, x_3_0]) - rest,
-            np.array([x_1_dot_0, x_2_dot_0, x_3_dot_0]),
-        )
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        m, M = at.mass_outer, at.mass_inner
+        rest = at.spacing * np.arange(3)
+        start, rates = at.array("x_1_0", "x_2_0", "x_3_0") - rest, at.array("x_1_dot_0", "x_2_dot_0", "x_3_dot_0")
+        u, u_dot = superposition(t, np.array(_frequencies(m, M, at.stiffness)), _modes(m, M), start, rates)
         names = [f"{form}_{k}{rate}" for form, rate in (("x", ""), ("x", "_dot"), ("mode", "")) for k in (1, 2, 3)]
-        modes = _normal_coordinates(list(np.moveaxis(u, -1, 0)), mass_outer, mass_inner)
+        modes = _normal_coordinates(list(np.moveaxis(u, -1, 0)), m, M)
         columns = (*np.moveaxis(u + rest, -1, 0), *np.moveaxis(u_dot, -1, 0), *modes)
         return dict(zip(names, columns, strict=True))
 
+    @closed_form("the unit vectors u_k of K eq. 158 as columns, shape (3, 3)")
     @staticmethod
-    def modes(*, mass_outer: float = 15.999, mass_inner: float = 12.011) -> NDArray:
-        """The unit vectors u_k of K eq. 158 as columns, shape (3, 3).
-
-        :raises ValidityError: for masses <= 0.
-        """
-        require_positive("LinearMolecule.modes", mass_outer=mass_outer, mass_inner=mass_inner)
-        ratio = mass_outer / mass_inner
-        columns = np.array([[1, 1, 1], [-1, 0, 1], [1, -2 * ratio, 1]]).T
-        return columns / np.linalg.norm(columns, axis=0)
+    def modes(at: Values) -> NDArray:
+        return _modes(at.mass_outer, at.mass_inner)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, output
+from liaisons.mechanics.closed_form import Values, closed_form
 
 
 @dataclass(frozen=True)
@@ -97,29 +98,14 @@ class PlanarCat(Mechanism):
     def angular_momentum(self) -> ca.SX:
         return sum((b.mass * _cross(b.position, b.velocity) + b.inertia * b.spin for b in self._bodies), ca.SX(0))
 
+    @closed_form("a parabola, and with the limbs held still a uniform turn")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        com_x_0: float = 0.0,
-        com_x_dot_0: float = 0.0,
-        com_z_0: float = 0.0,
-        com_z_dot_0: float = 9.81,
-        phi_0: float = 0.0,
-        phi_dot_0: float = 1.0,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion with the limbs held still: a parabola and a uniform turn.  The parabola holds for moving limbs, too.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``com_x``, ``com_z`` [m], ``phi`` [rad] and their rates.
-        """
-        t = np.asarray(t, dtype=float)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
         return {
-            "com_x": com_x_0 + com_x_dot_0 * t,
-            "com_x_dot": np.full_like(t, com_x_dot_0),
-            "com_z": com_z_0 + com_z_dot_0 * t - gravity * t**2 / 2,
-            "com_z_dot": com_z_dot_0 - gravity * t,
-            "phi": phi_0 + phi_dot_0 * t,
-            "phi_dot": np.full_like(t, phi_dot_0),
+            "com_x": at.com_x_0 + at.com_x_dot_0 * t,
+            "com_x_dot": np.full_like(t, at.com_x_dot_0),
+            "com_z": at.com_z_0 + at.com_z_dot_0 * t - at.gravity * t**2 / 2,
+            "com_z_dot": at.com_z_dot_0 - at.gravity * t,
+            "phi": at.phi_0 + at.phi_dot_0 * t,
+            "phi_dot": np.full_like(t, at.phi_dot_0),
         }

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
+from liaisons.mechanics.closed_form import Values, closed_form
 from liaisons.models import _rotations
 from liaisons.models._euler_top import euler_top
-from liaisons.models._validity import require, require_positive
+from liaisons.models._validity import require
 
 
 def _least_minor(matrix: ca.SX) -> ca.SX:
@@ -79,64 +80,36 @@ class Satellite(Mechanism):
     def inertia_is_of_masses(self) -> ca.SX:
         return _least_minor(ca.trace(self._inertia) / 2 * ca.SX.eye(3) - self._inertia)
 
+    @closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        omega_x_0: float = 0.0,
-        omega_y_0: float = 0.0,
-        omega_z_0: float = 0.0,
-        q_w_0: float = 1.0,
-        q_x_0: float = 0.0,
-        q_y_0: float = 0.0,
-        q_z_0: float = 0.0,
-        **inertia: float,
-    ) -> dict[str, NDArray]:
-        """Motion with the wheels locked: Euler's top by elliptic functions, attitude included.
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        start = _rotations.unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
+        omega, q = euler_top(t, _tensor("Satellite.exact", at), at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
+        return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
 
-        :param t: times since the start [s], any shape.
-        :param inertia: ``J_xx``, ... that differ from their defaults.
-        :returns: ``omega_x``, ... [rad/s] and ``q_w``, ..., the quaternion, continuous in t.
-        :raises ValidityError: for an inertia that is not positive definite, or a start on the separatrix.
-        """
-        start = _rotations.unit([q_w_0, q_x_0, q_y_0, q_z_0])
-        omega_0 = np.array([omega_x_0, omega_y_0, omega_z_0])
-        omega, q = euler_top(np.asarray(t, dtype=float), _tensor("Satellite.exact", inertia), omega_0, start)
-        names = (*Orientation.rates, *Orientation.quaternion)
-        return dict(zip(names, (*omega, *q), strict=True))
-
+    @closed_form("from rest, the wheels turned in proportion: a rotation by -J⁻¹ J_wheel Δφ")
     @staticmethod
     def slew(
         turn_1: ArrayLike = 0.0,
         turn_2: ArrayLike = 0.0,
         turn_3: ArrayLike = 0.0,
         *,
+        at: Values,
         start: ArrayLike = (1.0, 0.0, 0.0, 0.0),
-        J_wheel: float = 0.1,
-        **inertia: float,
     ) -> dict[str, NDArray]:
-        """Attitude from rest after the wheels have turned in proportion: a rotation by -J⁻¹ J_wheel Δφ.
+        """Δφ(t) = (turn_1, turn_2, turn_3) in a fixed direction, at any pace [rad], any shape; ``start`` the attitude.
 
-        :param turn_1: and ``turn_2``, ``turn_3``: how far each wheel has turned [rad], any shape; Δφ(t) in a fixed
-            direction, at any pace.
-        :param start: quaternion before, shape (4,).  Its end is the start of the next slew of a sequence.
-        :param inertia: ``J_xx``, ... that differ from their defaults.
-        :returns: ``q_w``, ..., the quaternion.
-        :raises ValidityError: for an inertia that is not positive definite.
+        The end of one slew is the start of the next one of a sequence.
         """
-        require_positive("Satellite.slew", J_wheel=J_wheel)
         turns = np.stack(np.broadcast_arrays(*(np.asarray(turn, dtype=float) for turn in (turn_1, turn_2, turn_3))))
-        vector = -J_wheel * np.tensordot(np.linalg.inv(_tensor("Satellite.slew", inertia)), turns, 1)
+        vector = -at.J_wheel * np.tensordot(np.linalg.inv(_tensor("Satellite.slew", at)), turns, 1)
         before = _rotations.unit(start)[(...,) + (None,) * (turns.ndim - 1)]
         q = _rotations.product(before, _rotations.exponential(vector))
         return dict(zip(Orientation.quaternion, q, strict=True))
 
 
-def _tensor(where: str, inertia: dict[str, float]) -> NDArray:
-    elements = [["J_xx", "J_xy", "J_xz"], ["J_xy", "J_yy", "J_yz"], ["J_xz", "J_yz", "J_zz"]]
-    known = {p.name: p.start for p in Satellite.parameters if p.name != "J_wheel"}
-    unknown = inertia.keys() - known.keys()
-    require(not unknown, f"{where}: no parameter {', '.join(sorted(unknown))}; there are {', '.join(known)}")
-    tensor = np.array([[(known | inertia)[name] for name in row] for row in elements])
+def _tensor(where: str, at: Values) -> NDArray:
+    rows = (("J_xx", "J_xy", "J_xz"), ("J_xy", "J_yy", "J_yz"), ("J_xz", "J_yz", "J_zz"))
+    tensor = np.array([at.array(*row) for row in rows])
     require(bool(np.all(np.linalg.eigvalsh(tensor) > 0)), f"{where}: J = {tensor.tolist()} must be positive definite")
     return tensor

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Orientation, Parameter
+from liaisons.mechanics.closed_form import Values, closed_form
 from liaisons.models import _rotations
-from liaisons.models._validity import require_positive
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
@@ -78,42 +78,25 @@ class SpatialCat(Mechanism):
     def potential_energy(self) -> ca.SX:
         return 2 * self.mass * self.gravity * self.com_z
 
+    @closed_form("free fall, and without momentum and twist, at constant bend, a turn that χ alone determines")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        azimuth: ArrayLike,
-        bend: float,
-        azimuth_0: float = 0.0,
-        inertia_transverse: float = 0.10,
-        inertia_axial: float = 0.02,
-        com_z_0: float = 0.0,
-        com_z_dot_0: float = 9.81,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion without angular momentum and twist at constant bend: free fall, and a turn that χ alone determines.
-
-        :param t: times since the start [s], any shape.
-        :param azimuth: χ at these times [rad]; ``azimuth_0`` at the start, where half A has the attitude (1, 0, 0, 0).
-        :returns: ``com_z`` [m], ``com_z_dot`` [m/s], and ``q_w``, ..., the attitude of half A.
-        :raises ValidityError: for moments of inertia that are not positive.
-        """
-        t, chi = np.asarray(t, dtype=float), np.asarray(azimuth, dtype=float)
-        per_turn = SpatialCat.turn(bend, inertia_transverse=inertia_transverse, inertia_axial=inertia_axial)
-        psi = per_turn * (chi - azimuth_0) / (2 * np.pi)
-        start = _rotations.product(_rotations.about(2, azimuth_0), _rotations.about(0, bend / 2))
-        back = _rotations.product(_rotations.about(0, -bend / 2)[:, None], _rotations.about(2, -chi.ravel()))
+    def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
+        """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
+        chi = np.asarray(azimuth, dtype=float)
+        psi = _turn(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
+        start = _rotations.product(_rotations.about(2, azimuth_0), _rotations.about(0, at.bend / 2))
+        back = _rotations.product(_rotations.about(0, -at.bend / 2)[:, None], _rotations.about(2, -chi.ravel()))
         q = _rotations.product(start[:, None], _rotations.about(2, psi.ravel()), back)
-        fall = {"com_z": com_z_0 + com_z_dot_0 * t - gravity * t**2 / 2, "com_z_dot": com_z_dot_0 - gravity * t}
-        return fall | {name: row.reshape(chi.shape) for name, row in zip(Orientation.quaternion, q, strict=True)}
+        height, speed = at.com_z_0 + at.com_z_dot_0 * t - at.gravity * t**2 / 2, at.com_z_dot_0 - at.gravity * t
+        attitude = {name: row.reshape(chi.shape) for name, row in zip(Orientation.quaternion, q, strict=True)}
+        return {"com_z": height, "com_z_dot": speed, **attitude}
 
+    @closed_form("the angle Φ [rad] by which χ turns the cat about a + b, once round at constant bend")
     @staticmethod
-    def turn(bend: float, *, inertia_transverse: float = 0.10, inertia_axial: float = 0.02) -> float:
-        """Angle Φ by which the cat has turned about a + b when χ has gone round once at constant bend [rad].
+    def turn(bend: float, at: Values) -> float:
+        return _turn(at, bend)
 
-        :raises ValidityError: for moments of inertia that are not positive.
-        """
-        moments = {"inertia_transverse": inertia_transverse, "inertia_axial": inertia_axial}
-        require_positive("SpatialCat.turn", **moments)
-        c, s = np.cos(bend / 2), np.sin(bend / 2)
-        return float(2 * np.pi * inertia_axial * c / (inertia_transverse * s**2 + inertia_axial * c**2))
+
+def _turn(at: Values, bend: float) -> float:
+    c, s = np.cos(bend / 2), np.sin(bend / 2)
+    return float(2 * np.pi * at.inertia_axial * c / (at.inertia_transverse * s**2 + at.inertia_axial * c**2))
