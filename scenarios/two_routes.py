@@ -34,17 +34,18 @@ THETA_0, STOP, TOLERANCE = 2.5, 60.0, 1e-11
 
 
 class GaussPendulum(Mechanism):
-    """Pendulum of length 1 m whose velocity is kept across the rod and in the plane, by Gauss's principle (K Ex. 9)."""
+    """Pendulum whose velocity is kept across the rod and in the plane, by Gauss's principle (K Ex. 9)."""
 
     mass = Parameter(1.0, "kg", "mass of the bob", above=0)
     gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    length = Parameter(1.0, "m", "length of the rod", above=0)
     x = Coordinate("m", "horizontal position in the plane of the motion", start=float(np.sin(0.1)))
     y = Coordinate("m", "distance from the plane of the motion")
     z = Coordinate("m", "height", start=float(1 - np.cos(0.1)))
 
     @non_holonomic("m2/s", "velocity along the rod times its length")
     def along(self) -> ca.SX:
-        return self.x * self.dot(self.x) + self.y * self.dot(self.y) + (self.z - 1) * self.dot(self.z)
+        return self.x * self.dot(self.x) + self.y * self.dot(self.y) + (self.z - self.length) * self.dot(self.z)
 
     @non_holonomic("m/s", "velocity out of the plane")
     def across(self) -> ca.SX:

@@ -54,6 +54,19 @@ def test_layers() -> None:
     assert done.returncode == 0, done.stdout
 
 
+def test_who_sends_an_interrupt_makes_sure_that_it_arrives() -> None:
+    """The suite is started in the background of a shell, too, which has it ignore interrupts."""
+    functions = [
+        node
+        for path in sorted((ROOT / "tests").rglob("test_*.py"))
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef)
+    ]
+    sending = [node for node in functions if any(getattr(part, "attr", "") == "SIGINT" for part in ast.walk(node))]
+    assert sending
+    assert [node.name for node in sending if "interruptible" not in ast.unparse(node)] == []
+
+
 @pytest.mark.parametrize("path", COMPONENTS, ids=lambda path: path.stem)
 def test_a_component_is_one_short_file(path: Path) -> None:
     # A screen or two; closed forms of many regimes are what makes one longer.

@@ -39,11 +39,13 @@ if TYPE_CHECKING:
         output,
         point,
         submersion,
+        unchecked,
     )
     from liaisons.scenario import run_scenario
     from liaisons.sweeps import grid, sample, sweep
 
 __version__ = "0.1.0"
+__date__ = "2026-11-22"  # of this version
 
 __all__ = [
     "ActiveCoordinate",
@@ -84,6 +86,7 @@ __all__ = [
     "submersion",
     "sweep",
     "table",
+    "unchecked",
     "verdict",
 ]
 

@@ -75,5 +75,9 @@ def _root() -> Path:
 
 def _line(error: Exception, path: Path) -> int:
     """The innermost line of a file that an error went through."""
-    frames = traceback.extract_tb(error.__traceback__)
-    return next((f.lineno or 0 for f in reversed(frames) if Path(f.filename) == path.resolve()), 0)
+    for raised in (error.__cause__, error):  # the cause was raised further in
+        frames = [] if raised is None else traceback.extract_tb(raised.__traceback__)
+        lines = [frame.lineno or 0 for frame in frames if Path(frame.filename) == path.resolve()]
+        if lines:
+            return lines[-1]
+    return 0

@@ -7,7 +7,9 @@ A unit is a product of SI symbols with integer exponents, at most one ``/``, fac
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 
 ANY = ""  # a quantity that takes the unit of what it is connected to
@@ -80,6 +82,49 @@ def parse(name: str) -> Unit:
             exponents[base] = exponents.get(base, 0) + power * exponent
     ordered = tuple((base, exponents[base]) for base in BASE if exponents.get(base))
     return Unit(name, ordered, _DISPLAY.get(name, ()))
+
+
+Powers = tuple[int | Fraction, ...]
+"""Exponents of the base units in the order of :data:`BASE`, the radian left out: it is 1."""
+
+NUMBER: Powers = (0,) * (len(BASE) - 1)
+_NAMED = ("N", "J", "W", "Pa", "C", "V", "T")
+
+
+@cache
+def powers(name: str) -> Powers:
+    """Exponents of a unit.
+
+    :raises ValueError: for an empty or unknown unit.
+    """
+    exponents = dict(parse(name).exponents)
+    return tuple(exponents.get(base, 0) for base in BASE if base != "rad")
+
+
+def product(factors: Iterable[tuple[Powers, int | Fraction]]) -> Powers:
+    """Exponents of a product of powers."""
+    columns = [tuple(exponent * power for power in base) for base, exponent in factors]
+    return tuple(map(sum, zip(*columns, strict=True)))
+
+
+def written(exponents: Powers) -> str:
+    """A unit as this package writes it: ``"N"``, ``"kg.m"``, ``"1/s"``, ``"m(1/2)"``; ``"1"`` for a pure number."""
+    for name in _NAMED:
+        if powers(name) == exponents:
+            return name
+
+    def factors(sign: int) -> str:
+        found = zip(BASE, exponents, strict=False)
+        return ".".join(base + _exponent(abs(power)) for base, power in found if power * sign > 0)
+
+    top, bottom = factors(1), factors(-1)
+    return f"{top or '1'}/{bottom}" if bottom else top or "1"
+
+
+def _exponent(power: int | Fraction) -> str:
+    if power == 1:
+        return ""
+    return str(power) if Fraction(power).denominator == 1 else f"({power})"
 
 
 _RATE = {"1": "1/s", "m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2", "s": "1", "J": "W", "1/s": "1/s2"}

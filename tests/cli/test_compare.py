@@ -31,3 +31,15 @@ def test_files_that_will_not_do(liaisons: Cli, tmp_path: Path) -> None:
     assert is_misuse(liaisons("compare", "one.csv", "none.csv"), "none.csv", "No such file")
     assert is_misuse(liaisons("compare", "one.csv", "text.csv"), "text.csv", "not a result")
     assert is_misuse(liaisons("compare", "one.csv", "none.parquet"), "none.parquet")
+
+
+@pytest.mark.parametrize("tolerance", ["-1", "nan", "inf", "little"])
+def test_a_tolerance_that_nothing_or_everything_fits(liaisons: Cli, tmp_path: Path, tolerance: str) -> None:
+    _write(tmp_path / "one.csv", 0.0)
+    assert is_misuse(liaisons("compare", "one.csv", "one.csv", "--tolerance", tolerance), "--tolerance", tolerance)
+
+
+def test_a_value_that_is_no_number_fits_no_tolerance(liaisons: Cli, tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text("time,x,y\n0,1,1\n1,1,1\n")
+    (tmp_path / "two.csv").write_text("time,x,y\n0,1,1\n1,1,nan\n")
+    assert liaisons("compare", "one.csv", "two.csv", "--tolerance", "1").status == 1

@@ -109,6 +109,7 @@ def test_a_scenario_runs_as_a_script_too(tmp_path: Path, error: str, status: int
     assert (tmp_path / "figures" / "arithmetic.png").is_file()
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
     path = tmp_path / "slow.py"
     path.write_text(

@@ -1,5 +1,5 @@
 /* The functions of FMI 2.0 with random arguments, and what is to become of each call. */
-#include "fuzz.h"
+#include "forge.h"
 
 #define F (it.library->fmi2)
 
@@ -93,7 +93,7 @@ static int get_state2(void) {
     const int wanted = !one_in(30);
     if (!wanted) expect(FAILS);
     const int status = F.GetFMUstate(component(), wanted ? &chosen->state : NULL);
-    if (status == fmi2OK) *chosen = (Saved){chosen->state, it.phase, it.time, it.wild};
+    if (status == fmi2OK) *chosen = (Saved){chosen->state, it.phase, it.time, it.wild, 0};
     return status;
 }
 
@@ -119,13 +119,10 @@ static int serialize2(void) {
 }
 
 static int deserialize2(void) {
-    const Saved *source = saved();
     Saved *target = saved();
-    size_t size;
-    char *bytes = perhaps_damaged(source, &size);
-    const int status = F.DeSerializeFMUstate(component(), given(bytes, 1), size, &target->state);
-    if (status == fmi2OK) *target = (Saved){target->state, source->phase, source->time, source->wild};
-    return status;
+    const Offer offer = some_bytes();
+    const int status = F.DeSerializeFMUstate(component(), given(offer.bytes, 1), offer.size, &target->state);
+    return offered(offer, status, target);
 }
 
 /* ---- derivatives ----------------------------------------------------------------------------------------------- */

@@ -1,5 +1,5 @@
 /* The functions of FMI 3.0 with random arguments, and what is to become of each call. */
-#include "fuzz.h"
+#include "forge.h"
 
 #define F (it.library->fmi3)
 
@@ -247,7 +247,7 @@ static int get_state3(void) {
     const int wanted = !one_in(30);
     if (!wanted) expect(FAILS);
     const int status = F.GetFMUState(component(), wanted ? &chosen->state : NULL);
-    if (status == fmi3OK) *chosen = (Saved){chosen->state, it.phase, it.time, it.wild};
+    if (status == fmi3OK) *chosen = (Saved){chosen->state, it.phase, it.time, it.wild, 0};
     return status;
 }
 
@@ -272,13 +272,10 @@ static int serialize3(void) {
 }
 
 static int deserialize3(void) {
-    const Saved *source = saved();
     Saved *target = saved();
-    size_t size;
-    fmi3Byte *bytes = (fmi3Byte *)perhaps_damaged(source, &size);
-    const int status = F.DeserializeFMUState(component(), given(bytes, 1), size, &target->state);
-    if (status == fmi3OK) *target = (Saved){target->state, source->phase, source->time, source->wild};
-    return status;
+    const Offer offer = some_bytes();
+    const int status = F.DeserializeFMUState(component(), given((fmi3Byte *)offer.bytes, 1), offer.size, &target->state);
+    return offered(offer, status, target);
 }
 
 /* ---- derivatives ----------------------------------------------------------------------------------------------- */

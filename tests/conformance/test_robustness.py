@@ -73,10 +73,14 @@ def test_calls_at_random(program, trial, name, version) -> None:
 def test_calls_at_random_reach_everything(program, trial, version) -> None:
     it = trial("Pendulum", version)
     lines = run(program("fuzz"), it.library, it.plan, "1", str(10 * CALLS)).splitlines()
-    counts = {name: (int(taken), int(refused)) for name, taken, refused in (line.split() for line in lines[:-1])}
+    counts = {name: (int(taken), int(refused)) for name, taken, refused in (line.split() for line in lines[:-3])}
     assert len(counts) == (HEADERS / f"fmi{version}Functions.h").read_text().count(f"fmi{version}FullName(fmi")
     assert {name for name, (taken, _) in counts.items() if taken == 0} <= ALWAYS_REFUSED[version]
     assert {name for name, (_, refused) in counts.items() if refused == 0} <= NEVER_REFUSED | ALWAYS_REFUSED[version]
+    (damaged, accepted), (forged, taken) = (tuple(map(int, line.split()[1:])) for line in lines[-3:-1])
+    assert damaged >= 300
+    assert accepted == 0
+    assert 0 < taken < forged
 
 
 @linux_only

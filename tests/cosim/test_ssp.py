@@ -67,8 +67,32 @@ def test_experiment_is_kept(system: System, tmp_path: Path, form: Form) -> None:
     path = tmp_path / "system.ssp"
     system.write_ssp(path, form=form, start_time=0.1, stop_time=2.1, step_size=0.05)
     assert ssp.read(path, System).experiment == ssp.Experiment(0.1, 2.1, 0.05)
-    system.write_ssp(path, form=form)
-    assert ssp.read(path, System).experiment == ssp.Experiment(0.0, None, None)
+    System.from_ssp(path).write_ssp(path, form=form)
+    assert ssp.read(path, System).experiment == ssp.Experiment(0.1, 2.1, 0.05)
+
+
+def _experiment(system: System, path: Path, **given: Any) -> ssp.Experiment:
+    system.write_ssp(path, **given)
+    return ssp.read(path, System).experiment
+
+
+def test_experiment_is_that_of_the_last_run_else_that_of_the_fmus(
+    component: Callable[[str], Path], tmp_path: Path
+) -> None:
+    path = tmp_path / "pumped.ssp"
+    made = System("pumped")
+    pendulum, sinusoid = (made.add(name, component(name)) for name in ("Pendulum", "Sinusoid"))
+    made.connect(sinusoid["y"], pendulum["pivot_x"])
+    own = [read(component(name)).experiment for name in ("Pendulum", "Sinusoid")]
+    longest, finest = max(e.stop_time or 0 for e in own), min(e.step_size or 1 for e in own)
+    assert _experiment(made, path) == ssp.Experiment(0.0, longest, finest)
+    made.simulate(3.0, 0.25, start_time=1.0)
+    assert _experiment(made, path) == ssp.Experiment(1.0, 3.0, 0.25)
+    assert _experiment(made, path, stop_time=0.5) == ssp.Experiment(0.0, 0.5, 0.25)
+    assert _experiment(made, path, step_size=0.5) == ssp.Experiment(1.0, 3.0, 0.5)
+    assert _experiment(made, path, start_time=longest + 1) == ssp.Experiment(longest + 1, None, 0.25)
+    made.simulate(times=[0.0, 0.1, 0.4])
+    assert _experiment(made, path) == ssp.Experiment(0.0, 0.4, 0.1)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -335,7 +335,7 @@ def test_refused_instantiation_says_why(fmu: FmuPaths, trace: Trace, extracted: 
     assert list(extracted.iterdir()) == []
 
 
-@pytest.mark.usefixtures("either_loop")
+@pytest.mark.usefixtures("either_loop", "interruptible")
 def test_interrupt_ends_at_a_communication_point(
     fmu: FmuPaths, trace: Trace, extracted: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import zipfile
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,9 +15,13 @@ from fmu_manipulation_toolbox.checker import OperationGenericCheck, OperationSem
 from fmu_manipulation_toolbox.operations import FMU
 from handmade import fall, kick, pendulum, ring
 
+import liaisons
+from liaisons.errors import BuildError
 from liaisons.fmu import build
 from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
+from liaisons.fmu.origin import origin
+from liaisons.models import Constant, OscillatorChain
 
 GUID = "{00000000-0000-0000-0000-000000000001}"
 
@@ -47,6 +54,56 @@ def test_second_validator_finds_nothing(pendulum_fmu) -> None:
 def test_same_bytes_for_same_model() -> None:
     texts = {model_description(pendulum(), guid=GUID, backend="native") for _ in range(2)}
     assert len(texts) == 1
+
+
+def root_of(fmu: Path) -> ElementTree.Element:
+    with zipfile.ZipFile(fmu) as archive:
+        return ElementTree.fromstring(archive.read("modelDescription.xml"))
+
+
+BUILDS: list[dict[str, Any]] = [{"backend": "native"}, {"backend": "native", "fmi": "3"}, {"backend": "python"}]
+
+
+@pytest.mark.parametrize("options", BUILDS, ids=["fmi2", "fmi3", "python"])
+def test_author_version_licence_and_date(options, tmp_path, monkeypatch) -> None:
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    fmu = build(Constant.model(), tmp_path, **options)
+    before = fmu.read_bytes()
+    about = root_of(fmu).attrib
+    assert (about["author"], about["license"]) == ("the liaisons authors", "MIT")
+    assert about["version"] == liaisons.__version__
+    assert about["generationDateAndTime"] == f"{liaisons.__date__}T00:00:00Z"
+    assert validate_fmu(str(fmu)) == []
+
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
+    other = root_of(build(Constant.model(), tmp_path, **options)).attrib
+    assert other["generationDateAndTime"] == "2001-09-09T01:46:40Z"
+    token = "instantiationToken" if options.get("fmi") else "guid"
+    assert other[token] == about[token]  # the same model, whenever it was built
+
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    assert build(Constant.model(), tmp_path, **options).read_bytes() == before
+
+
+def test_a_component_of_somebody_elses_does_not_claim_our_authorship(tmp_path, monkeypatch) -> None:
+    class Mine(Constant):
+        """A component of one's own."""
+
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    for model in (Mine.model(), pendulum()):
+        about = root_of(build(model, tmp_path, backend="native")).attrib
+        assert not {"author", "license", "version", "copyright", "generationDateAndTime"} & about.keys()
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
+    about = root_of(build(Mine.model(), tmp_path, backend="native")).attrib
+    assert about["generationDateAndTime"] == "1970-01-01T00:00:00Z"
+    assert "author" not in about
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    with pytest.raises(BuildError, match=r"SOURCE_DATE_EPOCH = 'yesterday': set seconds since 1970-01-01"):
+        build(Mine.model(), tmp_path, backend="native")
+
+
+def test_chains_of_any_size_are_ours() -> None:
+    assert origin(OscillatorChain.model(n=5))["author"] == "the liaisons authors"
 
 
 def test_references_are_positions(native) -> None:
@@ -105,8 +162,6 @@ def test_units_carry_base_units_and_display_factors(native) -> None:
 
 
 def test_variable_without_unit_has_no_unit_attribute() -> None:
-    from liaisons.models import Constant
-
     root = ElementTree.fromstring(model_description(Constant.model(), guid=GUID, backend="native"))
     assert "unit" not in scalar(root, "y")[1]
     assert root.find("ModelVariables/ScalarVariable[@name='input_reconstruction']") is None  # there are no inputs

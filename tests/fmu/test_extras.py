@@ -25,7 +25,7 @@ from liaisons.fmu.icon import SIZE, icons
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import FOLDER, INTERVALS, columns, trajectory
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
-from liaisons.mechanics import Coordinate, Experiment, Mechanism
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
 from liaisons.mechanics.model import Model, Variable
 from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
 from liaisons.models.pendulum_chain import PendulumChain
@@ -257,14 +257,16 @@ def test_experiments_that_show_something_have_references() -> None:
 class Collapse(Mechanism):
     """Falls into the singularity at x = 0 within its experiment."""
 
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    attraction = Parameter(1.0, "J.m", "energy times distance")
     x = Coordinate("m", "distance", start=1.0, above=0)
     experiment = Experiment(stop_time=3.0)
 
     def kinetic_energy(self) -> ca.SX:
-        return self.dot(self.x) ** 2 / 2
+        return self.mass / 2 * self.dot(self.x) ** 2
 
     def potential_energy(self) -> ca.SX:
-        return -1 / self.x
+        return -self.attraction / self.x
 
 
 def test_experiment_that_cannot_be_integrated_is_left_out_and_said_so() -> None:

@@ -34,7 +34,9 @@ class PendulumRow(Chain):
     inertia = Parameter(1.2, "kg.m2", "moment of inertia of each pendulum", above=0)
     stiffness = Parameter(0.8, "N.m", "of what couples them")
     friction = Parameter(0.1, "1/s", "coefficient of friction")
+    weight = Parameter(1.0, "N.m", "moment of the weight, horizontal")
     phi = Coordinate("rad", "angles", start=(0.5, -0.2))
+    joint = Joint("rad", "x")
 
     def tip(self) -> dict[str, ca.SX]:
         return {"x": self.phi}
@@ -43,7 +45,7 @@ class PendulumRow(Chain):
         return self.inertia / 2 * self.dot(self.phi) ** 2
 
     def potential_energy(self) -> ca.SX:
-        return -ca.cos(self.phi)
+        return -self.weight * ca.cos(self.phi)
 
     def bond_energy(self) -> ca.SX:
         return self.stiffness * (1 - ca.cos(self.phi - self.joint["x"]))
@@ -60,6 +62,9 @@ class Arm(Chain):
     angle = Coordinate("rad", "absolute angle", start=0.3)
     reach = Coordinate("m", "length of the link", start=1.0)
     lift = ActiveCoordinate("m", "height of the base")
+    width = Parameter(1.0, "m", "of the parabola that the base moves on", above=0)
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    stiffness = Parameter(2.0, "N/m", "of each link")
     joint = Joint("m", "x", "z")
 
     @point("m", "the far end of each link")
@@ -68,7 +73,7 @@ class Arm(Chain):
         return {"x": x + self.reach * ca.sin(self.angle), "z": z - self.reach * ca.cos(self.angle)}
 
     def base(self) -> dict[str, ca.SX]:
-        return {"x": self.lift**2, "z": self.lift}
+        return {"x": self.lift**2 / self.width, "z": self.lift}
 
     def tip(self) -> Mapping[str, ca.SX]:
         return self.end
@@ -77,7 +82,7 @@ class Arm(Chain):
         return self.mass / 2 * self.speed_squared(self.end)
 
     def potential_energy(self) -> ca.SX:
-        return 9.81 * self.mass * self.end["z"] + (self.reach - 1) ** 2
+        return self.gravity * self.mass * self.end["z"] + self.stiffness / 2 * (self.reach - self.width) ** 2
 
     def friction_coefficient(self) -> ca.SX:
         return self.friction

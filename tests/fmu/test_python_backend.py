@@ -5,6 +5,9 @@ Also its runs in the other two importers, and its agreement with the native FMU 
 
 from __future__ import annotations
 
+import hashlib
+import json
+import math
 import os
 import subprocess
 import sys
@@ -339,7 +342,56 @@ def test_state_before_initialization(instance: Callable[..., Instance]) -> None:
     assert not item.logged
 
 
-@pytest.mark.parametrize("damage", [lambda text: text[:40], lambda text: text.replace(b'"{', b'"{0'), lambda _: b"3"])
+def _edited(**changes: Any) -> Callable[[bytes], bytes]:
+    """With other values, each of which may be a function of the old one, and the checksum that belongs to them."""
+
+    def damage(content: bytes) -> bytes:
+        state = json.loads(content[64:])
+        state |= {name: change(state[name]) if callable(change) else change for name, change in changes.items()}
+        return _sealed(json.dumps(state).encode())
+
+    return damage
+
+
+def _sealed(text: bytes) -> bytes:
+    return hashlib.sha256(text).hexdigest().encode() + text
+
+
+def _impossible() -> Iterator[tuple[str, Any]]:
+    yield from ((name, [value]) for name in ("_t",) for value in (math.nan, math.inf, 1, "0", None, True))
+    for name in ("_k", "_given", "_u", "_y", "_m", "_size"):
+        yield name, 3.0  # would be put into all places
+        yield name, lambda old: old[:-1]
+        yield name, lambda old: [*old[:-1], math.nan]
+        yield name, lambda old: [*old[:-1], math.inf]
+        yield name, lambda old: [*old[:-1], [1.0]]
+    yield "_size", lambda old: [0.0, *old[1:]]
+    yield "_k", lambda old: [-1.0, *old[1:]]  # mass
+    yield from (("_mode", value) for value in (-1, 3, 1.5, True, "1", 10**30))
+    yield from (("_tolerance", value) for value in (0.0, -1.0, 1.0, math.nan, math.inf, 1))
+    yield from ((name, value) for name in ("_started", "_jumped", "stepping") for value in (0, 2, "yes", None))
+    yield "_started", False  # after initialization
+    yield "_unusable", 0
+    yield "more", 1
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[:40],
+        lambda text: text[:-1],
+        lambda text: text.replace(b'"{', b'"{0'),
+        lambda text: text.replace(b"0.", b"1.", 1),
+        lambda _: b"3",
+        lambda _: _sealed(b"3"),
+        lambda _: _sealed(b"[" * 100_000),
+        lambda _: _sealed(b"\xff"),
+        lambda _: _sealed(b"{}"),
+        lambda text: bytes(64) + text[64:],
+        lambda text: text[64:],
+        *(_edited(**{name: value}) for name, value in _impossible()),
+    ],
+)
 def test_damaged_state_is_refused(instance: Callable[..., Instance], damage: Callable[[bytes], bytes]) -> None:
     item = instance().initialize()
     item.step(0.0, 0.1)

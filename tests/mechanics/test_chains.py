@@ -25,12 +25,15 @@ class Telescope(Chain):
     mass = Parameter(1.3, "kg", "mass of each body", above=0)
     inertia = Parameter(0.4, "kg.m2", "its moment of inertia", above=0)
     stiffness = Parameter(2.0, "N/m", "of the telescope's spring", above=0)
+    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    rest = Parameter(1.0, "m", "length at rest of the spring, and of the lever", above=0)
+    bending = Parameter(2.0, "N.m", "of the joint's spring")
     friction = Parameter(0.3, "1/s", "coefficient of friction", minimum=0)
     angle = Coordinate("rad", "angle against the link before", start=(0.3, -0.2), start_rate=0.1)
     reach = Coordinate("m", "length of the link", start=1.0, nominal=2.0)
     lever = ActiveCoordinate("rad", "angle of the base", start=0.4)
     lift = ActiveCoordinate("m", "height of the base")
-    joint = Joint("1", "x", "z", "phi")
+    joint = Joint("m", "x", "z", phi="rad")
 
     def turned(self) -> Any:
         return self.joint["phi"] + self.angle
@@ -41,7 +44,11 @@ class Telescope(Chain):
         return {"x": self.joint["x"] + self.reach * ca.sin(phi), "z": self.joint["z"] - self.reach * ca.cos(phi)}
 
     def base(self) -> dict[str, ca.SX]:
-        return {"x": ca.cos(self.lever), "z": self.lift + ca.sin(self.lever), "phi": self.lever * 2}
+        return {
+            "x": self.rest * ca.cos(self.lever),
+            "z": self.lift + self.rest * ca.sin(self.lever),
+            "phi": self.lever * 2,
+        }
 
     def tip(self) -> dict[str, ca.SX]:
         return {**self.end, "phi": self.turned()}
@@ -51,10 +58,10 @@ class Telescope(Chain):
         return self.mass / 2 * self.speed_squared(middle) + self.inertia / 2 * self.dot(self.turned()) ** 2
 
     def potential_energy(self) -> ca.SX:
-        return 9.81 * self.mass * self.end["z"]
+        return self.gravity * self.mass * self.end["z"]
 
     def bond_energy(self) -> ca.SX:
-        return self.stiffness / 2 * (self.reach - 1) ** 2 + self.stiffness * ca.cos(self.angle)
+        return self.stiffness / 2 * (self.reach - self.rest) ** 2 + self.bending * ca.cos(self.angle)
 
     def friction_coefficient(self) -> ca.SX:
         return self.friction
@@ -213,8 +220,10 @@ def test_kinetic_energy_is_quadratic() -> None:
         class Quartic(OscillatorChain):
             """Not a kinetic energy."""
 
+            speed = Parameter(3.0, "m/s", "of sound", above=0)
+
             def kinetic_energy(self) -> ca.SX:
-                return self.dot(self.u) ** 4
+                return self.mass * self.dot(self.u) ** 4 / self.speed**2
 
 
 def test_unknown_symbols_are_named() -> None:

@@ -26,10 +26,14 @@ from liaisons.mechanics import (
     gauss,
     non_holonomic,
     submersion,
+    unchecked,
 )
 from liaisons.mechanics.inertia import Inertia
 
 State = dict[str, float]
+
+
+NUMBERS = "made of bare numbers, in SI units"
 
 
 class Guided(Mechanism):
@@ -43,23 +47,25 @@ class Guided(Mechanism):
     f = Coordinate("m", "free")
     slide = ActiveCoordinate("m", "active, adapted")
 
-    @constraint("m2", "a curve that the active coordinate moves")
+    @constraint("m2", "a curve that the active coordinate moves", unchecked=NUMBERS)
     def curve(self) -> ca.SX:
         return self.a**2 + self.b**2 + 0.3 * self.c * self.slide - 1
 
-    @non_holonomic("m2/s2", "neither linear nor homogeneous in the rates")
+    @non_holonomic("m2/s2", "neither linear nor homogeneous in the rates", unchecked=NUMBERS)
     def steering(self) -> ca.SX:
         return self.dot(self.f) * (1 + 0.2 * self.dot(self.b)) - self.a * self.dot(self.c) + 0.3 * self.b
 
-    @submersion("m", "distance", start=1.0, above=0)
+    @submersion("m", "distance", start=1.0, above=0, unchecked=NUMBERS)
     def reach(self) -> ca.SX:
         return ca.sqrt(self.b**2 + self.c**2 + self.d**2) + 0.1 * self.slide
 
+    @unchecked(NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         a, b, c, d, f = (self.dot(q) for q in (self.a, self.b, self.c, self.d, self.f))
         mixed = (a + ca.cos(self.b) * c + self.dot(self.slide)) ** 2 + (b - self.a * f) ** 2
         return mixed / 2 + (0.5 * a**2 + b**2 + c**2 + 0.7 * d**2 + f**2) / 2
 
+    @unchecked(NUMBERS)
     def potential_energy(self) -> ca.SX:
         return self.a * self.c + ca.sin(self.d) + self.b * self.slide
 
@@ -253,6 +259,8 @@ def test_projection_goes_the_shortest_way_in_the_metric_of_the_masses(seed: int)
 class Skate(Mechanism):
     """Knife edge on a slope: it cannot move across its own direction."""
 
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
     gravity = Parameter(2.0, "m/s2", "gravity along the slope, towards +x")
     x = Coordinate("m", "down the slope")
     y = Coordinate("m", "along the slope")
@@ -263,10 +271,11 @@ class Skate(Mechanism):
         return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
 
     def kinetic_energy(self) -> ca.SX:
-        return (self.speed_squared({"x": self.x, "y": self.y}) + 0.3 * self.dot(self.angle) ** 2) / 2
+        moving = self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+        return moving + self.inertia / 2 * self.dot(self.angle) ** 2
 
     def potential_energy(self) -> ca.SX:
-        return -self.gravity * self.x
+        return -self.mass * self.gravity * self.x
 
 
 @pytest.fixture(scope="module")
@@ -309,13 +318,15 @@ class Bead(Mechanism):
     def plane(self) -> ca.SX:
         return self.y
 
-    @constraint("m2", "circle")
+    @constraint("m2", "circle", unchecked=NUMBERS)
     def circle(self) -> ca.SX:
         return self.x**2 + self.z**2 - 1
 
+    @unchecked(NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         return self.speed_squared({"x": self.x, "y": self.y, "z": self.z}) / 2
 
+    @unchecked(NUMBERS)
     def potential_energy(self) -> ca.SX:
         return 9.81 * self.z + 2.0 * self.y
 
@@ -323,7 +334,7 @@ class Bead(Mechanism):
 class TwiceHeldBead(Bead):
     """The same bead with the circle stated once more, as a sphere that cuts the plane."""
 
-    @constraint("m2", "sphere")
+    @constraint("m2", "sphere", unchecked=NUMBERS)
     def sphere(self) -> ca.SX:
         return self.x**2 + self.y**2 + self.z**2 - 1
 

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Mechanism, Parameter, derive, point
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Mechanism, Parameter, derive, point, unchecked
 
 ROUNDING = 1e-12  # algebra in doubles: a few hundred operations on numbers of order 1
+
+
+NUMBERS = "made of bare numbers, in SI units"
 
 
 class Generic(Mechanism):
@@ -20,14 +23,16 @@ class Generic(Mechanism):
     c = ActiveCoordinate("m", "active", start=0.3)
     d = ActiveCoordinate("rad", "active", start=0.4)
 
-    @point("m", "the tip")
+    @point("m", "the tip", unchecked=NUMBERS)
     def tip(self) -> dict[str, ca.SX]:
         return {"x": self.a + self.c * ca.cos(self.b), "z": self.c * ca.sin(self.b + self.d)}
 
+    @unchecked(NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         spin = self.dot(self.b) + self.dot(self.d) * (1 + self.a**2)
         return self.speed_squared(self.tip) + self.dot(self.a) ** 2 / 2 + 0.7 * spin**2 + self.dot(self.c) ** 2
 
+    @unchecked(NUMBERS)
     def potential_energy(self) -> ca.SX:
         return self.stiffness * (self.a - self.c) ** 2 / 2 + ca.cos(self.b) * self.a + self.c * self.d**2
 

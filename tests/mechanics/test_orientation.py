@@ -21,6 +21,7 @@ from liaisons.mechanics import (
     constraint,
     derive,
     point,
+    unchecked,
 )
 
 State = dict[str, float]
@@ -35,6 +36,9 @@ SLIDER_MASS, STIFFNESS = 0.5, 3.0
 PIN = np.array([0.2, -0.5, 0.3])  # body point where a load acts
 
 
+NUMBERS = "made of bare numbers, in SI units"
+
+
 class HeavyTop(Mechanism):
     """Rigid body about a fixed point in gravity, with a wheel that an operator turns and a mass on a spring."""
 
@@ -45,19 +49,21 @@ class HeavyTop(Mechanism):
     def _place(self) -> ca.SX:
         return ca.DM(RAIL) + self.slider * ca.DM(TRACK)
 
-    @point("m", "the slider")
+    @point("m", "the slider", unchecked=NUMBERS)
     def mass(self) -> dict[str, ca.SX]:
         return dict(zip("xyz", ca.vertsplit(self.attitude.matrix @ self._place()), strict=True))
 
-    @point("m", "a pin on the body")
+    @point("m", "a pin on the body", unchecked=NUMBERS)
     def pin(self) -> dict[str, ca.SX]:
         return dict(zip("xyz", ca.vertsplit(self.attitude.matrix @ ca.DM(PIN)), strict=True))
 
+    @unchecked(NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         omega, spin = self.attitude.rate, self.dot(self.wheel)
         body = ca.dot(omega, ca.DM(INERTIA) @ omega) + J_WHEEL * (2 * spin * ca.dot(ca.DM(AXIS), omega) + spin**2)
         return body / 2 + SLIDER_MASS / 2 * self.speed_squared(self.mass)
 
+    @unchecked(NUMBERS)
     def potential_energy(self) -> ca.SX:
         weight = -9.81 * (self.attitude.matrix @ ca.DM(MOMENT))[2]
         return -weight + SLIDER_MASS * 9.81 * self.mass["z"] + STIFFNESS / 2 * self.slider**2
@@ -178,10 +184,12 @@ class Held(Mechanism):
 
     attitude = Orientation("attitude")
 
+    @unchecked(NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         steiner = MASS * (ARM @ ARM * np.eye(3) - np.outer(ARM, ARM))
         return _turning(self.attitude.rate, OWN + steiner)
 
+    @unchecked(NUMBERS)
     def potential_energy(self) -> ca.SX:
         return -MASS * 9.81 * (self.attitude.matrix @ ca.DM(ARM))[2]
 
@@ -197,22 +205,24 @@ class Free(Mechanism):
     def _point(self) -> ca.SX:
         return ca.vertcat(self.x, self.y, self.z) + self.attitude.matrix @ ca.DM(ARM)
 
-    @constraint("m", "the held point stays at x = 0")
+    @constraint("m", "the held point stays at x = 0", unchecked=NUMBERS)
     def in_x(self) -> ca.SX:
         return self._point()[0]
 
-    @constraint("m", "the held point stays at y = 0")
+    @constraint("m", "the held point stays at y = 0", unchecked=NUMBERS)
     def in_y(self) -> ca.SX:
         return self._point()[1]
 
-    @constraint("m", "the held point stays at z = 0")
+    @constraint("m", "the held point stays at z = 0", unchecked=NUMBERS)
     def in_z(self) -> ca.SX:
         return self._point()[2]
 
+    @unchecked(NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         fall = MASS / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
         return fall + _turning(self.attitude.rate, OWN)
 
+    @unchecked(NUMBERS)
     def potential_energy(self) -> ca.SX:
         return MASS * 9.81 * self.z
 
@@ -286,12 +296,13 @@ def spinning(kind: Literal["rate", "momentum"]) -> type[Mechanism]:
     class Body(Mechanism):
         moment = Parameter(2.0, "kg.m2", "moment of inertia", above=0)
         attitude = Orientation("attitude", start=kind)
+        wheel_moment = Parameter(1.0, "kg.m2", "moment of inertia of the wheel", above=0)
         wheel = ActiveCoordinate("rad", "angle of the wheel")
 
         def kinetic_energy(self) -> ca.SX:
             omega = self.attitude.rate
             turn = self.moment * ca.dot(omega, ca.DM([1.0, 2.0, 2.5]) * omega) / 2
-            return turn + (omega[0] + self.dot(self.wheel)) ** 2 / 2
+            return turn + self.wheel_moment / 2 * (omega[0] + self.dot(self.wheel)) ** 2
 
     return Body
 

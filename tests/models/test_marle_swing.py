@@ -228,7 +228,7 @@ Functions = dict[str, Callable[..., Any]]
 @pytest.mark.parametrize(
     ("functions", "words"),
     [
-        ({"I": lambda s: s}, "singular at the start"),
+        ({"I": lambda s: s}, "no mass moves with theta_dot at s = 0, where the start lies on a singularity"),
         ({"I": lambda: 1}, "I takes no argument"),
         ({"I": lambda theta=1: theta}, "cannot be called 'theta'"),
         ({"I": lambda D=1: D}, "cannot be called 'D'"),

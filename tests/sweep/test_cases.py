@@ -60,6 +60,10 @@ def test_columns_case_by_case() -> None:
         (lambda: sample(3, {"a": (0, 1)}, seed=-1), "seed = -1"),
         (lambda: sample(3, {}, seed=0), "nothing is varied"),
         (lambda: sample(3, {"a": 7}, seed=0), "a = 7"),  # type: ignore[dict-item]
+        (lambda: sample(3, {"a": (3, 0)}, seed=0), r"a = \(3, 0\); give \(low, high\) with low < high"),
+        (lambda: sample(3, {"a": (1, 1)}, seed=0), "low < high"),
+        (lambda: sample(10**30, {"a": (0, 1)}, seed=0), "too many"),
+        (lambda: grid({"a": np.arange(10_000.0), "b": np.arange(10_000.0)}), "100000000 cases are too many"),
         (lambda: sample(3, {"a": (0, np.inf)}, seed=0), "not finite"),
         (lambda: Cases.of({"a": [1, 2], "b": [1]}), "a 2, b 1"),
     ],

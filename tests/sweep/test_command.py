@@ -7,6 +7,8 @@ from importlib import import_module
 import pytest
 
 from liaisons.cli import main
+from liaisons.sweeps.outcome import Failure, Outcome
+from liaisons.sweeps.workers import Deliver
 
 
 def test_misuse_on_the_command_line(pendulum, tmp_path, capsys) -> None:
@@ -19,22 +21,51 @@ def test_misuse_on_the_command_line(pendulum, tmp_path, capsys) -> None:
     assert "needs --samples" in words("--random", "theta_0=0:1")
     assert "use one of them" in words("--random", "theta_0=0:1", "--over", "mass=1")
     assert "nothing is varied" in words()
-    assert "--samples and --latin-hypercube need --random" in words("--over", "theta_0=1", "--samples", "3")
+    assert "--samples, --seed and --latin-hypercube need --random" in words("--over", "theta_0=1", "--samples", "3")
     assert "theta_0 is varied twice" in words("--over", "theta_0=1", "--over", "theta_0=2")
     assert "'theta_0' is varied, and set" in words("--over", "theta_0=1", "--set", "theta_0=2")
     assert "no signal is named" in words("--over", "theta_0=1", "--keep", "energy,")
+    assert "need --random" in words("--over", "theta_0=1", "--seed", "3")
+    assert "workers = 0" in words("--over", "theta_0=1", "--workers", "0")
+    assert "leave it out on a Dask cluster" in words("--over", "theta_0=1", "--workers", "2", "--dask", "tcp://x:1")
+    assert "no Dask scheduler" in words("--over", "theta_0=1", "--dask", "")
+    assert "time_limit = -1" in words("--over", "theta_0=1", "--time-limit", "-1")
+    assert "time_limit = nan" in words("--over", "theta_0=1", "--time-limit", "nan")
+    assert "--retry needs the journal" in words("--over", "theta_0=1", "--retry")
+    assert "1000000000000 cases are too many" in words("--random", "mass=1:2", "--samples", "1000000000000")
+    assert "cases are too many" in words("--over", "mass=1:2:1000000", "--over", "theta_0=0:1:1000000")
+    assert "is a folder" in words("--over", "theta_0=1", "--csv", str(tmp_path))
+    both = str(tmp_path / "both")
+    assert "cannot be the table and the journal" in words("--over", "theta_0=1", "--csv", both, "--journal", both)
+    assert list(tmp_path.iterdir()) == []
     assert "there is no folder" in words("--over", "theta_0=1", "--csv", str(tmp_path / "nowhere" / "table.csv"))
 
 
-@pytest.mark.parametrize("values", ["theta_0=", "theta_0=0:1:0", "theta_0=0:1:-3", "theta_0=0:1:x"])
+@pytest.mark.parametrize(
+    "values",
+    ["theta_0=", "=1", "theta_0", "theta_0=0:1:0", "theta_0=0:1:-3", "theta_0=0:1:x", "theta_0=0:1:10000000000"],
+)
 def test_misuse_of_values(pendulum, capsys, values) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(["sweep", str(pendulum), "--keep", "theta", "--over", values])
     assert "a count of 1 at least" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("values", ["3:0", "1:1", "nan:1", "0:inf", "normal:1:0", "normal:1:-1", "normal:0:inf", "1"])
+def test_misuse_of_distributions(pendulum, capsys, values) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["sweep", str(pendulum), "--keep", "theta", "--samples", "3", "--random", f"theta_0={values}"])
+    assert "low < high" in capsys.readouterr().err
+
+
+def test_the_help_says_whom_to_trust(capsys) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["sweep", "--help"])
+    assert "take them from people you trust" in capsys.readouterr().out
+
+
 def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", interrupted)
@@ -51,6 +82,25 @@ def test_failing_cases_are_shown(pendulum, capsys) -> None:
     arguments = ["sweep", str(pendulum), "--keep", "theta", "--stop", "0.1", "--over", "mass=1,-1"]
     assert main(arguments) == 1
     assert "case 1 failed" in capsys.readouterr().out
+
+
+def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, capsys, monkeypatch) -> None:
+    csv = tmp_path / "table.csv"
+    outcomes: list[Outcome] = [Failure("took too long", refused=False), (1.0,)]
+
+    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, *, time_limit: float) -> None:
+        assert time_limit == 3.0
+        deliver(dict.fromkeys(cases, outcomes.pop(0)))
+
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", simulate)
+    command = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1", "--csv", str(csv), "--time-limit", "3"]
+    assert main(command) == 1
+    said = capsys.readouterr().out
+    assert "case 0 not finished: took too long" in said
+    assert "1 of 1 cases not finished; the same command tries them again" in said
+    assert sorted(tmp_path.iterdir()) == [csv, tmp_path / "table.csv.journal"]
+    assert main(command) == 0
+    assert list(tmp_path.iterdir()) == [csv]
 
 
 def test_random_cases(pendulum, tmp_path) -> None:

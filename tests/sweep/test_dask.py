@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import errno
 import os
 import signal
 import subprocess
@@ -53,13 +55,14 @@ def test_a_system_goes_to_the_workers(client, swing) -> None:
     assert here.rows.tobytes() == there.rows.tobytes()
 
 
-def test_a_killed_worker_loses_no_case(client, pendulum, tmp_path) -> None:
+@pytest.mark.parametrize("victim", ["process", "worker"])
+def test_a_killed_worker_loses_no_case(client, pendulum, tmp_path, victim) -> None:
     killed = str(tmp_path / "killed")
 
     def theta(result) -> float:
         if result["theta"][0] > 1.5 and not os.path.exists(killed):  # noqa: PTH110 - goes to another process
             with open(killed, "w", encoding="utf-8"):  # noqa: PTH123
-                os.kill(os.getpid(), signal.SIGKILL)
+                os.kill(os.getpid() if victim == "process" else os.getppid(), signal.SIGKILL)
         return float(result["theta"][-1])
 
     journal = tmp_path / "journal"
@@ -67,6 +70,62 @@ def test_a_killed_worker_loses_no_case(client, pendulum, tmp_path) -> None:
     assert os.path.exists(killed)  # noqa: PTH110
     assert not there.failures
     assert there.rows.tobytes() == sweep(pendulum, CASES, {"theta": "theta"}, **SPAN).rows.tobytes()
+
+
+def test_what_hangs_or_crashes_is_not_finished_and_leaves_no_process(client, pendulum, tmp_path) -> None:
+    log = str(tmp_path / "log")
+
+    def theta(result) -> float:
+        with open(log, "a", encoding="utf-8") as file:  # noqa: PTH123 - goes to another process
+            file.write(f"{os.getpid()}\n")
+        angle = float(result["theta"][0])
+        if angle == 0.3:
+            ctypes.CDLL(None).sleep(1000)
+        if angle == 0.4:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if angle == 0.5:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return float(result["theta"][-1])
+
+    cases = {"theta_0": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], "mass": [1.0, -1.0, 1.0, 1.0, 1.0, 1.0]}
+    table = sweep(pendulum, cases, {"theta": theta}, client=client, time_limit=2.0, **SPAN)
+    assert table.failures.keys() == {1, 2, 3, 4}
+    assert table.unfinished == (2, 3, 4)
+    assert table.failures[2] == "took longer than the time limit of 2 s"
+    assert "died, 2 times" in table.failures[3]
+    assert "No space left" in table.failures[4]
+    pids = {int(line) for line in (tmp_path / "log").read_text(encoding="utf-8").split()}
+    assert [pid for pid in pids if _lives(pid)] == []
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> None:
+    """One of them has no room for the FMUs."""
+
+    def spoil(first: str, dask_worker) -> None:
+        from liaisons.sweeps import cluster
+
+        def full(*_: object) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        if first in {dask_worker.address, "all"}:
+            cluster.extract_all = full
+
+    here = sweep(pendulum, CASES, ["theta"], **SPAN)
+    client.run(spoil, next(iter(client.nthreads())))
+    assert sweep(pendulum, CASES, ["theta"], client=client, **SPAN).rows.tobytes() == here.rows.tobytes()
+    client.run(spoil, "all")
+    none = sweep(pendulum, CASES, ["theta"], client=client, **SPAN)
+    assert none.unfinished == tuple(range(CASES.count))
+    assert "cannot begin: OSError: [Errno 28] No space left on device" in none.failures[0]
+    client.restart()
 
 
 def test_a_scheduler_that_does_not_answer(pendulum, monkeypatch) -> None:

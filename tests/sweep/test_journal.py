@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any, final
 
@@ -15,7 +19,8 @@ import pytest
 
 from liaisons import Result
 from liaisons.sweeps import JournalError, SweepError, sweep
-from liaisons.sweeps.journal import Journal
+from liaisons.sweeps.journal import Journal, _line
+from liaisons.sweeps.workers import Deliver
 
 SPAN: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.05}
 CASES = {"theta_0": np.linspace(0.1, 1.0, 8), "mass": [1.0, 2.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
@@ -64,6 +69,132 @@ def test_finished_cases_are_not_done_again(pendulum, tmp_path, counted) -> None:
     assert counted.calls() == 0
 
 
+def test_damaged_lines_say_nothing_and_are_done_again(pendulum, tmp_path, counted, caplog) -> None:
+    journal, other = tmp_path / "journal", tmp_path / "other"
+    whole = sweep(pendulum, CASES, {"theta": counted}, journal=journal, workers=1, **SPAN)
+    sweep(pendulum, CASES, {"theta": counted}, starts={"gravity": 9.8}, journal=other, workers=1, **SPAN)
+    counted.calls()
+    header, *lines = journal.read_bytes().splitlines()
+    text = {number: line.decode() for number, line in enumerate(lines)}
+    damaged = [
+        text[0].replace('"case": 0', '"case": -1'),
+        text[1].replace('"case": 1', '"case": 99999'),
+        text[2].replace("mass", "moss"),
+        re.sub(r"\d(?=])", lambda digit: str((int(digit[0]) + 1) % 10), text[3]),
+        '"abc"',
+        "null",
+        other.read_text(encoding="utf-8").splitlines()[7],
+        text[7],
+    ]
+    journal.write_bytes(b"\n".join([header, *(line.encode() for line in damaged), b""]))
+    again = sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
+    assert counted.calls() == 6  # all but the last, and one fails
+    assert again.rows.tobytes() == whole.rows.tobytes()
+    assert again.failures == whole.failures
+    (record,) = caplog.records
+    assert (
+        "journal: damaged lines are left out, and their cases done again: line 2, 3, 4, 5, 6 and 2 more"
+        in record.message
+    )
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"case": -1, "values": [1.0]},
+        {"case": 8, "values": [1.0]},
+        {"case": 0.0, "values": [1.0]},
+        {"case": 0, "values": [1.0, 2.0]},
+        {"case": 0, "values": ["1.0"]},
+        {"case": 0, "failure": None},
+        {"case": 0},
+        {},
+    ],
+)
+def test_a_whole_line_that_cannot_be_of_the_sweep_is_refused(tmp_path, content) -> None:
+    path = tmp_path / "journal"
+    with Journal(path, "key", 8, 1) as journal:
+        journal._write(_line(content, journal._seed))
+    with pytest.raises(JournalError, match=r"journal: line 2 is none of this sweep of 8 cases; delete the line"):
+        Journal(path, "key", 8, 1)
+
+
+def test_the_first_line_is_checked_too(tmp_path) -> None:
+    path = tmp_path / "journal"
+    with Journal(path, "key", 8, 1):
+        pass
+    path.write_bytes(path.read_bytes().replace(b"key", b"kez"))
+    with pytest.raises(JournalError, match="line 1, which names the sweep, is damaged or of an earlier release"):
+        Journal(path, "key", 8, 1)
+
+
+def test_a_second_sweep_with_the_same_journal_is_refused(pendulum, tmp_path) -> None:
+    path = tmp_path / "journal"
+    sweep(pendulum, CASES, ["theta"], journal=path, **SPAN)
+    before = path.read_bytes()
+    holder = "import sys, time; from pathlib import Path; from liaisons.sweeps.journal import Journal; "
+    holder += "journal = Journal(Path(sys.argv[1]), sys.argv[2], 8, 1); print('open', flush=True); time.sleep(60)"
+    key = json.loads(before.splitlines()[0])["liaisons sweep"]
+    with subprocess.Popen([sys.executable, "-c", holder, str(path), key], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"open\n"
+        with pytest.raises(JournalError, match="journal is in use by another sweep; let that end"):
+            sweep(pendulum, CASES, ["theta"], journal=path, **SPAN)
+        process.kill()
+    assert path.read_bytes() == before
+    sweep(pendulum, CASES, ["theta"], journal=path, **SPAN)  # a lock does not outlive its process
+
+
+@final
+class Broken:
+    """A function of the result that fails as the machine does, as long as there is a file."""
+
+    def __init__(self, sign: Path, error: str) -> None:
+        self._sign, self._error = sign, error
+
+    def __call__(self, result: Result) -> float:
+        if self._sign.exists() and result["theta"][0] > 0.5:
+            if self._error == "killed":
+                os.kill(os.getpid(), signal.SIGKILL)
+            raise {"disk": OSError(errno.ENOSPC, "No space left"), "memory": MemoryError("none left")}[self._error]
+        return result["theta"][-1]
+
+
+@pytest.mark.parametrize(("error", "words"), [("disk", "No space left"), ("memory", "none left"), ("killed", "died")])
+def test_what_the_machine_has_not_finished_is_tried_again(pendulum, tmp_path, error, words) -> None:
+    journal, sign = tmp_path / "journal", tmp_path / "sign"
+    sign.touch()
+    cases = {"theta_0": [0.1, 0.9, 0.2], "mass": [1.0, 1.0, -1.0]}
+    keep = {"theta": Broken(sign, error)}
+    first = sweep(pendulum, cases, keep, journal=journal, workers=1, **SPAN)
+    assert (first.failures.keys(), first.unfinished) == ({1, 2}, (1,))
+    assert words in first.failures[1]
+    assert b'"unfinished": ' in journal.read_bytes()
+    sign.unlink()
+    second = sweep(pendulum, cases, keep, journal=journal, workers=1, **SPAN)
+    assert (second.failures.keys(), second.unfinished) == ({2}, ())
+    assert second["theta"][1] == sweep(pendulum, cases, ["theta"], **SPAN)["theta"][1]
+
+
+def test_retry_does_what_has_failed_again_for_whatever_reason(pendulum, tmp_path, monkeypatch) -> None:
+    journal = tmp_path / "journal"
+    sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN)
+    done: list[int] = []
+
+    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, **_: object) -> None:
+        done.extend(cases)
+        deliver(dict.fromkeys(cases, (7.0,)))
+
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", simulate)
+    assert sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN).failures.keys() == {2}
+    assert done == []
+    again = sweep(pendulum, CASES, ["theta"], journal=journal, retry=True, **SPAN)
+    assert (done, again.failures, again["theta"][2]) == ([2], {}, 7.0)
+    assert sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN)["theta"][2] == 7.0
+    with pytest.raises(SweepError, match="no journal to find failures in"):
+        sweep(pendulum, CASES, ["theta"], retry=True, **SPAN)
+
+
 def test_a_header_that_is_half_written(pendulum, tmp_path, counted) -> None:
     journal = tmp_path / "journal"
     sweep(pendulum, CASES, {"theta": counted}, journal=journal, **SPAN)
@@ -107,6 +238,7 @@ def test_a_file_that_is_no_journal_stays_as_it_is(pendulum, tmp_path) -> None:
         sweep(pendulum, CASES, ["theta"], journal=tmp_path / "missing" / "journal", **SPAN)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_interrupted_on_the_command_line(pendulum, tmp_path) -> None:
     def command(*more: str) -> list[str]:
         grid = ["--over", "theta_0=0.1:3:40", "--over", "length=0.5,1", "--keep", "theta", "--stop", "20", *more]
@@ -143,7 +275,7 @@ def test_a_full_disk_loses_nothing_that_was_written(tmp_path) -> None:
 
     path, limits = tmp_path / "journal", resource.getrlimit(resource.RLIMIT_FSIZE)
     cases = dict.fromkeys(range(40), (1.0,))
-    with Journal(path, "key", 1) as journal:
+    with Journal(path, "key", len(cases), 1) as journal:
         resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
         try:
             with pytest.raises(SweepError, match="journal: cannot be written: File too large; make room"):
@@ -152,8 +284,8 @@ def test_a_full_disk_loses_nothing_that_was_written(tmp_path) -> None:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     # closing it has written the rest, now that there is room again; what a crash would have left:
     path.write_bytes(path.read_bytes()[:500])
-    with Journal(path, "key", 1) as journal:
+    with Journal(path, "key", len(cases), 1) as journal:
         assert 0 < len(journal.done) < len(cases)
         journal.add({case: values for case, values in cases.items() if case not in journal.done})
-    with Journal(path, "key", 1) as journal:
+    with Journal(path, "key", len(cases), 1) as journal:
         assert journal.done == cases

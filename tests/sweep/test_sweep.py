@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import csv
+import ctypes
+import multiprocessing
 import os
+import select
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +132,52 @@ def test_a_case_that_always_kills_its_process_is_given_up(pendulum) -> None:
     table = sweep(pendulum, {"theta_0": [0.1, 0.2, 0.3, 0.4, 0.5]}, {"theta": theta}, workers=2, **SPAN)
     assert table.failures.keys() == {2}
     assert "died" in table.failures[2]
+    assert table.unfinished == (2,)
+
+
+def hang(result: Result) -> float:
+    """In foreign code, which looks neither at signals nor at its parent."""
+    if result["theta"][0] == 0.3:
+        ctypes.CDLL(None).sleep(1000)
+    return result["theta"][-1]
+
+
+def test_a_case_that_takes_too_long_is_ended(pendulum) -> None:
+    angles = np.round(np.arange(1, 31) / 10, 1)
+    table = sweep(pendulum, {"theta_0": angles}, {"theta": hang}, workers=2, time_limit=2.0, **SPAN)
+    assert dict(table.failures) == {2: "took longer than the time limit of 2 s"}
+    assert table.unfinished == (2,)
+    assert np.count_nonzero(np.isnan(table["theta"])) == 1
+    assert multiprocessing.active_children() == []
+
+
+def test_one_is_told_which_case_takes_long(pendulum, monkeypatch, caplog) -> None:
+    monkeypatch.setattr("liaisons.sweeps.workers._LONG", 0.2)
+
+    def nap(result: Result) -> float:
+        time.sleep(1.0 if result["theta"][0] == 0.3 else 0.0)
+        return result["theta"][-1]
+
+    assert not sweep(pendulum, {"theta_0": [0.1, 0.3]}, {"theta": nap}, workers=1, **SPAN).failures
+    assert "a time limit (time_limit, --time-limit) would end it" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_workers_end_with_a_sweep_that_is_killed(pendulum) -> None:
+    script = f"""
+import ctypes, os
+from liaisons.sweeps import sweep
+def hang(result):
+    os.write(1, b"x")
+    ctypes.CDLL(None).sleep(1000)
+sweep({str(pendulum)!r}, {{"theta_0": [1.0, 2.0]}}, {{"theta": hang}}, stop_time=0.1, workers=2)
+"""
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.read(2) == b"xx"  # both hang
+        process.kill()
+        assert select.select([process.stdout], [], [], 30.0)[0], "a worker lives on"  # it holds the other end
+        assert process.stdout.read() == b""
 
 
 def test_a_file_has_the_same_numbers(pendulum, tmp_path) -> None:

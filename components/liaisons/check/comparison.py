@@ -102,8 +102,8 @@ class Comparison:
 
     @property
     def relative(self) -> float:
-        """The worst of the differences beside the largest value of their signal."""
-        return max(difference.relative for difference in self.differences)
+        """The worst of the differences beside the largest value of their signal; not-a-number if one of them is."""
+        return float(np.max([difference.relative for difference in self.differences]))
 
     def __str__(self) -> str:
         first, last = self.times[0], self.times[-1]

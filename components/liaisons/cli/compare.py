@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,10 @@ def register(commands: Commands) -> None:
     for name in ("first", "second"):
         parser.add_argument(name, type=Path, metavar="CSV|PARQUET", help="a table of signals, time first")
     parser.add_argument(
-        "--tolerance", type=float, metavar="R", help="how large a difference may be beside the signal's largest value"
+        "--tolerance",
+        type=_tolerance,
+        metavar="R",
+        help="how large a difference may be beside the signal's largest value",
     )
 
 
@@ -34,6 +38,16 @@ def _compare(arguments: argparse.Namespace) -> int:
     comparison = compare(_read(arguments.first), _read(arguments.second))
     print(comparison)
     return 0 if arguments.tolerance is None or comparison.relative <= arguments.tolerance else 1
+
+
+def _tolerance(text: str) -> float:
+    try:
+        tolerance = float(text)
+    except ValueError:
+        tolerance = math.nan
+    if not (math.isfinite(tolerance) and tolerance >= 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: give a number, 0 at least, e.g. --tolerance 1e-6")
+    return tolerance
 
 
 def _read(path: Path) -> Result:

@@ -6,7 +6,7 @@ import logging
 from collections import deque
 from typing import Literal, final
 
-from liaisons.errors import SimulationError
+from liaisons.cosim.refusal import StatusError
 
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 
@@ -46,8 +46,8 @@ class Messages:
         said = list(complaints) or [message for _, message in self._messages][-1:]
         return f": {'; '.join(said)}" if said else " without a message"
 
-    def failure(self, function: str, status: int, about: str) -> SimulationError:
+    def failure(self, function: str, status: int, about: str) -> StatusError:
         """The error for a status that is none of OK and Warning."""
         self.worst = max(self.worst, status)
         label = _STATUS[status] if status in range(len(_STATUS)) else str(status)
-        return SimulationError(f"{self._name}: {function}{about} returned {label}{self.words()}")
+        return StatusError(f"{self._name}: {function}{about} returned {label}{self.words()}", status)

@@ -39,6 +39,7 @@ class System:
         self.name = name
         self._components: dict[str, Component] = {}
         self._links: dict[Place, Link] = {}
+        self._last = ssp.Experiment()  # run, or what the archive says
 
     def add(self, name: str, fmu: Path | str, /, **starts: ArrayLike) -> Component:
         """Put an FMU into the system.
@@ -97,18 +98,23 @@ class System:
         :raises SimulationError: if the archive is damaged or incomplete, or has what cannot be simulated here.
         :raises ConnectionError: if one of its connections does not fit.
         """
-        return ssp.read(path, cls).system
+        archive = ssp.read(path, cls)
+        archive.system._last = archive.experiment  # noqa: SLF001 - it is one of us
+        return archive.system
 
     def write_ssp(
         self,
         path: Path | str,
         *,
         form: ssp.Form = "portable",
-        start_time: float = 0.0,
+        start_time: float | None = None,
         stop_time: float | None = None,
         step_size: float | None = None,
     ) -> None:
         """Write the system as an SSP archive with its FMUs; see :mod:`liaisons.cosim.ssp.writer` for the two forms.
+
+        What is not given of the default experiment is that of the last run, else the longest time and the shortest
+        step of the FMUs' own experiments.
 
         :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all that there is to say).
         :param start_time: begin of the default experiment [s].
@@ -116,7 +122,7 @@ class System:
         :param step_size: its communication step [s], for importers that look for one.
         :raises SimulationError: if it cannot be written in this form, or not to this path.
         """
-        experiment = ssp.Experiment(start_time, stop_time, step_size)
+        experiment = ssp.chosen(start_time, stop_time, step_size, self._last, self._components.values())
         ssp.write(Path(path), self.name, self._components, self._links.values(), form=form, experiment=experiment)
 
     def simulate(
@@ -161,6 +167,7 @@ class System:
             if times is not None:
                 raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
             points = [points[0], points[1], points[-1]]
+        self._last = ssp.Experiment(points[0], points[-1], points[1] - points[0] if step_size is None else step_size)
         return run(
             self.name,
             self._components,

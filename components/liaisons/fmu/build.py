@@ -5,11 +5,9 @@ from __future__ import annotations
 import hashlib
 import logging
 from functools import cache
-from io import BytesIO
 from pathlib import Path
 from typing import Literal, get_args
 from uuid import UUID
-from xml.etree import ElementTree
 
 from liaisons.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
 from liaisons.errors import BuildError, suggestion
@@ -19,11 +17,13 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.layout import Fmi
+from liaisons.fmu.origin import signed
 from liaisons.mechanics.model import Model
 
 Backend = Literal["native", "python", "auto"]
 Platforms = Literal["host", "all"]
 
+_DESCRIPTION = "modelDescription.xml"
 # Stands for the guid, which is a hash of everything else, until that is known.
 _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 _log = logging.getLogger(__name__)
@@ -79,15 +79,15 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi) -> Path:
     else:
         description = model_description3(model, token=_NO_GUID)
     members = {
-        "modelDescription.xml": description,
+        _DESCRIPTION: description,
         **extra_members(model, fmi),
         **{f"sources/{name}": content for name, content in sources.items()},
     }
-    guid, members = _identified(members)
+    members = _identified(members, model)
     targets = {
         f"binaries/{t.folder(fmi)}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])
     }
-    if _is_current(path, guid) and all(read_member(path, name) for name in targets):
+    if _is_current(path, members) and all(read_member(path, name) for name in targets):
         return path
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
     for name, target in targets.items():
@@ -100,27 +100,21 @@ def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
     path = output / "python" / f"{model.name}.fmu"
-    guid, members = _identified(python_members(model.flat(), _NO_GUID))
-    if not _is_current(path, guid):
+    members = _identified(python_members(model.flat(), _NO_GUID), model)
+    if not _is_current(path, members):
         write_archive(path, members)
     return path
 
 
-def _identified(members: dict[str, bytes]) -> tuple[str, dict[str, bytes]]:
-    """The guid, a hash of all members and of how they are compiled, and the members with it in place."""
+def _identified(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
+    """The members with the guid in place, a hash of all of them and of how they are compiled, and with their origin."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for name in sorted(members):
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
     guid = f"{{{UUID(bytes=digest.digest()[:16])}}}"
-    return guid, {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
+    found = {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
+    return found | {_DESCRIPTION: signed(found[_DESCRIPTION], model)}
 
 
-def _is_current(path: Path, guid: str) -> bool:
-    description = read_member(path, "modelDescription.xml")
-    if description is None:
-        return False
-    try:
-        _, root = next(ElementTree.iterparse(BytesIO(description), ["start"]))  # the rest may be long
-    except ElementTree.ParseError:
-        return False
-    return guid in {root.get("guid"), root.get("instantiationToken")}
+def _is_current(path: Path, members: dict[str, bytes]) -> bool:
+    return read_member(path, _DESCRIPTION) == members[_DESCRIPTION]

@@ -20,6 +20,7 @@ from liaisons.mechanics.declarations import (
     output,
     point,
     submersion,
+    unchecked,
 )
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.mechanism import Mechanism
@@ -57,4 +58,5 @@ __all__ = [
     "output",
     "point",
     "submersion",
+    "unchecked",
 ]

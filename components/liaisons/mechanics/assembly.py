@@ -57,6 +57,7 @@ def assemble(component: type[Mechanism]) -> Model:
 
     return Model(
         name=component.__name__,
+        module=component.__module__,
         description=component.summary(),
         documentation=inspect.getdoc(component) or component.__name__,
         parameters=parameters,

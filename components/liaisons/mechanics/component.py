@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import inspect
 import re
+import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from types import CodeType, FunctionType
 from typing import Any, ClassVar, TypeVar
 
 import casadi as ca
 
+from liaisons import units
 from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.mechanics.declarations import (
+    UNCHECKED,
     ActiveCoordinate,
     Coordinate,
     Declaration,
     InternalState,
     Parameter,
 )
+from liaisons.mechanics.dimensions import Declared
 from liaisons.mechanics.model import Experiment, Model
 
 D = TypeVar("D", bound=Declaration)
@@ -48,7 +54,9 @@ class Component(ABC):
         super().__init_subclass__(**kwargs)
         cls.is_abstract = abstract
         cls._collect()
+        _reject_misspelt_methods(cls)
         if not abstract:
+            _require_methods(cls)
             _reject_name_clashes(cls)
             cls._check()
 
@@ -106,6 +114,8 @@ def scalar(owner: type, name: str, value: Any, symbols: dict[str, ca.SX]) -> ca.
     :raises ComponentError: if it is no expression, no scalar, or holds a symbol that the component does not have.
     """
     label = f"{owner.__name__}.{name}"
+    if value is None:
+        raise ComponentError(f"{label} returns nothing; return a CasADi expression or a number")
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError):
@@ -122,23 +132,108 @@ def scalar(owner: type, name: str, value: Any, symbols: dict[str, ca.SX]) -> ca.
 def call(instance: Component, name: str, *arguments: Any) -> Any:
     """Evaluate a method or formula of a component; whatever it raises becomes a ComponentError with its name."""
     try:
-        value = getattr(instance, name)
-        return value(*arguments) if callable(value) else value
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", message=r"\s*casadi: a numpy function", category=FutureWarning)
+            value = getattr(instance, name)
+            return value(*arguments) if callable(value) else value
     except LiaisonsError:
         raise
     except Exception as error:
-        text = str(error).strip().splitlines()
-        reason = text[-1] if text else type(error).__name__
-        raise ComponentError(f"{type(instance).__name__}.{name}: {type(error).__name__}: {reason}") from error
+        raise ComponentError(f"{type(instance).__name__}.{name}: {_reason(error)}") from error
 
 
-def check_internal_rates(picture: Component, states: Iterable[InternalState], symbols: dict[str, ca.SX]) -> None:
-    """Raise a ComponentError unless ``internal_rates`` gives one scalar rate for each internal state."""
-    owner, given, names = type(picture), call(picture, "internal_rates"), sorted(state.name for state in states)
-    if sorted(given) != names:
-        raise ComponentError(f"{owner.__name__}.internal_rates gives {sorted(given)}; it must give {names}")
+def _reason(error: Exception) -> str:
+    """What went wrong in a method, in words that say what to write instead."""
+    text = str(error).strip().splitlines()
+    if isinstance(error, FutureWarning) or "no implementation found for 'numpy" in str(error):
+        return "a function of numpy is given a symbol; use CasADi's, which know symbols: ca.sin, ca.sqrt, ca.fmax, ..."
+    if "truth value" in str(error):
+        return (
+            "'if', 'and', 'or', 'not', max() and min() ask for the truth of a symbol, which has none before the "
+            "simulation; use ca.if_else(condition, a, b), ca.logic_and, ca.logic_or, ca.fmax, ca.fmin"
+        )
+    return f"{type(error).__name__}: {text[-1] if text else 'no reason is given'}"
+
+
+def formula_unit(owner: type[Component], name: str, unit: str) -> str | None:
+    """Unit that a method or formula is checked with; None where nothing of it is to be checked."""
+    attribute = inspect.getattr_static(owner, name)
+    if isinstance(attribute, Declaration):
+        return None if attribute.unchecked else unit
+    return None if hasattr(attribute, UNCHECKED) else unit
+
+
+def checked(owner: type[Component], name: str, expression: ca.SX, unit: str) -> Iterable[Declared]:
+    """The expression of a method or formula for the check of units, unless this is unchecked.
+
+    :param name: of the method or formula, with what is taken of it in brackets: ``"bob['x']"``.
+    """
+    if formula_unit(owner, name.partition("[")[0], unit) is not None:
+        yield Declared(f"{owner.__name__}.{name}", expression, unit)
+
+
+def check_internal_rates(
+    picture: Component, states: Iterable[InternalState], symbols: dict[str, ca.SX]
+) -> list[Declared]:
+    """Raise a ComponentError unless ``internal_rates`` gives one scalar rate for each internal state.
+
+    :returns: the rates with the units that they must have.
+    """
+    owner, given, unit = type(picture), call(picture, "internal_rates"), {s.name: s.checked_unit for s in states}
+    if not isinstance(given, Mapping) or given.keys() != unit.keys():
+        what = sorted(given) if isinstance(given, Mapping) else given
+        raise ComponentError(f"{owner.__name__}.internal_rates gives {what}; it must give {sorted(unit)}")
+    found: list[Declared] = []
     for name, rate in given.items():
-        scalar(owner, f"internal_rates[{name!r}]", rate, symbols)
+        label = f"internal_rates[{name!r}]"
+        expected = units.rate(unit[name]) if unit[name] else units.ANY
+        found += checked(owner, label, scalar(owner, label, rate, symbols), expected)
+    return found
+
+
+def require_units(cls: type[Component]) -> None:
+    """Raise a ComponentError for a declaration without a unit; only an operator's may take any."""
+    for item in declared(cls, Declaration):
+        if item.unit == units.ANY:
+            raise ComponentError(f"{cls.__name__}.{item.name} has no unit; that of a pure number is '1'")
+
+
+def _require_methods(cls: type[Component]) -> None:
+    """Raise a ComponentError for a method that a component has to define and does not."""
+    for name in dir(cls):
+        if name != "_check" and getattr(inspect.getattr_static(cls, name), "__isabstractmethod__", False):
+            base = next(base for base in cls.__mro__ if name in vars(base))
+            raise ComponentError(f"{cls.__name__} defines no {name}(), which every {base.__name__} has to")
+
+
+def _ours(cls: type) -> bool:
+    return cls.__module__.startswith("liaisons.mechanics")
+
+
+def _reject_misspelt_methods(cls: type[Component]) -> None:
+    """Raise a ComponentError for a method that nothing calls and whose name is nearly one that would be called."""
+    if _ours(cls):
+        return
+    own = {name for name, value in vars(cls).items() if isinstance(value, FunctionType) and name[0] != "_"}
+    inherited = {name for base in cls.__mro__[1:] for name in vars(base)}
+    ours = (vars(base).items() for base in cls.__mro__ if _ours(base))
+    known = {name for items in ours for name, value in items if isinstance(value, FunctionType) and name[0] != "_"}
+    for name in sorted(own - inherited):
+        near = get_close_matches(name, known | {"exact", "picture"}, n=1, cutoff=0.85)
+        if near and near[0] not in name and name not in _called(cls):
+            raise ComponentError(f"{cls.__name__}.{name}: nothing calls this method; did you mean {near[0]!r}?")
+
+
+def _called(cls: type[Component]) -> set[str]:
+    """Names that occur in the methods and formulas of a component."""
+    methods = (getattr(value, "method", value) for base in cls.__mro__ for value in vars(base).values())
+    waiting: list[Any] = [method.__code__ for method in methods if isinstance(method, FunctionType)]
+    found: set[str] = set()
+    while waiting:
+        code = waiting.pop()
+        found.update(code.co_names)
+        waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    return found
 
 
 def _reject_name_clashes(cls: type[Component]) -> None:

@@ -6,16 +6,18 @@ instance of the component, which is its symbolic picture, it is the CasADi symbo
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Generic, Literal, Self, TypeVar, overload
+from functools import wraps
+from typing import Any, Generic, Literal, ParamSpec, Self, TypeVar, overload
 
 import casadi as ca
 import numpy as np
 
 from liaisons import units
-from liaisons.errors import ComponentError
+from liaisons.errors import ComponentError, suggestion
 from liaisons.mechanics.model import Causality, Variability, Variable
 
 __all__ = [
@@ -34,19 +36,65 @@ __all__ = [
     "output",
     "point",
     "submersion",
+    "unchecked",
 ]
 
+P = ParamSpec("P")
 T = TypeVar("T")
+_EXAMPLES = {
+    "Parameter": 'Parameter(1.0, "kg", "mass of the bob")',
+    "Coordinate": 'Coordinate("m", "height of the bead")',
+    "ActiveCoordinate": 'ActiveCoordinate("m", "length of the rope", start=1.0)',
+    "Input": 'Input("rad/s", "rate of the swing")',
+    "InternalState": 'InternalState("1/s", "friction of the thermostat")',
+    "point": '@point("m", "the bob")',
+    "constraint": '@constraint("m", "the rod keeps its length")',
+    "non_holonomic": '@non_holonomic("m/s", "the wheel does not slip")',
+    "submersion": '@submersion("m", "length of the rope", start=1.0)',
+    "calculated": '@calculated("rad/s", "angular frequency")',
+    "condition": '@condition("r must stay > 0")',
+    "output": '@output("m/s", "speed of the bob")',
+}
+
+
+def _explained(function: Callable[P, T]) -> Callable[P, T]:
+    """Say by an example what is missing where a declaration is called with too little or too much."""
+    signature, name = inspect.signature(function), function.__qualname__.removesuffix(".__init__")
+
+    @wraps(function)
+    def called(*given: P.args, **named: P.kwargs) -> T:
+        try:
+            signature.bind(*given, **named)
+        except TypeError as error:
+            texts = [value for value in (*given, *named.values()) if isinstance(value, str)]
+            lone = len(texts) == 1 and "description" in str(error)  # the only text stands in the place of the unit
+            reason = f"the unit is missing beside {texts[0]!r}" if lone and not _is_unit(texts[0]) else str(error)
+            raise ComponentError(f"{name}: {reason}; write for example {_EXAMPLES[name]}") from None
+        return function(*given, **named)
+
+    return called
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        units.parse(text)
+    except ValueError:
+        return False
+    return True
 
 
 class Declaration:
-    """Name, unit and description of one declared thing; abstract."""
+    """Name, unit and description of one declared thing; abstract.
+
+    :param unchecked: why the unit of its expressions is not checked; None: it is.
+    """
 
     name: str = "?"
 
-    def __init__(self, unit: str, description: str) -> None:
+    def __init__(self, unit: str, description: str, unchecked: str | None = None) -> None:
         if not isinstance(unit, str):
             raise ComponentError(f"unit {unit!r}: the unit comes first as a string, e.g. 'kg'; dimensionless is '1'")
+        self.unchecked = None if unchecked is None else _reason(unchecked)
         if not description:
             raise ComponentError(f"declaration with unit {unit!r}: say in the description what it is")
         if unit:
@@ -56,6 +104,11 @@ class Declaration:
                 raise ComponentError(f"{description!r}: {error}") from None
         self.unit = unit
         self.description = description
+
+    @property
+    def checked_unit(self) -> str:
+        """The unit that expressions are checked with."""
+        return units.ANY if self.unchecked else self.unit
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -74,12 +127,16 @@ class _Symbol(Declaration):
         minimum: float | None,
         below: float | None,
         maximum: float | None,
+        unchecked: str | None = None,
     ) -> None:
-        super().__init__(unit, description)
+        super().__init__(unit, description, unchecked)
         if (above is not None and minimum is not None) or (below is not None and maximum is not None):
             raise ComponentError(f"{description!r}: give either the excluded bound (above, below) or the included one")
         if (above is not None and maximum is not None) or (below is not None and minimum is not None):
             raise ComponentError(f"{description!r}: the two bounds must be both excluded or both included")
+        for bound in (above, minimum, below, maximum):
+            if bound is not None:
+                _number(bound, description)
         self.start = _number(start, description)
         self.minimum = above if above is not None else minimum
         self.maximum = below if below is not None else maximum
@@ -119,9 +176,11 @@ class Parameter(_Symbol):
     :param above: excluded lower bound; ``minimum`` is the included one.
     :param below: excluded upper bound; ``maximum`` is the included one.
     :param tunable: may change between two steps of a simulation.
+    :param unchecked: why its unit is left out of account where units are checked, for example ``"an empirical law"``.
     :raises ComponentError: for a unit that is not understood or contradictory bounds.
     """
 
+    @_explained
     def __init__(
         self,
         default: float,
@@ -133,8 +192,10 @@ class Parameter(_Symbol):
         below: float | None = None,
         maximum: float | None = None,
         tunable: bool = False,
+        unchecked: str | None = None,
     ) -> None:
-        super().__init__(unit, description, start=default, above=above, minimum=minimum, below=below, maximum=maximum)
+        bounds = {"above": above, "minimum": minimum, "below": below, "maximum": maximum}
+        super().__init__(unit, description, start=default, unchecked=unchecked, **bounds)
         self.tunable = tunable
 
 
@@ -150,6 +211,7 @@ class Coordinate(_Symbol):
     :raises ComponentError: for a unit that is not understood.
     """
 
+    @_explained
     def __init__(
         self,
         unit: str,
@@ -180,6 +242,7 @@ class ActiveCoordinate(_Symbol):
     :raises ComponentError: for a unit that is not understood.
     """
 
+    @_explained
     def __init__(
         self,
         unit: str,
@@ -201,6 +264,7 @@ class Input(_Symbol):
     :raises ComponentError: for a unit that is not understood.
     """
 
+    @_explained
     def __init__(self, unit: str, description: str, *, start: float = 0.0) -> None:
         super().__init__(unit, description, start=start, above=None, minimum=None, below=None, maximum=None)
 
@@ -214,6 +278,7 @@ class InternalState(_Symbol):
     :raises ComponentError: for a unit that is not understood.
     """
 
+    @_explained
     def __init__(self, unit: str, description: str, *, start: float = 0.0) -> None:
         super().__init__(unit, description, start=start, above=None, minimum=None, below=None, maximum=None)
 
@@ -250,23 +315,46 @@ class Size(Declaration):
         return self if instance is None else instance.sizes[self.name]
 
 
+class Components(dict[str, Any]):
+    """Components of a point by axis; one that is not there is an error that names the others."""
+
+    def __init__(self, label: str, components: Mapping[str, Any]) -> None:
+        super().__init__(components)
+        self.label = label
+
+    def __missing__(self, axis: object) -> Any:
+        raise ComponentError(f"{self.label} has no component {axis!r}{suggestion(str(axis), self)}")
+
+
 class Joint(Declaration):
     """Where a link of a chain meets the one before; ``self.joint`` maps its axes to symbols.
 
-    :param unit: unit of all axes, ``"m"`` as a rule.
+    :param unit: unit of the axes, ``"m"`` as a rule.
     :param axes: their names, ``"x", "z"``.
+    :param others: further axes with units of their own, ``phi="rad"``.
     """
 
-    def __init__(self, unit: str, *axes: str) -> None:
+    def __init__(self, unit: str, *axes: str, **others: str) -> None:
         super().__init__(unit, "where a link meets the one before")
-        self.axes = axes
+        self.unit_of = dict.fromkeys(axes, unit) | others
+        for axis, of in others.items():
+            if not _is_unit(of):
+                raise ComponentError(f"Joint: {axis} = {of!r}: a further axis has its unit, e.g. phi='rad'")
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of all axes."""
+        return tuple(self.unit_of)
 
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
     @overload
     def __get__(self, instance: object, owner: type) -> dict[str, ca.SX]: ...
     def __get__(self, instance: Any, owner: type) -> Self | dict[str, ca.SX]:
-        return self if instance is None else {axis: instance.symbols[f"{self.name}_{axis}"] for axis in self.axes}
+        if instance is None:
+            return self
+        axes = {axis: instance.symbols[f"{self.name}_{axis}"] for axis in self.axes}
+        return Components(f"{type(instance).__name__}.{self.name}", axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,8 +421,12 @@ class Orientation(Declaration):
 class _Formula(Declaration, Generic[T]):
     """A declared expression: a method of the component behind a unit and a description; abstract."""
 
-    def __init__(self, unit: str, description: str, method: Callable[[Any], T]) -> None:
-        super().__init__(unit, description)
+    def __init__(
+        self, unit: str, description: str, method: Callable[[Any], T], *, unchecked: str | None = None
+    ) -> None:
+        if not callable(method):
+            raise ComponentError(f"{description!r}: {method!r} is no method; put the declaration above one, as @...")
+        super().__init__(unit, description, unchecked)
         self.method = method
 
     @overload
@@ -345,7 +437,10 @@ class _Formula(Declaration, Generic[T]):
         if instance is None:
             return self
         if self.name not in instance.formulas:
-            instance.formulas[self.name] = self.method(instance)
+            value: Any = self.method(instance)
+            if isinstance(value, Mapping):
+                value = Components(f"{type(instance).__name__}.{self.name}", value)
+            instance.formulas[self.name] = value
         return instance.formulas[self.name]
 
 
@@ -376,8 +471,16 @@ class NonHolonomic(_Formula[ca.SX]):
 class Submersion(_Formula[ca.SX]):
     """An active constraint π(x) = σ(t) on coordinates that are not adapted to it (M eq. 20)."""
 
-    def __init__(self, unit: str, description: str, method: Callable[[Any], ca.SX], active: ActiveCoordinate) -> None:
-        super().__init__(unit, description, method)
+    def __init__(
+        self,
+        unit: str,
+        description: str,
+        method: Callable[[Any], ca.SX],
+        active: ActiveCoordinate,
+        *,
+        unchecked: str | None = None,
+    ) -> None:
+        super().__init__(unit, description, method, unchecked=unchecked)
         self.active = active
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -385,8 +488,15 @@ class Submersion(_Formula[ca.SX]):
         self.active.name = name
 
 
+@_explained
 def submersion(
-    unit: str, description: str, *, start: float, above: float | None = None, below: float | None = None
+    unit: str,
+    description: str,
+    *,
+    start: float,
+    above: float | None = None,
+    below: float | None = None,
+    unchecked: str | None = None,
 ) -> Callable[[Callable[[Any], ca.SX]], Submersion]:
     """Declare an active constraint π(x) = σ(t); the method returns π(x), and σ is an FMU input of its name.
 
@@ -394,44 +504,83 @@ def submersion(
     :param above: excluded lower bound of σ, ``below`` the upper one.
     """
     active = ActiveCoordinate(unit, description, start=start, above=above, below=below)
-    return lambda method: Submersion(unit, description, method, active)
+    return lambda method: Submersion(unit, description, method, active, unchecked=unchecked)
 
 
-def constraint(unit: str, description: str) -> Callable[[Callable[[Any], ca.SX]], Constraint]:
+@_explained
+def constraint(
+    unit: str, description: str, *, unchecked: str | None = None
+) -> Callable[[Callable[[Any], ca.SX]], Constraint]:
     """Declare a passive constraint; the method returns the expression of the configuration that stays zero."""
-    return lambda method: Constraint(unit, description, method)
+    return lambda method: Constraint(unit, description, method, unchecked=unchecked)
 
 
-def non_holonomic(unit: str, description: str) -> Callable[[Callable[[Any], ca.SX]], NonHolonomic]:
+@_explained
+def non_holonomic(
+    unit: str, description: str, *, unchecked: str | None = None
+) -> Callable[[Callable[[Any], ca.SX]], NonHolonomic]:
     """Declare a non-holonomic constraint; the method returns the expression of rates that stays zero."""
-    return lambda method: NonHolonomic(unit, description, method)
+    return lambda method: NonHolonomic(unit, description, method, unchecked=unchecked)
 
 
-def point(unit: str, description: str) -> Callable[[Callable[[Any], Mapping[str, ca.SX]]], Point]:
+@_explained
+def point(
+    unit: str, description: str, *, unchecked: str | None = None
+) -> Callable[[Callable[[Any], Mapping[str, ca.SX]]], Point]:
     """Declare a named point: the method returns its components, for example ``{"x": ..., "z": ...}``.
 
     :param unit: unit of every component, ``"m"`` as a rule.
     :param description: what moves there, for example ``"the bob"``.
     """
-    return lambda method: Point(unit, description, method)
+    return lambda method: Point(unit, description, method, unchecked=unchecked)
 
 
-def output(unit: str, description: str) -> Callable[[Callable[[Any], ca.SX]], Output]:
+@_explained
+def output(unit: str, description: str, *, unchecked: str | None = None) -> Callable[[Callable[[Any], ca.SX]], Output]:
     """Declare an extra output; the method returns a scalar expression of coordinates, rates, momenta, forces."""
-    return lambda method: Output(unit, description, method)
+    return lambda method: Output(unit, description, method, unchecked=unchecked)
 
 
-def calculated(unit: str, description: str) -> Callable[[Callable[[Any], ca.SX]], Calculated]:
+@_explained
+def calculated(
+    unit: str, description: str, *, unchecked: str | None = None
+) -> Callable[[Callable[[Any], ca.SX]], Calculated]:
     """Declare a calculated parameter; the method returns a scalar expression of the parameters."""
-    return lambda method: Calculated(unit, description, method)
+    return lambda method: Calculated(unit, description, method, unchecked=unchecked)
 
 
-def condition(text: str) -> Callable[[Callable[[Any], ca.SX]], Condition]:
+def unchecked(reason: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Say of a method such as ``potential_energy`` why its unit is not checked; declarations take ``unchecked=``.
+
+    :param reason: for example ``"an empirical law, numbers in SI units"``.
+    """
+    why = _reason(reason)
+
+    def mark(method: Callable[P, T]) -> Callable[P, T]:
+        setattr(method, UNCHECKED, why)
+        return method
+
+    return mark
+
+
+UNCHECKED = "unchecked_because"
+
+
+@_explained
+def condition(text: str, *, unchecked: str | None = None) -> Callable[[Callable[[Any], ca.SX]], Condition]:
     """Declare what must stay positive; ``text`` is the message when it does not, for example ``"r must stay > 0"``."""
-    return lambda method: Condition("1", text, method)
+    return lambda method: Condition("1", text, method, unchecked=unchecked)
+
+
+def _reason(why: object) -> str:
+    if not isinstance(why, str) or not why.strip():
+        raise ComponentError(f"unchecked = {why!r}: say why, for example unchecked='an empirical law'")
+    return why
 
 
 def _number(value: float, description: str) -> float:
+    if isinstance(value, str):
+        raise ComponentError(f"{description!r}: {value!r} is text; write a number, without quotation marks")
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -11,10 +11,19 @@ from typing import ClassVar, Self
 import casadi as ca
 import numpy as np
 
+from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.mechanics.algebra import gradient
 from liaisons.mechanics.assembly import assemble
-from liaisons.mechanics.component import Component, call, check_internal_rates, declared, scalar
+from liaisons.mechanics.component import (
+    Component,
+    call,
+    check_internal_rates,
+    checked,
+    declared,
+    require_units,
+    scalar,
+)
 from liaisons.mechanics.declarations import (
     ActiveCoordinate,
     Calculated,
@@ -26,9 +35,11 @@ from liaisons.mechanics.declarations import (
     NonHolonomic,
     Orientation,
     Output,
+    Parameter,
     Point,
     Submersion,
 )
+from liaisons.mechanics.dimensions import Declared, check_units
 from liaisons.mechanics.equations import start_values
 from liaisons.mechanics.inertia import mass_matrix
 from liaisons.mechanics.model import Model
@@ -252,32 +263,40 @@ class Mechanism(Component, abstract=True):
                 raise ComponentError(
                     f"{cls.__name__}.{item.name}: start = {item.leading}: only a Chain starts by links"
                 )
+        require_units(cls)
         picture = cls()
         parameters = _named(picture, picture.parameter_column)
         internal = _named(picture, picture.internal)
         configuration = parameters | _named(picture, picture.free.q, picture.active.s)
         motion = configuration | _named(picture, picture.free.q_dot, picture.active.s_dot)
+        formulas: list[Declared] = []  # those that others are made of first
 
-        def check(name: str, symbols: dict[str, ca.SX]) -> ca.SX:
-            return scalar(cls, name, call(picture, name), symbols)
+        def check(name: str, symbols: dict[str, ca.SX], unit: str) -> ca.SX:
+            expression = scalar(cls, name, call(picture, name), symbols)
+            formulas.extend(checked(cls, name, expression, unit))
+            return expression
 
-        kinetic = check("kinetic_energy", motion)
-        check("potential_energy", configuration)
-        check("friction_coefficient", parameters | internal)
-        lagrangian = check("lagrangian", motion)
         known: dict[tuple[Declaration, ...], dict[str, ca.SX]] = {
             (*cls.constraints, *cls.submersions): configuration,
             (*cls.non_holonomic, *cls.conditions): motion,
             cls.outputs: picture.symbols,
             cls.calculated_parameters: parameters,
         }
-        for items, symbols in known.items():
-            for item in items:
-                check(item.name, symbols)
         for item in cls.points:
             for axis, component in _components(picture, item).items():
-                scalar(cls, f"{item.name}[{axis!r}]", component, configuration)
-        check_internal_rates(picture, cls.internal_states, motion | internal)
+                label = f"{item.name}[{axis!r}]"
+                formulas.extend(checked(cls, label, scalar(cls, label, component, configuration), item.unit))
+        kinetic = check("kinetic_energy", motion, "J")
+        check("potential_energy", configuration, "J")
+        lagrangian = scalar(cls, "lagrangian", call(picture, "lagrangian"), motion)
+        if cls.lagrangian is not Mechanism.lagrangian:  # T - V has been looked at
+            formulas.extend(checked(cls, "lagrangian", lagrangian, "J"))
+        check("friction_coefficient", parameters | internal, "1/s")
+        for items, symbols in known.items():
+            for item in items:
+                check(item.name, symbols, units.ANY if isinstance(item, Condition) else item.unit)
+        formulas += check_internal_rates(picture, cls.internal_states, motion | internal)
+        check_units(_symbols_with_units(picture), formulas)
         _check_mass_matrix(picture, lagrangian, kinetic, motion)
 
 
@@ -288,6 +307,23 @@ def _components(picture: Mechanism, item: Point) -> Mapping[str, ca.SX]:
             f"{type(picture).__name__}.{item.name}: return the components, e.g. {{'x': ..., 'z': ...}}"
         )
     return components
+
+
+def _symbols_with_units(picture: Mechanism) -> dict[str, tuple[ca.SX, str]]:
+    """All symbols of a mechanism by name, with the units that they have in its formulas."""
+    unit = {p.name: p.checked_unit for p in picture.parameters}
+    unit |= {state.name: state.checked_unit for state in picture.internal_states}
+    for q in (*picture.coordinates, *picture.actives):
+        speed = units.rate(q.unit)
+        unit |= {q.name: q.unit, f"{q.name}_dot": speed, f"{q.name}_ddot": units.rate(speed)}
+        unit |= {f"p_{q.name}": units.momentum(q.unit), f"{q.name}_force": units.force(q.unit)}
+    for turn in picture.orientations:
+        kinds = zip((turn.quaternion, turn.rates, turn.momenta), ("1", "rad/s", "kg.m2/s"), strict=True)
+        unit |= {name: kind for names, kind in kinds for name in names}
+        unit |= {f"{name}_dot": "rad/s2" for name in turn.rates}
+    unit |= {f"lambda_{c.name}": units.force(c.unit) for c in picture.constraints}
+    unit |= {f"lambda_{c.name}": units.multiplier(c.unit) for c in picture.non_holonomic}
+    return {name: (symbol, unit.get(name, units.ANY)) for name, symbol in picture.symbols.items()}
 
 
 def _named(picture: Mechanism, *columns: ca.SX) -> dict[str, ca.SX]:
@@ -303,26 +339,55 @@ def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, mo
     start = start_values(picture)
     at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
     function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
-    values, energy, left = function(*(start[symbol] for symbol in motion))
-    matrix = np.asarray(values)
     at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*picture.coordinates, *picture.actives))
-    if not (np.all(np.isfinite(matrix)) and np.isfinite(float(energy))):
+
+    def at(values: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray]:
+        metric, energy, left = function(*(values[symbol] for symbol in motion))
+        return np.asarray(metric), float(energy), np.asarray(left)
+
+    matrix, energy, left = at(start)
+    if not (np.all(np.isfinite(matrix)) and np.isfinite(energy)):
         raise ComponentError(
             f"{name}: the kinetic energy is not finite at the start ({at_start}); move the start value"
         )
-    if np.any(np.asarray(left) != 0):
+    if np.any(left != 0):
         raise ComponentError(
             f"{name}.kinetic_energy must be quadratic in the rates; at rest it or its momenta are "
-            f"{np.asarray(left).ravel().tolist()} instead of 0: what is linear in the rates belongs to lagrangian()"
+            f"{left.ravel().tolist()} instead of 0: what is linear in the rates belongs to lagrangian()"
         )
-    for column, rate in zip(matrix.T, ca.vertsplit(picture.free.q_dot), strict=True):
-        if not column.any():
-            raise ComponentError(
-                f"{name}: mass matrix is singular at the start ({at_start}): no kinetic energy belongs to {rate}; "
-                "let kinetic_energy depend on it, or make its coordinate an ActiveCoordinate"
-            )
-    if np.min(np.linalg.eigvalsh(matrix)) <= 1e-14 * np.max(np.abs(matrix)):
+    if _is_inertia(matrix):
+        return
+    still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(picture.free.q_dot), strict=True) if not row.any()]
+    what = f"no mass moves with {still[0]}" if still else f"mass matrix {matrix.tolist()} is not positive definite"
+    for item, other in _other_values(picture):
+        if not _is_inertia(at(start | {item.name: other})[0]):
+            continue
+        value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
+        if isinstance(item, Parameter):
+            raise ComponentError(f"{name}: {what} while {value}; let its default be > 0")
         raise ComponentError(
-            f"{name}: mass matrix {matrix.tolist()} is not positive definite at the start ({at_start}); "
-            "check the masses and that every free coordinate moves one"
+            f"{name}: {what} at {value}, where the start lies on a singularity; "
+            "give another start, and exclude the singularity by above=, below= or a @condition"
         )
+    if still:
+        raise ComponentError(
+            f"{name}: mass matrix is singular at the start ({at_start}): no kinetic energy belongs to {still[0]}; "
+            "let kinetic_energy depend on it, or make its coordinate an ActiveCoordinate"
+        )
+    raise ComponentError(
+        f"{name}: {what} at the start ({at_start}); check the masses and that every free coordinate moves one"
+    )
+
+
+def _is_inertia(matrix: np.ndarray) -> bool:
+    """Whether a mass matrix is finite and positive definite."""
+    finite = bool(np.all(np.isfinite(matrix)))
+    return finite and bool(np.min(np.linalg.eigvalsh(matrix)) > 1e-14 * np.max(np.abs(matrix)))
+
+
+def _other_values(picture: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
+    """What could make a mass matrix singular, one at a time, with a value at which it might not do so."""
+    yield from ((item, 1.0) for item in picture.parameters if item.start <= 0)
+    for item in (*picture.coordinates, *picture.actives):
+        size = item.nominal if isinstance(item, Coordinate) else 1.0
+        yield from ((item, item.start + change * size) for change in (0.1, -0.1))

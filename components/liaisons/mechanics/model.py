@@ -15,12 +15,15 @@ vectors, always in this order, all dense columns of doubles:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Literal
 
 import casadi as ca
 
+from liaisons.errors import ComponentError
 from liaisons.mechanics.sweeps import Program
 
 Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
@@ -139,12 +142,20 @@ class Experiment:
     The start values of a component may be such that nothing happens.  Then ``reference`` gives those of its reference
     results, by the names of scalar parameters and inputs; a coordinate that an operator prescribes moves as its rate
     and its acceleration say.
+
+    :raises ComponentError: unless all three are finite and > 0.
     """
 
     stop_time: float = 10.0
     step_size: float = 0.01
     tolerance: float = 1e-8
     reference: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        for name in ("stop_time", "step_size", "tolerance"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < math.inf:
+                raise ComponentError(f"Experiment: {name} = {value!r}: it must be a number > 0")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,6 +204,7 @@ class Model:
     project: ca.Function | None = None
     start_only: int = 0  # so many of the conditions, the last ones, are asked of the start alone
     active: tuple[ActiveInput, ...] = ()
+    module: str = ""  # where the component is declared
     ports: tuple[Port, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)
     equations: tuple[Equation, ...] = ()  # for the documentation

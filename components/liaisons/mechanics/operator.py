@@ -12,8 +12,9 @@ import casadi as ca
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.mechanics.algebra import stack
-from liaisons.mechanics.component import Component, call, check_internal_rates, declared, scalar
+from liaisons.mechanics.component import Component, call, check_internal_rates, checked, declared, scalar
 from liaisons.mechanics.declarations import Input, InternalState
+from liaisons.mechanics.dimensions import check_units
 from liaisons.mechanics.model import Model, Port, PortMember, State, Variable
 from liaisons.mechanics.printing import closed_form, of_operator
 
@@ -73,10 +74,15 @@ class Operator(Component, abstract=True):
     @classmethod
     def _check(cls) -> None:
         picture = cls()
-        scalar(cls, "signal", call(picture, "signal", picture.clock), picture.symbols | {"t": picture.clock})
+        signal = scalar(cls, "signal", call(picture, "signal", picture.clock), picture.symbols | {"t": picture.clock})
+        formulas = list(checked(cls, "signal", signal, units.ANY))
         for i, instant in enumerate(call(picture, "events")):
-            scalar(cls, f"events[{i}]", instant, picture.symbols)
-        check_internal_rates(picture, picture.internal_states, picture.symbols)
+            label = f"events[{i}]"
+            formulas += checked(cls, label, scalar(cls, label, instant, picture.symbols), "s")
+        formulas += check_internal_rates(picture, picture.internal_states, picture.symbols)
+        known = {item.name: item.checked_unit for item in (*cls.parameters, *cls.inputs, *cls.internal_states)}
+        symbols = {name: (symbol, known[name]) for name, symbol in picture.symbols.items()}
+        check_units(symbols | {"t": (picture.clock, "s")}, formulas)
         for name, expression in zip(_TRIPLE, picture._triple(), strict=True):
             if picture.inputs and ca.depends_on(expression, picture.input_column):
                 raise ComponentError(
@@ -114,6 +120,7 @@ class Operator(Component, abstract=True):
         ]
         return Model(
             name=cls.__name__,
+            module=cls.__module__,
             description=cls.summary(),
             documentation=inspect.getdoc(cls) or cls.__name__,
             parameters=(

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Coordinate, Mechanism, condition, output
+from liaisons.mechanics import Coordinate, Mechanism, condition, output, unchecked
 from liaisons.models import _elliptic
 from liaisons.models._validity import require
 
 Function = Callable[..., Any]
+_NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
 
 
 class GeneralSwing(Mechanism, abstract=True):
@@ -55,26 +56,32 @@ class GeneralSwing(Mechanism, abstract=True):
         I, J, g = self._matrix("I"), self._matrix("J", count), self._matrix("g", count, count)  # noqa: E741
         return ca.blockcat([[I, J.T], [J, g]])
 
+    @unchecked(_NUMBERS)
     def kinetic_energy(self) -> ca.SX:
         v = ca.vertcat(self.free.q_dot, self.active.s_dot)
         return ca.bilin(self._metric, v, v) / 2
 
+    @unchecked(_NUMBERS)
     def potential_energy(self) -> ca.SX:
         return -self.D * ca.cos(self.theta)
 
-    @output("kg.m2", "moment of inertia I about the axis (M eq. 55)")
+    @output("kg.m2", "moment of inertia I about the axis (M eq. 55)", unchecked=_NUMBERS)
     def inertia(self) -> ca.SX:
         return self._matrix("I")
 
-    @output("N.m", "gravity times total mass times distance of the centre of mass from the axis (M eq. 54)")
+    @output(
+        "N.m",
+        "gravity times total mass times distance of the centre of mass from the axis (M eq. 54)",
+        unchecked=_NUMBERS,
+    )
     def D(self) -> ca.SX:  # noqa: N802
         return self._matrix("D")
 
-    @condition("the centre of mass must stay off the axis: D > 0")
+    @condition("the centre of mass must stay off the axis: D > 0", unchecked=_NUMBERS)
     def com_off_the_axis(self) -> ca.SX:
         return self.D
 
-    @condition("the metric of I, J and g must stay positive definite")
+    @condition("the metric of I, J and g must stay positive definite", unchecked=_NUMBERS)
     def definite(self) -> ca.SX:
         pivots, _, _ = ca.ldl(ca.densify(self._metric), False)
         return ca.mmin(pivots)

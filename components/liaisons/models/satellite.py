@@ -12,6 +12,8 @@ from liaisons.models import _rotations
 from liaisons.models._euler_top import euler_top
 from liaisons.models._validity import require
 
+_SIGNS = "minors of different order are compared: only their signs count"
+
 
 def _least_minor(matrix: ca.SX) -> ca.SX:
     """The smallest leading minor: positive when the symmetric matrix is positive definite (Sylvester)."""
@@ -68,15 +70,17 @@ class Satellite(Mechanism):
         turn = ca.dot(omega, self._inertia @ omega) / 2
         return turn + self.J_wheel * (ca.dot(omega, wheels) + ca.sumsqr(wheels) / 2)
 
-    @condition("J must be positive definite")
+    @condition("J must be positive definite", unchecked=_SIGNS)
     def inertia_is_positive(self) -> ca.SX:
         return _least_minor(self._inertia)
 
-    @condition("J must be positive definite without the wheels: J - J_wheel")
+    @condition("J must be positive definite without the wheels: J - J_wheel", unchecked=_SIGNS)
     def body_is_positive(self) -> ca.SX:
         return _least_minor(self._inertia - self.J_wheel * ca.SX.eye(3))
 
-    @condition("each principal moment of J must be less than the sum of the other two (triangle inequality)")
+    @condition(
+        "each principal moment of J must be less than the sum of the other two (triangle inequality)", unchecked=_SIGNS
+    )
     def inertia_is_of_masses(self) -> ca.SX:
         return _least_minor(ca.trace(self._inertia) / 2 * ca.SX.eye(3) - self._inertia)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import numbers
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ class Quantiles(Protocol):
 
     def ppf(self, q: Any, /) -> Any: ...
 
+
+_MOST = 10_000_000
+"""Cases of one sweep: a table of them takes some gigabytes, and their simulation days."""
 
 Distribution: TypeAlias = Quantiles | tuple[float, float]
 """``(low, high)`` is uniform between them."""
@@ -83,6 +87,7 @@ def grid(over: Mapping[str, ArrayLike]) -> Cases:
     :raises SweepError: if there is nothing to vary, or a value is no finite number.
     """
     columns = _columns(over)
+    _check_count("grid", math.prod(map(len, columns.values())))
     mesh = np.meshgrid(*columns.values(), indexing="ij")
     return Cases({name: np.ascontiguousarray(axis).reshape(-1) for name, axis in zip(columns, mesh, strict=True)})
 
@@ -96,6 +101,7 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
     """
     if not isinstance(count, numbers.Integral) or count < 1:
         raise SweepError(f"sample: count = {count!r}; give a whole number, 1 at least")
+    _check_count("sample", int(count))
     if not isinstance(seed, numbers.Integral) or seed < 0:
         raise SweepError(f"sample: seed = {seed!r}; give a whole number, 0 at least")
     if not over:
@@ -111,6 +117,11 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
     return Cases({name: _quantiles(name, distribution, q) for (name, distribution), q in columns})
 
 
+def _check_count(maker: str, count: int) -> None:
+    if count > _MOST:
+        raise SweepError(f"{maker}: {count} cases are too many; give {_MOST} at most, and do the rest in another sweep")
+
+
 def _quantiles(name: str, distribution: Distribution, quantiles: NDArray[np.float64]) -> NDArray[np.float64]:
     if isinstance(distribution, Quantiles):
         values = np.array(distribution.ppf(quantiles), dtype=float)
@@ -121,6 +132,8 @@ def _quantiles(name: str, distribution: Distribution, quantiles: NDArray[np.floa
             raise SweepError(
                 f"sample: {name} = {distribution!r}; give (low, high) or a distribution, e.g. scipy.stats.norm(1, 0.1)"
             ) from None
+        if low >= high:
+            raise SweepError(f"sample: {name} = {distribution!r}; give (low, high) with low < high")
         values = low + (high - low) * quantiles
     if not np.all(np.isfinite(values)):
         raise SweepError(f"sample: {name} = {distribution!r} gives values that are not finite; choose another one")

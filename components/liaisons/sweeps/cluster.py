@@ -2,60 +2,145 @@
 
 from __future__ import annotations
 
-import threading
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from threading import get_ident
+from typing import Any, final
+from uuid import uuid4
 
+from liaisons.sweeps.child import Child
 from liaisons.sweeps.errors import SweepError
+from liaisons.sweeps.outcome import Failure, Outcome, failure
 from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import Outcome, Session, extract_all
+from liaisons.sweeps.session import extract_all
 from liaisons.sweeps.workers import Deliver
 
 Client = Any
 """A ``distributed.Client``; the package is an extra."""
 
 _PATIENCE = "10s"  # for a scheduler to answer
-_here = threading.local()  # of a worker: its session and what that was made for
+_PAUSE = 0.2  # [s] between two looks at the workers, once there is one that can do nothing
+_mine: dict[tuple[str, int], tuple[Child, ExitStack]] = {}  # of a worker: sweep and thread -> process, and its folder
 
 
-def simulate(plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver) -> None:
-    """Simulate cases on the workers of a cluster.
+@final
+@dataclass(frozen=True)
+class _Unable:
+    """What a worker says that cannot even begin, its disk being full or the like."""
 
-    What a worker had when it died, Dask gives to another one; a case over which several have died is a failure.
+    worker: str
+    reason: str
+
+
+def simulate(
+    plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver, *, time_limit: float | None = None
+) -> None:
+    """Simulate cases on the workers of a cluster, each of whose threads has a process for it.
+
+    What a worker had when it died, Dask gives to another one; a case over which several have died is a failure.  What a
+    worker cannot begin is for the others.
 
     :param client: a ``distributed.Client``.
     :param deliver: takes what is finished, in whatever order.
+    :param time_limit: of a case [s].
     :raises SweepError: if the cluster goes away.
     """
-    from distributed import as_completed
-
-    shipment = client.scatter((plan.key(), plan, plan.files()), broadcast=True, hash=False)
+    key = uuid4().hex  # of this run: workers keep nothing for the next one
+    shipment = client.scatter((key, plan, plan.files()), broadcast=True, hash=False)
     remaining = list(cases)
     size = max(1, min(256, len(remaining) // (8 * max(1, sum(client.nthreads().values())))))
-    chunks = {}
-    for chunk in _chunks(remaining, size):
-        chunks[client.submit(_simulate, shipment, chunk, pure=False)] = chunk
-    finished = as_completed(list(chunks), loop=client.loop)  # its own choice is that of the default client, not ours
     try:
-        for future in finished:
-            chunk = chunks.pop(future)
-            if future.status == "finished":
-                deliver(future.result())
-            elif future.status == "cancelled":
-                raise SweepError("the Dask cluster has cancelled the sweep; is its scheduler still there?")
-            elif len(chunk) == 1 and future.status == "error":
-                deliver({chunk[0]: f"Dask: {future.exception()}"})
-            else:  # several cases, one of which is to blame, or a result that was lost with its worker
-                for case in chunk:
-                    again = client.submit(_simulate, shipment, [case], pure=False)
-                    chunks[again] = [case]
-                    finished.add(again)
+        _Sweep(client, (shipment, time_limit), deliver).run(_chunks(remaining, size))
     finally:
-        client.cancel(list(chunks))
+        with suppress(Exception):  # a cluster that is gone has ended them by itself
+            client.run(_end, key)
+
+
+@final
+@dataclass(frozen=True)
+class _Chunk:
+    """Cases that are done together.
+
+    :param where: the only workers that may do it; all may if empty.
+    """
+
+    cases: list[int]
+    where: frozenset[str] = frozenset()
+
+
+@final
+class _Sweep:
+    """What is under way.
+
+    :param task: what workers need to know beside the cases.
+    """
+
+    def __init__(self, client: Client, task: tuple[Any, float | None], deliver: Deliver) -> None:
+        from distributed import as_completed
+
+        self._client, self._task, self._deliver = client, task, deliver
+        self._chunks: dict[Any, _Chunk] = {}  # by their futures
+        self._unable: set[str] = set()
+        self._finished = as_completed(loop=client.loop)  # its own choice of a loop is that of the default client
+
+    def run(self, chunks: Iterable[list[int]]) -> None:
+        try:
+            for cases in chunks:
+                self._submit(cases)
+            while self._chunks:
+                if self._unable and not self._finished.has_ready():
+                    self._rescue()
+                    time.sleep(_PAUSE)
+                    continue
+                future = next(self._finished)
+                if future in self._chunks:
+                    self._take(future, self._chunks.pop(future).cases)
+        finally:
+            self._client.cancel(list(self._chunks))
+
+    def _take(self, future: Any, cases: list[int]) -> None:
+        if future.status == "finished":
+            found: dict[int, Outcome] | _Unable = future.result()
+            if not isinstance(found, _Unable):
+                self._deliver(found)
+                return
+            self._unable.add(found.worker)
+            if self._able():
+                self._submit(cases)
+            else:
+                reason = f"the Dask worker {found.worker} cannot begin: {found.reason}"
+                self._deliver(dict.fromkeys(cases, Failure(reason, refused=False)))
+        elif future.status == "cancelled":
+            raise SweepError("the Dask cluster has cancelled the sweep; is its scheduler still there?")
+        elif len(cases) == 1 and future.status == "error":
+            words = " ".join(str(future.exception()).split())
+            self._deliver({cases[0]: Failure(f"Dask: {words}", refused=False)})
+        else:  # several cases, one of which is to blame, or a result that was lost with its worker
+            for case in cases:
+                self._submit([case])
+
+    def _rescue(self) -> None:
+        """What waits for workers that are gone is for those that are there."""
+        here = set(self._client.nthreads())
+        lost = {future: chunk for future, chunk in self._chunks.items() if chunk.where and not chunk.where & here}
+        for future, chunk in lost.items():
+            del self._chunks[future]
+            future.cancel()
+            self._submit(chunk.cases)
+
+    def _submit(self, cases: list[int]) -> None:
+        where = frozenset(self._able() if self._unable else [])
+        future = self._client.submit(_simulate, self._task, cases, pure=False, workers=sorted(where) or None)
+        self._chunks[future] = _Chunk(cases, where)
+        self._finished.add(future)
+
+    def _able(self) -> list[str]:
+        return [worker for worker in self._client.nthreads() if worker not in self._unable]
 
 
 @contextmanager
@@ -65,8 +150,12 @@ def connected(client: Client | str) -> Iterator[Client]:
     :raises SweepError: if ``distributed`` is not installed, or nobody answers.
     """
     if not isinstance(client, str):
+        if not hasattr(client, "scatter"):
+            raise SweepError(f"client = {client!r}; give a distributed.Client, or the address of a scheduler")
         yield client
         return
+    if not client.strip():  # Dask would start workers here
+        raise SweepError("no Dask scheduler has an empty address; give one, e.g. 'tcp://10.0.0.1:8786'")
     try:
         from distributed import Client as DaskClient
     except ImportError:
@@ -88,18 +177,40 @@ def _chunks(cases: Sequence[int], size: int) -> Iterator[list[int]]:
         yield chunk
 
 
-def _simulate(shipment: tuple[str, Plan, Mapping[Path, bytes]], cases: Sequence[int]) -> dict[int, Outcome]:
-    """On a worker: the session of its thread is kept for the next cases of the same sweep."""
-    key, plan, files = shipment
-    if getattr(_here, "key", None) != key:
-        with ExitStack() as stack:
-            if hasattr(_here, "stack"):
-                _here.stack.close()
-            folder = Path(stack.enter_context(TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)))
-            here = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
-            for path, content in files.items():
-                here[path].write_bytes(content)
-            moved = plan.moved(here)
-            _here.session = stack.enter_context(Session(moved, extract_all(moved, folder)))
-            _here.stack, _here.key = stack.pop_all(), key
-    return {case: _here.session.outcome(case) for case in cases}
+def _simulate(
+    task: tuple[tuple[str, Plan, Mapping[Path, bytes]], float | None], cases: Sequence[int]
+) -> dict[int, Outcome] | _Unable:
+    """On a worker: the process of its thread is kept for the next cases of the same sweep."""
+    (key, plan, files), time_limit = task
+    try:
+        if (key, get_ident()) not in _mine:
+            _begin(key, plan, files)
+        child, _ = _mine[key, get_ident()]
+        return {case: child.outcome(case, time_limit) for case in cases}
+    except Exception as error:  # noqa: BLE001 - whatever it is, another worker may do it
+        from distributed import get_worker
+
+        return _Unable(get_worker().address, failure(error).reason)
+
+
+def _begin(key: str, plan: Plan, files: Mapping[Path, bytes]) -> None:
+    from cloudpickle import dumps  # comes with Dask; functions of scripts go by value
+
+    for place in [place for place in _mine if place[1] == get_ident()]:  # of a sweep that could not say that it ended
+        _mine.pop(place)[1].close()
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)))
+        here = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
+        for path, content in files.items():
+            here[path].write_bytes(content)
+        moved = plan.moved(here)
+        child = Child(dumps((moved, extract_all(moved, folder))))
+        stack.callback(child.close)
+        _mine[key, get_ident()] = child, stack.pop_all()
+
+
+def _end(key: str) -> None:
+    """On a worker: the sweep is done, or given up."""
+    for place in [place for place in _mine if place[0] == key]:
+        _, stack = _mine.pop(place)
+        stack.close()

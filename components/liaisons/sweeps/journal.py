@@ -1,23 +1,31 @@
 """What is done of a sweep, in a file that is only appended to: whoever is interrupted goes on from there.
 
-The first line says which sweep it is, every other one is a finished case, as JSON.  What is half written when the
-machine stops, is dropped and done again.
+The first line says which sweep it is, every other one is a case, as JSON with a checksum.  What is half written when
+the machine stops, is dropped and done again.  One process has the file at a time.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import re
+import sys
+import time
+import zlib
 from collections.abc import Mapping
 from contextlib import suppress
-from io import TextIOWrapper
+from io import BufferedRandom
 from pathlib import Path
 from typing import Any, final
 
 from liaisons.sweeps.errors import JournalError, SweepError
-from liaisons.sweeps.session import Outcome
+from liaisons.sweeps.outcome import Failure, Outcome
 
 _logger = logging.getLogger("liaisons.sweeps")
+
+_CHECK = re.compile(rb', "check": "([0-9a-f]{8})"}$')
+_PATIENCE = 1.0  # [s] for processes of a sweep that was killed: they inherit its lock, and end with it
+_FAR = 2**31 - 1  # the byte that is locked on Windows, where nobody could read it any more
 
 
 @final
@@ -25,31 +33,36 @@ class Journal:
     """A context manager that opens the file for appending; it is created if need be.
 
     :param key: :meth:`liaisons.sweeps.plan.Plan.key` of the sweep.
+    :param cases: number of cases.
     :param columns: so many numbers are kept of a case.
-    :ivar done: the cases that are in it.
-    :raises JournalError: if it belongs to another sweep, or the file is no journal.
+    :param retry: what the model has refused is to be done again, too.
+    :ivar done: the cases in it that are not to be done again.
+    :raises JournalError: if it belongs to another sweep, is in use by one, or is no journal.
     :raises SweepError: if it cannot be read or written.
     """
 
-    def __init__(self, path: Path, key: str, columns: int) -> None:
+    def __init__(self, path: Path, key: str, cases: int, columns: int, *, retry: bool = False) -> None:
         self._path = path
-        self.done: dict[int, Outcome] = {}
-        header = json.dumps({"liaisons sweep": key})
+        self._seed = zlib.crc32(key.encode())  # a line of another sweep is not taken for one of this
+        self._cases, self._columns = cases, columns
         try:
-            lines = path.read_bytes().split(b"\n") if path.exists() else [b""]
-            if lines[:-1]:
-                self._check(_read(lines[0]), key)
-            for line in lines[1:-1]:
-                self._take(_read(line), columns)
-            whole = sum(len(line) + 1 for line in lines[:-1])
-            if lines[-1] and whole == 0 and not header.encode().startswith(lines[-1]):
-                raise JournalError(f"{path} is no journal of a sweep; choose another file")
-            self._file: TextIOWrapper = path.open("a", encoding="utf-8")
-            self._file.truncate(whole)
-            if not whole:
-                self._write(header + "\n")
+            self._file: BufferedRandom = path.open("a+b")
         except OSError as error:
-            raise SweepError(f"{path}: cannot be used as a journal: {error.strerror}; choose another path") from None
+            raise self._unusable(error) from None
+        try:
+            self._lock()
+            found = self._read(key)
+        except OSError as error:
+            self._file.close()
+            raise self._unusable(error) from None
+        except SweepError:
+            self._file.close()
+            raise
+        self.done = {
+            case: outcome
+            for case, outcome in found.items()
+            if not isinstance(outcome, Failure) or (outcome.refused and not retry)
+        }
 
     def __enter__(self) -> Journal:
         return self
@@ -59,47 +72,128 @@ class Journal:
             self._file.close()
 
     def add(self, outcomes: Mapping[int, Outcome]) -> None:
-        """Write down finished cases.
+        """Write down cases.
 
         :raises SweepError: if the file takes no more.
         """
         self.done |= outcomes
-        lines = (
-            json.dumps({"case": case, ("failure" if isinstance(outcome, str) else "values"): outcome})
-            for case, outcome in outcomes.items()
-        )
         try:
-            self._write("".join(f"{line}\n" for line in lines))
+            self._write(b"".join(_line(_content(*item), self._seed) for item in outcomes.items()))
         except OSError as error:
             raise SweepError(
                 f"{self._path}: cannot be written: {error.strerror}; make room, and the sweep goes on from there"
             ) from None
 
-    def _write(self, text: str) -> None:
-        self._file.write(text)
+    def _write(self, lines: bytes) -> None:
+        self._file.write(lines)
         self._file.flush()
 
-    def _check(self, header: Any, key: str) -> None:
-        if not isinstance(header, dict) or "liaisons sweep" not in header:
+    def _unusable(self, error: OSError) -> SweepError:
+        return SweepError(f"{self._path}: cannot be used as a journal: {error.strerror or error}; choose another path")
+
+    def _lock(self) -> None:
+        end = time.monotonic() + _PATIENCE
+        while not _taken(self._file):
+            if time.monotonic() > end:
+                raise JournalError(f"{self._path} is in use by another sweep; let that end, or choose another file")
+            time.sleep(0.05)
+
+    def _read(self, key: str) -> dict[int, Outcome]:
+        """What is in the file, which ends with a whole line then."""
+        self._file.seek(0)
+        *lines, rest = self._file.read().split(b"\n")
+        header = _line({"liaisons sweep": key}, 0)
+        if lines:
+            self._check(lines[0], key)
+        elif not header.startswith(rest):
             raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
-        if header["liaisons sweep"] != key:
+        outcomes: dict[int, Outcome] = {}
+        damaged: list[int] = []
+        for number, line in enumerate(lines[1:], start=2):
+            content = _checked(line, self._seed)
+            if content is None:
+                damaged.append(number)
+            else:
+                outcomes.update([self._taken_from(content, number)])
+        if damaged:
+            shown = ", ".join(map(str, damaged[:5])) + (f" and {len(damaged) - 5} more" if len(damaged) > 5 else "")
+            _logger.warning("%s: damaged lines are left out, and their cases done again: line %s", self._path, shown)
+        self._file.truncate(sum(len(line) + 1 for line in lines))
+        if not lines:
+            self._write(header)
+        return outcomes
+
+    def _check(self, line: bytes, key: str) -> None:
+        if not line.startswith(b'{"liaisons sweep": '):
+            raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
+        content = _checked(line, 0)
+        if content is None:
+            raise JournalError(
+                f"{self._path}: line 1, which names the sweep, is damaged or of an earlier release; "
+                "choose another file, or delete it"
+            )
+        if content["liaisons sweep"] != key:
             raise JournalError(
                 f"{self._path} is the journal of another sweep: its FMU, cases or settings differ; "
                 "choose another file, or delete it"
             )
 
-    def _take(self, line: Any, columns: int) -> None:
-        match line:
-            case {"case": int(case), "values": [*values]} if len(values) == columns:
-                self.done[case] = tuple(map(float, values))
-            case {"case": int(case), "failure": str(words)}:
-                self.done[case] = words
-            case _:
-                _logger.warning("%s: a damaged line is left out, and its case done again", self._path)
+    def _taken_from(self, content: Any, number: int) -> tuple[int, Outcome]:
+        match content:
+            case {"case": int(case), **outcome} if 0 <= case < self._cases:
+                match outcome:
+                    case {"values": [*values]} if len(values) == self._columns and {*map(type, values)} <= {float}:
+                        return case, tuple(values)
+                    case {"failure": str(reason)}:
+                        return case, Failure(reason, refused=True)
+                    case {"unfinished": str(reason)}:
+                        return case, Failure(reason, refused=False)
+        raise JournalError(
+            f"{self._path}: line {number} is none of this sweep of {self._cases} cases; "
+            "delete the line, and the sweep goes on"
+        )
 
 
-def _read(line: bytes) -> Any:
-    try:
-        return json.loads(line)
-    except ValueError:
+def _content(case: int, outcome: Outcome) -> dict[str, object]:
+    if isinstance(outcome, Failure):
+        return {"case": case, ("failure" if outcome.refused else "unfinished"): outcome.reason}
+    return {"case": case, "values": outcome}
+
+
+def _line(content: dict[str, object], seed: int) -> bytes:
+    text = json.dumps(content).encode()
+    return text[:-1] + f', "check": "{zlib.crc32(text, seed):08x}"}}\n'.encode()
+
+
+def _checked(line: bytes, seed: int) -> Any:
+    """What a line says; None if its checksum does not hold."""
+    check = _CHECK.search(line)
+    text = line[: check.start()] + b"}" if check else b""
+    if check is None or zlib.crc32(text, seed) != int(check[1], 16):
         return None
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _taken(file: BufferedRandom) -> bool:
+    """Whether the file is ours now, until it is closed or this process dies."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        file.seek(_FAR)
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+    import fcntl
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass  # a file system that knows no locks
+    return True

@@ -26,10 +26,8 @@ from liaisons.cosim.schedule import Place
 from liaisons.cosim.simulation import run
 from liaisons.errors import LiaisonsError
 from liaisons.sweeps.kept import evaluate
+from liaisons.sweeps.outcome import Failure, Outcome, failure
 from liaisons.sweeps.plan import Plan
-
-Outcome = tuple[float, ...] | str
-"""What was kept of a case, or why it failed."""
 
 
 @final
@@ -59,18 +57,17 @@ class Session:
     def outcome(self, case: int) -> Outcome:
         """Simulate one case; what goes wrong comes back in words."""
         try:
-            return evaluate(self._plan.keep, self.result(case))
-        except LiaisonsError as error:
+            components = self._plan.starts(case)
+        except LiaisonsError as error:  # a value that does not fit never will
+            return Failure(str(error), refused=True)
+        try:
+            return evaluate(self._plan.keep, self._result(components))
+        except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
             self.close()
-            return str(error)
+            return failure(error)
 
-    def result(self, case: int) -> Result:
-        """Simulate one case.
-
-        :raises LiaisonsError: if it fails.
-        """
+    def _result(self, components: dict[str, Component]) -> Result:
         plan = self._plan
-        components = plan.starts(case)
         if plan.coupling not in {"gauss-seidel", "jacobi"}:
             return run(
                 plan.title,

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,8 @@ from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.journal import Journal
 from liaisons.sweeps.kept import Measure, measures, signals, split
+from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.plan import Plan, places
-from liaisons.sweeps.session import Outcome
 from liaisons.sweeps.table import Table
 from liaisons.sweeps.workers import Deliver
 from liaisons.sweeps.workers import simulate as simulate_here
@@ -46,6 +47,8 @@ def sweep(
     starts: Mapping[str, float | bool | str] | None = None,
     record: Sequence[str] | None = None,
     journal: Path | str | None = None,
+    retry: bool = False,
+    time_limit: float | None = None,
     workers: int | None = None,
     client: Any = None,
     progress: bool = False,
@@ -58,7 +61,12 @@ def sweep(
                       keep=["theta", "theta:max"], stop_time=10.0)
 
     A case gives the same numbers, bit by bit, whatever ran before it and wherever it runs, as far as the FMU itself
-    does.  A case that fails is recorded and the others go on.
+    does.  A case that fails is recorded and the others go on: for good if the model has refused it; what the machine
+    has not finished (no memory, a full disk, a process that was killed, the time limit) is tried again at the next
+    start with the same journal.
+
+    FMUs and functions in ``keep`` are code that runs here, and on the workers of a cluster; whoever can reach a Dask
+    scheduler can run code there, too.  Take them from people you trust.
 
     :param subject: path of an FMU, or a system.
     :param cases: :func:`grid`, :func:`sample`, or columns of values, by names of parameters and inputs:
@@ -70,13 +78,17 @@ def sweep(
     :param starts: start values that all cases have in common.
     :param record: signals that functions in ``keep`` can see; outputs and inputs if None.
     :param journal: a file that finished cases are written to; those in it already are not simulated again.
+    :param retry: simulate again what the model has refused, too.
+    :param time_limit: longest time that a case may take [s], the loading of its FMUs included; what takes longer is
+        ended and counts as not finished.  There is none by default: nobody but you knows how long a case may take.
     :param workers: number of processes; one a core if None.
     :param client: a ``distributed.Client``, or the address of its scheduler, in place of processes.
     :param progress: show a progress bar on stderr.
     :raises SimulationError: for an unknown name, with the nearest match, or a value that cannot be set.
-    :raises SweepError: if nothing is varied or kept, or a scheduler does not answer.
-    :raises JournalError: if the journal belongs to another sweep.
+    :raises SweepError: if nothing is varied or kept, a setting will not do, or a scheduler does not answer.
+    :raises JournalError: if the journal belongs to another sweep, is in use by one, or has a line that cannot be of it.
     """
+    _check_settings(workers, client, time_limit, retry=retry, journal=journal)
     plan = _plan(
         subject,
         Cases.of(cases),
@@ -87,15 +99,14 @@ def sweep(
         starts=starts or {},
         record=record,
     )
-    if workers is not None and workers < 1:
-        raise SweepError(f"workers = {workers!r}; give 1 at least")
-    book = nullcontext() if journal is None else Journal(Path(journal), plan.key(), len(plan.keep))
+    shape = plan.cases.count, len(plan.keep)
+    book = nullcontext() if journal is None else Journal(Path(journal), plan.key(), *shape, retry=retry)
     with book as written:
         outcomes: dict[int, Outcome] = {} if written is None else dict(written.done)
         todo = [case for case in range(plan.cases.count) if case not in outcomes]
         bar = _ProgressBar(plan.title, plan.cases.count, len(todo)) if progress else None
 
-        def deliver(found: dict[int, Outcome]) -> None:
+        def deliver(found: Mapping[int, Outcome]) -> None:
             outcomes.update(found)
             if written is not None:
                 written.add(found)
@@ -104,19 +115,34 @@ def sweep(
 
         try:
             if todo:
-                _simulate(plan, todo, deliver, workers, client)
+                _simulate(plan, todo, deliver, workers=workers, client=client, time_limit=time_limit)
         finally:
             if bar is not None:
                 bar.close()
     return _table(plan, outcomes)
 
 
-def _simulate(plan: Plan, todo: list[int], deliver: Deliver, count: int | None, client: Any) -> None:
+def _simulate(
+    plan: Plan, todo: list[int], deliver: Deliver, *, workers: int | None, client: Any, time_limit: float | None
+) -> None:
     if client is None:
-        simulate_here(plan, todo, count or os.cpu_count() or 1, deliver)
+        simulate_here(plan, todo, workers or os.cpu_count() or 1, deliver, time_limit=time_limit)
         return
     with cluster.connected(client) as opened:
-        cluster.simulate(plan, todo, opened, deliver)
+        cluster.simulate(plan, todo, opened, deliver, time_limit=time_limit)
+
+
+def _check_settings(
+    workers: int | None, client: Any, time_limit: float | None, *, retry: bool, journal: Path | str | None
+) -> None:
+    if workers is not None and client is not None:
+        raise SweepError(f"workers = {workers!r} are processes of this machine; leave it out on a Dask cluster")
+    if workers is not None and not (isinstance(workers, Integral) and workers >= 1):
+        raise SweepError(f"workers = {workers!r}; give a whole number, 1 at least")
+    if time_limit is not None and not (isinstance(time_limit, Real) and math.isfinite(time_limit) and time_limit > 0):
+        raise SweepError(f"time_limit = {time_limit!r}; give seconds, more than 0, or leave it out")
+    if retry and journal is None:
+        raise SweepError("retry: there is no journal to find failures in; name that of the sweep to be done again")
 
 
 def _plan(
@@ -194,15 +220,17 @@ def _table(plan: Plan, outcomes: Mapping[int, Outcome]) -> Table:
     rows = np.full(plan.cases.count, np.nan, dtype=[(name, float) for name in names])
     for name, column in plan.cases.items():
         rows[name] = column
-    finished = {case: outcome for case, outcome in outcomes.items() if not isinstance(outcome, str)}
+    finished = {case: outcome for case, outcome in outcomes.items() if not isinstance(outcome, Failure)}
     where = np.fromiter(finished, int)
     for name, values in zip(plan.keep, zip(*finished.values(), strict=True), strict=False):  # none if all failed
         rows[name][where] = values
     units = {name: plan.unit(place) for name, place in plan.varied.items()}
     for name, measure in plan.keep.items():
         units[name] = plan.unit(plan.recorded[split(measure)[0]]) if isinstance(measure, str) else ""
-    failures = {case: outcome for case, outcome in outcomes.items() if isinstance(outcome, str)}
-    return Table(plan.title, rows, units, failures)
+    failures = {case: outcome for case, outcome in outcomes.items() if isinstance(outcome, Failure)}
+    unfinished = tuple(sorted(case for case, failure in failures.items() if not failure.refused))
+    reasons = {case: failure.reason for case, failure in failures.items()}
+    return Table(plan.title, rows, units, reasons, unfinished)
 
 
 class _ProgressBar:

@@ -26,12 +26,15 @@ class Table:
     :param rows: structured array with a field of doubles a column; ``pandas.DataFrame(table.rows)`` takes it as it is.
     :param units: name -> unit; empty where there is none.
     :param failures: number of a case, from 0 -> why it has failed; what was to be kept of it is not-a-number.
+    :param unfinished: those of them that the machine did not finish, rather than the model refused: the same sweep with
+        its journal tries them again.
     """
 
     title: str
     rows: NDArray[Any]
     units: Mapping[str, str]
     failures: Mapping[int, str]
+    unfinished: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         self.rows.flags.writeable = False

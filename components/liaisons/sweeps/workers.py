@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import logging
+import math
 import multiprocessing
 import os
 import pickle
@@ -11,7 +13,7 @@ import sys
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, MutableSequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -20,31 +22,36 @@ from tempfile import TemporaryDirectory
 from typing import final
 
 from liaisons.cosim import loop
+from liaisons.processes import die_with_parent
 from liaisons.sweeps.errors import SweepError
+from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
 from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import Outcome, Session, extract_all
+from liaisons.sweeps.session import Session, extract_all
 
-Deliver = Callable[[dict[int, Outcome]], None]
+Deliver = Callable[[Mapping[int, Outcome]], None]
 Folders = dict[Path, Path]
+
+_logger = logging.getLogger("liaisons.sweeps")
 
 _FLUSH = 0.1  # [s] a worker reports as often as this, so that little is lost with it
 _PATIENCE = 5.0  # [s] for a worker to release its FMUs
 _MOST = 256  # cases that a process is given at a time
-_LIVES = 2  # so many processes may die over one case before it is given up
+_LONG = 60.0  # [s] after which one is told that a case still runs
 
 
-def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver) -> None:
+def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver, time_limit: float | None = None) -> None:
     """Simulate cases in processes of their own.
 
     A process that dies, by a crash of an FMU or by the hand of the user, is replaced, and what it had not reported is
-    done again, case by case; a case over which two processes have died is a failure.
+    done again, case by case; a case over which two processes have died is a failure, and so is one that takes too long.
 
     :param count: number of processes.
     :param deliver: takes what is finished, in whatever order.
+    :param time_limit: of a case [s].
     """
     loop.compiled()  # before there are processes, each of which would compile it
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-        pool = _Pool(plan, extract_all(plan, Path(folder)), deque(cases), count, deliver)
+        pool = _Pool(plan, extract_all(plan, Path(folder)), deque(cases), count, deliver, time_limit=time_limit)
         try:
             pool.run()
         finally:
@@ -53,13 +60,18 @@ def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver) -> 
 
 @final
 class _Worker:
-    """A process, the pipe to it, and the cases that it has not reported yet."""
+    """A process, the pipe to it, and the cases that it has not reported yet.
+
+    :ivar at: when the case that it is at was begun, on the monotonic clock [s], infinite for none; and which one it is.
+    """
 
     def __init__(self, plan: Plan, folders: Folders) -> None:
         # A forked process has the plan already, so that functions in it need not be importable; safe on Linux only.
         context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
         self.pipe, far = context.Pipe()
-        self.process: BaseProcess = context.Process(target=_work, args=(far, plan, folders, os.getpid()), daemon=True)
+        self.at = context.RawArray("d", [math.inf, 0.0])
+        task = (far, self.at, plan, folders, os.getpid())
+        self.process: BaseProcess = context.Process(target=_work, args=task, daemon=True)
         with warnings.catch_warnings():
             # Python 3.12 warns of forks beside threads; ours touch nothing that those could hold locked.
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -77,27 +89,46 @@ class _Worker:
         with suppress(OSError):  # it has just died; its sentinel will tell
             self.pipe.send(cases)
 
+    def since(self) -> float:
+        """How long it has been at its case [s]."""
+        return max(0.0, time.monotonic() - self.at[0])
+
     def dismiss(self) -> None:
         """There is nothing more to do for it: it may release its FMUs while others work."""
         with suppress(OSError):
             self.pipe.send(None)
 
-    def close(self) -> None:
-        self.process.join(_PATIENCE if not self.cases else 0.0)
+    def end(self, patience: float = _PATIENCE) -> None:
+        """Wait for the end of the process, but not for ever."""
+        self.process.join(patience)
         self.process.kill()
         self.process.join()
+
+    def close(self) -> None:
+        self.end(_PATIENCE if not self.cases else 0.0)
         self.pipe.close()
 
 
 @final
 class _Pool:
-    def __init__(self, plan: Plan, folders: Folders, waiting: deque[int], count: int, deliver: Deliver) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        folders: Folders,
+        waiting: deque[int],
+        count: int,
+        deliver: Deliver,
+        *,
+        time_limit: float | None,
+    ) -> None:
         self._plan, self._folders = plan, folders
         self._waiting = waiting
         self._suspects: deque[int] = deque()  # of processes that have died: one by one
         self._deaths: dict[int, int] = {}
         self._deliver = deliver
         self._count = count
+        self._time_limit = time_limit
+        self._patient = time_limit is None  # nobody has been told yet that a case takes long
         self._workers: list[_Worker] = []
 
     def run(self) -> None:
@@ -105,15 +136,24 @@ class _Pool:
             self._workers.append(self._started())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
-            ready = wait([*(w.pipe for w in busy), *(w.process.sentinel for w in busy)])
+            ready = wait([*(w.pipe for w in busy), *(w.process.sentinel for w in busy)], self._rest(busy))
             for worker in busy:
                 alive = True
                 if worker.pipe in ready:
                     alive = self._receive(worker)
                 if not alive or (worker.process.sentinel in ready and not worker.pipe.poll()):
-                    self._replace(worker)
+                    self._bury(worker)
                 elif not worker.cases:
                     worker.give(self._next())
+                elif self._time_limit is not None and worker.since() > self._time_limit:
+                    self._stop(worker, self._time_limit)
+                elif self._patient and worker.since() > _LONG:
+                    self._patient = False
+                    _logger.warning(
+                        "case %d has been running for %.0f s; a time limit (time_limit, --time-limit) would end it",
+                        worker.at[1],
+                        worker.since(),
+                    )
 
     def close(self) -> None:
         for worker in self._workers:
@@ -144,36 +184,57 @@ class _Pool:
         self._deliver(outcomes)
         return True
 
+    def _rest(self, busy: list[_Worker]) -> float | None:
+        """How long to wait until somebody may have taken too long [s]."""
+        limit = self._time_limit or (_LONG if self._patient else None)
+        return None if limit is None else max(0.01, limit - max(worker.since() for worker in busy))
+
+    def _stop(self, worker: _Worker, limit: float) -> None:
+        """End a process whose case takes too long, unless it has come to the next one meanwhile."""
+        begun = worker.at[0]
+        worker.end(0.0)
+        while worker.pipe.poll() and self._receive(worker):
+            pass
+        case = int(worker.at[1])
+        if worker.at[0] == begun and case in worker.cases:
+            worker.cases.remove(case)
+            self._deliver({case: too_long(limit)})
+        self._replace(worker)
+
+    def _bury(self, worker: _Worker) -> None:
+        """Of a process that has died, whose only case may be to blame."""
+        worker.end()
+        if len(worker.cases) == 1:
+            (case,) = worker.cases
+            self._deaths[case] = self._deaths.get(case, 0) + 1
+            if self._deaths[case] == LIVES:
+                self._deliver({case: died(worker.process.exitcode)})
+                worker.cases = []
+        self._replace(worker)
+
     def _replace(self, worker: _Worker) -> None:
-        lost, worker.cases = worker.cases, []
-        worker.dismiss()
+        self._suspects.extend(worker.cases)
         worker.close()
-        code = worker.process.exitcode
-        if len(lost) == 1:
-            self._deaths[lost[0]] = self._deaths.get(lost[0], 0) + 1
-            if self._deaths[lost[0]] == _LIVES:
-                self._deliver({lost[0]: f"the process that simulated it died, {_LIVES} times (exit code {code})"})
-                lost = []
-        self._suspects.extend(lost)
         self._workers[self._workers.index(worker)] = self._started()
 
 
-def _work(pipe: Connection, plan: Plan, folders: Folders, parent: int) -> None:
+def _work(pipe: Connection, at: MutableSequence[float], plan: Plan, folders: Folders, parent: int) -> None:
     """What a process does: simulate what comes, until nobody is there any more."""
+    die_with_parent(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not what the parent does then, which a fork has inherited
     gc.freeze()  # what was there before the fork stays; looking through it would copy its memory
     with Session(plan, folders) as session:
         while True:
-            while not pipe.poll(1.0):
-                if os.getppid() != parent:
-                    return
             outcomes: dict[int, Outcome] = {}
             reported = time.monotonic()
             cases: list[int] | None = pipe.recv()
             if cases is None:
                 return
             for case in cases:
+                at[1], at[0] = case, time.monotonic()
                 outcomes[case] = session.outcome(case)
+                at[0] = math.inf
                 if time.monotonic() - reported > _FLUSH:
                     pipe.send(outcomes)
                     outcomes, reported = {}, time.monotonic()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import final
 from xml.etree.ElementTree import Element, SubElement
 
+from liaisons.cosim.component import Component
 from liaisons.cosim.ssp.xml import path, tag
 
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself
@@ -19,6 +21,27 @@ class Experiment:
     start_time: float = 0.0
     stop_time: float | None = None
     step_size: float | None = None
+
+
+def chosen(
+    start_time: float | None,
+    stop_time: float | None,
+    step_size: float | None,
+    last: Experiment,
+    components: Iterable[Component],
+) -> Experiment:
+    """What is given; what is not is that of the last run, else the longest time and the shortest step of the FMUs."""
+    of_fmus = [component.fmu.experiment for component in components]
+    if start_time is None:  # that of a run goes with its end
+        start_time = last.start_time if stop_time is None and last.stop_time is not None else 0.0
+    if stop_time is None:
+        stops = [stop for e in of_fmus if (stop := e.stop_time) is not None]
+        known = [stop for stop in (last.stop_time, max(stops, default=None)) if stop is not None and stop > start_time]
+        stop_time = known[0] if known else None
+    if step_size is None:
+        steps = [step for e in of_fmus if (step := e.step_size) is not None]
+        step_size = min(steps, default=None) if last.step_size is None else last.step_size
+    return Experiment(start_time, stop_time, step_size)
 
 
 def add_master(system: Element, experiment: Experiment) -> None:

@@ -10,7 +10,6 @@ and makes the next step Discard with the same message.
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from typing import Any
@@ -21,6 +20,7 @@ from pythonfmu.enums import Fmi2Status
 
 from .calls import Call, view
 from .motion import EXTRAPOLATE, HOLD, INTERPOLATE, LOOSEST, TIGHTEST, Step
+from .states import State, from_bytes, to_bytes, usable
 from .table import load, starts
 
 held: list[dict[str, Any]] = []  # see python_backend
@@ -278,14 +278,14 @@ class Slave(Fmi2Slave):
 
     # ---- state ------------------------------------------------------------------------------------------------
 
-    def _get_fmu_state(self) -> dict[str, Any]:
+    def _get_fmu_state(self) -> State:
         self._close_step()
         state = {name: getattr(self, name) for name in _SCALARS}
         state |= {name: getattr(self, name).tolist() for name in _ARRAYS}
         return state | {"guid": self._table.guid, "stepping": self._step is not None}
 
-    def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        if state.get("guid") != self._table.guid:
+    def _set_fmu_state(self, state: State) -> None:
+        if not usable(state, self._table, {name: getattr(self, name).size for name in _ARRAYS}):
             self._refused[-1] = "the state to restore is damaged or belongs to another FMU; the present one is kept"
             self.log(self._refused[-1], Fmi2Status.discard)
             return
@@ -295,12 +295,13 @@ class Slave(Fmi2Slave):
             getattr(self, name)[:] = state[name]
         self._refused.clear()
         self._remembered, self._evaluated = True, False
+        self._started &= state["stepping"]
         self._enter(stepping=state["stepping"])
 
     @staticmethod
-    def _fmu_state_from_bytes(state: bytes) -> dict[str, Any]:
-        try:
-            document = json.loads(state)
-        except ValueError:
-            document = None
-        return document if isinstance(document, dict) else {}  # the empty one will be refused
+    def _fmu_state_to_bytes(state: State) -> bytes:
+        return to_bytes(state)
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> State:
+        return from_bytes(state)  # what is damaged will be refused

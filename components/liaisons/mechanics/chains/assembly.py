@@ -88,6 +88,7 @@ def assemble(component: type[Chain], n: int) -> Model:
     at = [ca.MX.sym(name, functions["derivatives"].numel_in(i)) for i, name in enumerate("tyuk")]
     return Model(
         name=component.__name__,
+        module=component.__module__,
         description=component.summary(),
         documentation=inspect.getdoc(component) or component.__name__,
         parameters=parameters,

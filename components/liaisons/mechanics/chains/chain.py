@@ -6,14 +6,16 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 
+from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.mechanics.algebra import stack
-from liaisons.mechanics.component import Component, call, declared, scalar
+from liaisons.mechanics.component import Component, call, checked, declared, require_units, scalar
 from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate, Joint, Point, Size
+from liaisons.mechanics.dimensions import Declared, check_units
 from liaisons.mechanics.model import Model
 
 
@@ -138,22 +140,50 @@ class Chain(Component, abstract=True):
     def _check(cls) -> None:
         if not cls.coordinates:
             raise ComponentError(f"{cls.__name__}: declare at least one Coordinate of a link")
-        picture = cls()
+        require_units(cls)
+        picture, places = cls(), cls.joint.unit_of
         parameters = {p.name: picture.symbols[p.name] for p in cls.parameters}
         link = parameters | _named(picture.q, picture.w)
         motion = link | _named(picture.q_dot, picture.w_dot)
-        known = {"kinetic_energy": motion, "potential_energy": link, "bond_energy": link}
-        known |= {"friction_coefficient": parameters} | {item.name: parameters for item in cls.calculated_parameters}
-        for name, symbols in known.items():
-            scalar(cls, name, call(picture, name), symbols)
-        for name, component in picture.point_components.items():
-            scalar(cls, name, component, link)
+        formulas: list[Declared] = []  # those that others are made of first
+
+        def check(name: str, value: Any, symbols: dict[str, ca.SX], unit: str) -> None:
+            formulas.extend(checked(cls, name, scalar(cls, name, value, symbols), unit))
+
+        for item in cls.points:
+            for axis, component in _components(picture, item).items():
+                check(f"{item.name}[{axis!r}]", component, link, item.unit)
         for axis, component in _by_axis(picture, "tip").items():
-            scalar(cls, f"tip[{axis!r}]", component, link)
+            check(f"tip[{axis!r}]", component, link, places[axis])
         if call(picture, "base") is not None:
             for axis, component in _by_axis(picture, "base").items():
-                scalar(cls, f"base[{axis!r}]", component, parameters | _named(picture.s))
+                check(f"base[{axis!r}]", component, parameters | _named(picture.s), places[axis])
+        known = {"kinetic_energy": (motion, "J"), "potential_energy": (link, "J"), "bond_energy": (link, "J")}
+        known |= {"friction_coefficient": (parameters, "1/s")}
+        known |= {item.name: (parameters, item.unit) for item in cls.calculated_parameters}
+        for name, (symbols, unit) in known.items():
+            check(name, call(picture, name), symbols, unit)
+        check_units(_symbols_with_units(picture), formulas)
         _check_inertia(picture)
+
+
+def _components(picture: Chain, item: Point) -> Mapping[str, ca.SX]:
+    components = call(picture, item.name)
+    if not isinstance(components, Mapping) or not components:
+        raise ComponentError(
+            f"{type(picture).__name__}.{item.name}: return the components, e.g. {{'x': ..., 'z': ...}}"
+        )
+    return components
+
+
+def _symbols_with_units(m: Chain) -> dict[str, tuple[ca.SX, str]]:
+    """All symbols of a chain by name, with the units that they have in its formulas."""
+    unit = {p.name: p.checked_unit for p in m.parameters}
+    places = {f"joint_{axis}": own for axis, own in type(m).joint.unit_of.items()}
+    for name, own in (places | {c.name: c.unit for c in (*m.coordinates, *m.actives)}).items():
+        speed = units.rate(own)
+        unit |= {name: own, f"{name}_dot": speed, f"{name}_ddot": units.rate(speed)}
+    return {name: (symbol, unit[name]) for name, symbol in m.symbols.items()}
 
 
 def _check_inertia(m: Chain) -> None:

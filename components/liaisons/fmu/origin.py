@@ -1,0 +1,48 @@
+"""Who made an FMU, in which version, under which licence, and when.
+
+A component of this package has the author and licence of the package; one of a user's own does not, whoever has
+compiled it.  The date is never that of a clock, so that equal FMUs are equal files.
+"""
+
+from __future__ import annotations
+
+import os
+from datetime import UTC, datetime
+from importlib import metadata
+from xml.sax.saxutils import quoteattr
+
+from liaisons import __date__, __version__
+from liaisons.errors import BuildError
+from liaisons.mechanics.model import Model
+
+_EPOCH = "SOURCE_DATE_EPOCH"
+_BEFORE = b' generationTool="'
+
+
+def origin(model: Model) -> dict[str, str]:
+    """Attributes of the model description, in FMI 2.0 as in FMI 3.0.
+
+    The date is that of the environment variable SOURCE_DATE_EPOCH, else, of a component of this package, that of the
+    package's version.
+
+    :raises BuildError: if SOURCE_DATE_EPOCH is no number of seconds.
+    """
+    ours = f"{model.module}.".startswith("liaisons.models.")
+    about = metadata.metadata("liaisons")
+    date = _date() or (f"{__date__}T00:00:00Z" if ours else "")
+    attributes = {"author": about["Author"], "version": __version__, "license": about["License-Expression"]}
+    return (attributes if ours else {}) | ({"generationDateAndTime": date} if date else {})
+
+
+def signed(description: bytes, model: Model) -> bytes:
+    """A model description with these attributes; the guid, which is a hash of the rest, does not change with them."""
+    attributes = "".join(f" {name}={quoteattr(value)}" for name, value in origin(model).items())
+    return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
+
+
+def _date() -> str:
+    seconds = os.environ.get(_EPOCH, "")
+    try:
+        return datetime.fromtimestamp(int(seconds), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if seconds else ""
+    except (ValueError, OverflowError, OSError) as error:
+        raise BuildError(f"{_EPOCH} = {seconds!r}: set seconds since 1970-01-01, or unset it") from error

@@ -1,0 +1,307 @@
+"""Units through the expressions of a component: like terms in sums, pure numbers in functions, the declared unit.
+
+The units of the symbols are declared; those of everything else follow along CasADi's graph.  The radian is 1, and so is
+a bare number.  Zero, infinity, truth values and what is not known to the rules fit any unit: they are unknown, not
+wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+import casadi as ca
+
+from liaisons import units
+from liaisons.errors import ComponentError
+from liaisons.units import NUMBER, Powers, product, written
+
+_READABLE = 90
+"""So many characters of a term are printed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Declared:
+    """An expression, whose it is, and its unit; None: any unit, as long as it has one."""
+
+    label: str  # "Pendulum.potential_energy"
+    expression: ca.SX
+    unit: str | None
+
+
+def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Declared]) -> None:
+    """Refuse expressions whose units cannot be right; the first of them that is wrong is reported.
+
+    :param symbols: by name the symbols that occur, with their units; those with ``units.ANY`` are unknown.
+    :param declared: scalar expressions, those that others are made of first.
+    :raises ComponentError: with the term, its unit and the one that is expected.
+    """
+    if not declared:
+        return
+    known = {name: None if unit == units.ANY else units.powers(unit) for name, (_, unit) in symbols.items()}
+    column = ca.vertcat(ca.SX(0, 1), *(symbol for symbol, _ in symbols.values()))
+    function = ca.Function("units", [column], [ca.densify(ca.vertcat(*(item.expression for item in declared)))])
+    graph = _Graph()
+    results = graph.read(function, list(known.items()))
+    for item, node in zip(declared, results, strict=True):
+        expected = None if item.unit in (None, units.ANY) else units.powers(item.unit)
+        if graph.wrong or (expected is not None and graph.units[node] not in (None, expected)):
+            graph.report(item.label, node, expected, item.unit)
+
+
+@dataclass(frozen=True, slots=True)
+class _Operation:
+    """How an operation is written, and the unit of its result, if there is one, from those of the operands."""
+
+    name: str
+    unit: Callable[[_Graph, Sequence[int]], Powers | None]
+
+
+class _UnitError(Exception):
+    """What is wrong about the operands of an operation."""
+
+
+@dataclass
+class _Graph:
+    """Nodes in the order of evaluation: operation, operands, and the unit; None: unknown."""
+
+    codes: list[int] = field(default_factory=list)
+    operands: list[tuple[int, ...]] = field(default_factory=list)
+    units: list[Powers | None] = field(default_factory=list)
+    constants: dict[int, float] = field(default_factory=dict)
+    names: dict[int, str] = field(default_factory=dict)
+    wrong: dict[int, str] = field(default_factory=dict)
+
+    def read(self, function: ca.Function, symbols: Sequence[tuple[str, Powers | None]]) -> list[int]:
+        """Read a scalar program of one input; the nodes of its results."""
+        work: dict[int, int] = {}
+        results = [0] * function.numel_out(0)
+        for k in range(function.n_instructions()):
+            code, read, write = (
+                function.instruction_id(k),
+                function.instruction_input(k),
+                function.instruction_output(k),
+            )
+            if code == ca.OP_OUTPUT:
+                results[write[1]] = work[read[0]]
+                continue
+            node = len(self.codes)
+            self.codes.append(code)
+            if code == ca.OP_INPUT:
+                self.operands.append(())
+                self.names[node], unit = symbols[read[1]]
+            elif code == ca.OP_CONST:
+                self.operands.append(())
+                value = self.constants[node] = function.instruction_constant(k)
+                unit = None if value == 0 or math.isinf(value) else NUMBER
+                if math.isnan(value):
+                    self.wrong[node] = "nan is in it: float() and Python's math know no symbols; use ca.sin and so on"
+            else:
+                operands = tuple(work[slot] for slot in read)
+                self.operands.append(operands)
+                unit = self._unit(node, code, operands)
+            self.units.append(unit)
+            work[write[0]] = node
+        return results
+
+    def _unit(self, node: int, code: int, operands: Sequence[int]) -> Powers | None:
+        operation = _OPERATIONS.get(code)
+        if operation is None:
+            return None
+        try:
+            return operation.unit(self, operands)
+        except _UnitError as error:
+            self.wrong[node] = str(error) or self._unlike(node)
+            return None
+
+    # ---- what to say ------------------------------------------------------------------------------------------
+
+    def report(self, label: str, result: int, expected: Powers | None, unit: str | None) -> None:
+        """Raise what is wrong about a result, if anything is."""
+        for node in self._below(result):
+            if node in self.wrong:
+                raise ComponentError(f"{label}: {self.wrong[node]}")
+        if expected is None or self.units[result] in (None, expected):
+            return
+        terms = list(self._terms(result))
+        term = next(term for term in terms if self.units[term] not in (None, expected))
+        found = self.units[term] or NUMBER
+        missing = product([(expected, 1), (found, -1)])
+        what = "" if len(terms) == 1 else "the term "
+        raise ComponentError(
+            f"{label}: {what}{self.text(term)} is {_called(found)} where {unit} is expected: "
+            f"a factor of {written(missing)} is missing{self._bare(term)}"
+        )
+
+    def _unlike(self, node: int) -> str:
+        """Of the terms of a sum two that do not fit each other."""
+        terms = [term for term in self._terms(node) if self.units[term] is not None]
+        first = terms[0]
+        other = next((term for term in terms if self.units[term] != self.units[first]), terms[-1])
+        one, two = (f"{self.text(term)} is {_called(self.units[term])}" for term in (first, other))
+        return f"in {self.text(node)}, {one} but {two}; they must have one unit{self._bare(node)}"
+
+    def _bare(self, node: int) -> str:
+        """A hint where a number stands in the place of a quantity."""
+        numbers = [self.constants[n] for n in self._below(node) if n in self.constants]
+        odd = [n for n in numbers if n != 0 and not ((2 * n).is_integer() or (1 / n).is_integer())]
+        return f"; {odd[0]:g} counts as a pure number, a Parameter has a unit" if odd else ""
+
+    def _terms(self, node: int) -> Iterator[int]:
+        """The terms of a sum, operands of a comparison or the like; anything else is its own and only term."""
+        if self.codes[node] in _SUMS:
+            for operand in self.operands[node]:
+                yield from self._terms(operand)
+        elif self.codes[node] in _ALIKE:
+            yield from self.operands[node]
+        else:
+            yield node
+
+    def _below(self, node: int) -> Iterator[int]:
+        """A node and all that it is made of, each once, what is evaluated first being first."""
+        seen, waiting = {node}, [node]
+        while waiting:
+            for operand in self.operands[waiting.pop()]:
+                if operand not in seen:
+                    seen.add(operand)
+                    waiting.append(operand)
+        return iter(sorted(seen))
+
+    def text(self, node: int) -> str:
+        """An expression as one writes it, cut where it is long."""
+        text, _ = self._text(node, 8)
+        return text if len(text) <= _READABLE else f"{text[: _READABLE - 4].rstrip()} ..."
+
+    def _text(self, node: int, depth: int) -> tuple[str, int]:
+        """Text and precedence, as in :data:`_WRITTEN`."""
+        if node in self.names:
+            return self.names[node], 3
+        if node in self.constants:
+            return f"{self.constants[node]:g}", 3 if self.constants[node] >= 0 else 0
+        if depth == 0:
+            return "(...)", 3
+        code = self.codes[node]
+        parts = [self._text(operand, depth - 1) for operand in self.operands[node]]
+        if code not in _WRITTEN:
+            name = _OPERATIONS[code].name if code in _OPERATIONS else "call"
+            return f"{name}({', '.join(text for text, _ in parts)})", 3
+        pattern, wanted, precedence = _WRITTEN[code]
+        texts = (text if own >= least else f"({text})" for (text, own), least in zip(parts, wanted, strict=True))
+        return pattern.format(*texts), precedence
+
+
+def _called(unit: Powers | None) -> str:
+    return "a pure number" if unit == NUMBER else written(unit or NUMBER)
+
+
+# ---- the rules ---------------------------------------------------------------------------------------------------
+
+
+def _alike(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+    """The unit that both operands have."""
+    left, right = (graph.units[operand] for operand in operands)
+    if left is not None and right is not None and left != right:
+        raise _UnitError
+    return right if left is None else left
+
+
+def _number(_graph: _Graph, _operands: Sequence[int]) -> Powers:
+    return NUMBER
+
+
+def _ratio(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+    _alike(graph, operands)
+    return NUMBER
+
+
+def _compared(graph: _Graph, operands: Sequence[int]) -> None:
+    _alike(graph, operands)
+
+
+def _pure(name: str) -> Callable[[_Graph, Sequence[int]], Powers | None]:
+    def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+        taken = graph.units[operands[0]]
+        if taken is not None and taken != NUMBER:
+            text, found = graph.text(operands[0]), written(taken)
+            raise _UnitError(f"{name}({text}) takes a pure number or an angle, but {text} is {found}")
+        return NUMBER
+
+    return unit
+
+
+def _raised(exponent: int | Fraction) -> Callable[[_Graph, Sequence[int]], Powers | None]:
+    def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+        base = graph.units[operands[0]]
+        return base if base is None or base is NUMBER else product([(base, exponent)])
+
+    return unit
+
+
+def _power(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+    base, exponent = operands
+    if exponent in graph.constants:
+        return _raised(_rational(graph.constants[exponent]))(graph, [base])
+    for operand, what in ((exponent, "an exponent"), (base, "under an exponent that is not constant the base")):
+        if graph.units[operand] not in (None, NUMBER):
+            text, found = graph.text(operand), written(graph.units[operand] or NUMBER)
+            raise _UnitError(f"{what} must be a pure number, but {text} is {found}")
+    return NUMBER
+
+
+def _rational(value: float) -> int | Fraction:
+    return int(value) if value.is_integer() else Fraction(value).limit_denominator(1000)
+
+
+def _product(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+    left, right = (graph.units[operand] for operand in operands)
+    return None if left is None or right is None else tuple(a + b for a, b in zip(left, right, strict=True))
+
+
+def _quotient(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+    left, right = (graph.units[operand] for operand in operands)
+    return None if left is None or right is None else tuple(a - b for a, b in zip(left, right, strict=True))
+
+
+def _of(place: int) -> Callable[[_Graph, Sequence[int]], Powers | None]:
+    return lambda graph, operands: graph.units[operands[place]]
+
+
+def _rules() -> Iterable[tuple[str, str, Callable[[_Graph, Sequence[int]], Powers | None]]]:
+    yield from (("ADD", "+", _alike), ("SUB", "-", _alike), ("FMIN", "fmin", _alike), ("FMAX", "fmax", _alike))
+    yield from (("FMOD", "fmod", _alike), ("REMAINDER", "remainder", _alike), ("HYPOT", "hypot", _alike))
+    yield from (("LT", "<", _compared), ("LE", "<=", _compared), ("EQ", "==", _compared), ("NE", "!=", _compared))
+    yield from (("ATAN2", "atan2", _ratio), ("MUL", "*", _product), ("DIV", "/", _quotient))
+    yield from (("INV", "1/", _raised(-1)), ("SQ", "^2", _raised(2)), ("SQRT", "sqrt", _raised(Fraction(1, 2))))
+    yield from (("POW", "^", _power), ("CONSTPOW", "^", _power), ("SIGN", "sign", _number))
+    yield from (("IF_ELSE_ZERO", "if_else", _of(1)), ("COPYSIGN", "copysign", _of(0)))
+    for same in ("ASSIGN", "NEG", "TWICE", "FABS", "FLOOR", "CEIL"):
+        yield same, same.lower(), _of(0)
+    for name in ("exp", "log", "log1p", "expm1", "erf", "erfinv", "sin", "cos", "tan", "asin", "acos", "atan"):
+        yield name.upper(), name, _pure(name)
+    for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"):
+        yield name.upper(), name, _pure(name)
+
+
+_OPERATIONS = {getattr(ca, f"OP_{code}"): _Operation(name, unit) for code, name, unit in _rules()}
+_WRITTEN: dict[int, tuple[str, tuple[int, ...], int]] = {
+    ca.OP_ADD: ("{} + {}", (0, 0), 0),
+    ca.OP_SUB: ("{} - {}", (0, 1), 0),
+    ca.OP_NEG: ("-{}", (1,), 0),
+    ca.OP_TWICE: ("2*{}", (1,), 1),
+    ca.OP_MUL: ("{}*{}", (1, 1), 1),
+    ca.OP_DIV: ("{}/{}", (1, 2), 1),
+    ca.OP_INV: ("1/{}", (2,), 1),
+    ca.OP_SQ: ("{}^2", (3,), 2),
+    ca.OP_POW: ("{}^{}", (3, 3), 2),
+    ca.OP_CONSTPOW: ("{}^{}", (3, 3), 2),
+    ca.OP_LT: ("({} < {})", (0, 0), 3),
+    ca.OP_LE: ("({} <= {})", (0, 0), 3),
+    ca.OP_EQ: ("({} == {})", (0, 0), 3),
+    ca.OP_NE: ("({} != {})", (0, 0), 3),
+}
+"""How operations are written that are no calls: the operands, their least precedence, and the precedence of the whole:
+0 sum, 1 product, 2 power, 3 what needs no brackets."""
+_SUMS = frozenset({ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE})
+_ALIKE = frozenset(code for code, operation in _OPERATIONS.items() if operation.unit in (_alike, _ratio, _compared))

@@ -1,0 +1,67 @@
+"""What becomes of a case, and which failures are worth another try."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+from liaisons.cosim.messages import FATAL
+from liaisons.cosim.refusal import RefusedError, StatusError
+from liaisons.errors import LiaisonsError
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why nothing was kept of a case.
+
+    :param reason: one line.
+    :param refused: by the model itself, which would do it again; else by the machine, or a function of the user.
+    """
+
+    reason: str
+    refused: bool
+
+
+Outcome: TypeAlias = tuple[float, ...] | Failure
+"""What was kept of a case, or why it failed."""
+
+
+LIVES = 2
+"""So many processes may die over one case before it is given up, until the next start."""
+
+
+def died(code: int | None) -> Failure:
+    """Of a case over which as many processes have died as may.
+
+    :param code: how the last one ended.
+    """
+    return Failure(f"the process that simulated it died, {LIVES} times (exit code {code})", refused=False)
+
+
+def too_long(time_limit: float) -> Failure:
+    """Of a case whose process was ended for that.
+
+    :param time_limit: [s].
+    """
+    return Failure(f"took longer than the time limit of {time_limit:g} s", refused=False)
+
+
+def failure(error: Exception) -> Failure:
+    """A refusal is what an FMU says by Discard or Error, or an iteration that does not converge; nothing else is.
+
+    Fatal is not: an FMU that is beyond repair may have run out of memory.
+    """
+    words = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
+    return Failure(" ".join(words.split()), any(map(_is_refusal, _causes(error))))
+
+
+def _is_refusal(error: BaseException) -> bool:
+    return isinstance(error, RefusedError) or (isinstance(error, StatusError) and error.status < FATAL)
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__

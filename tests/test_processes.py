@@ -1,0 +1,47 @@
+"""Processes end with the one that started them."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import sys
+
+import pytest
+
+_CHILD = """
+import ctypes, sys
+from liaisons import processes
+if "watched" in sys.argv:
+    processes._killed_by_kernel = lambda: False
+processes.die_with_parent(int(sys.argv[1]))
+sys.stdout.write("ready")
+sys.stdout.flush()
+while True:
+    ctypes.CDLL(None).sleep(1000)  # foreign code that does not return
+"""
+_PARENT = """
+import os, subprocess, sys
+subprocess.run([sys.executable, "-c", sys.argv[1], str(os.getpid()), *sys.argv[2:]])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("way", ["by the kernel", "watched"])
+def test_process_ends_with_its_killed_parent(way: str) -> None:
+    read, write = os.pipe()  # the child holds its end until it is gone
+    with subprocess.Popen([sys.executable, "-c", _PARENT, _CHILD, way], stdout=write) as parent:
+        os.close(write)
+        said = os.read(read, 100)
+        parent.kill()
+    assert said == b"ready"
+    assert select.select([read], [], [], 30.0)[0], "the child lives on"
+    assert os.read(read, 100) == b""
+    os.close(read)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_process_whose_parent_has_ended_before_ends_at_once() -> None:
+    command = [sys.executable, "-c", _CHILD, "1" if os.getpid() != 1 else "2"]
+    done = subprocess.run(command, capture_output=True, timeout=30.0, check=False)
+    assert (done.returncode, done.stdout) == (1, b"")
