@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.errors import ValidityError, suggestion
+from liaisons.errors import ComponentError, ValidityError, suggestion
 from liaisons.mechanics import variables
 from liaisons.mechanics.chains import Chain
 from liaisons.mechanics.component import Component
@@ -106,15 +106,16 @@ class ClosedForm(Generic[R]):
         assert self._owner is not None  # it is an attribute of a component
         label = f"{self._owner.__name__}.{self.__name__}"
         own = {name: given.pop(name) for name in [*given] if name in self._signature.parameters}
-        at = Values(label, _settable(self._owner, own, given), given)
+        at = Values(label, _settable(self._owner, given), given)
         named = {"at": at} if "at" in self._signature.parameters else {}
-        bound = self._signature.bind(*arguments, **own, **named).arguments
+        call = self._signature.bind(*arguments, **own, **named)
+        call.apply_defaults()
+        bound = call.arguments
         if "t" in bound:
             bound["t"] = np.asarray(bound["t"], dtype=float)
         for name, condition in self._conditions.items():
-            relation, _, bound_name = condition.partition(" ")
-            value = bound[name] if name in bound else getattr(at, name)
-            limit = float(bound_name) if _is_number(bound_name) else getattr(at, bound_name)
+            relation, _, bounding = condition.partition(" ")
+            value, limit = (_value(word, bound, at) for word in (name, bounding))
             if not np.all(_RELATIONS[relation](value, limit)):
                 shown = np.min(value) if np.ndim(value) else value
                 raise ValidityError(f"{label}: {name} = {shown} must be {condition}; it is {self._text}")
@@ -143,8 +144,8 @@ def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], Cl
     return lambda function: ClosedForm(function, text, conditions)
 
 
-def _settable(owner: type[Component], own: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Variable]:
-    """Parameters, start values and inputs, as declared; arrays of a chain as long as what is given."""
+def _settable(owner: type[Component], given: dict[str, Any]) -> dict[str, Variable]:
+    """Parameters, start values and inputs, as declared; of a chain as long as n, which is taken out, or an array."""
     found = variables.declared_parameters(owner)
     if issubclass(owner, Mechanism):
         found = [*variables.parameters(owner)]
@@ -152,8 +153,10 @@ def _settable(owner: type[Component], own: Mapping[str, Any], given: Mapping[str
         found += [v for q in owner.coordinates for v in variables.forces_on(q)]
     elif issubclass(owner, Chain):
         arrays = (len(value) for value in given.values() if np.ndim(value) == 1)
-        n = own.get("n", given.get("n", next(arrays, owner.n.default)))
-        size = owner.n.checked(owner.__name__, n)
+        try:
+            size = owner.n.checked(owner.__name__, given.pop("n", next(arrays, owner.n.default)))
+        except ComponentError as error:
+            raise ValidityError(str(error)) from None
         dimension = Dimension("n", size, owner.n.description)
         found += [v for s in owner.actives for v in variables.triple(s)]
         for q in owner.coordinates:
@@ -166,9 +169,9 @@ def _start(variable: Variable) -> Any:
     return variable.starts[0] if variable.dimension is None else np.array(variable.starts)
 
 
-def _is_number(text: str) -> bool:
+def _value(word: str, bound: Mapping[str, Any], at: Values) -> Any:
+    """What a word of a condition stands for: a number, an argument of the function, or a variable."""
     try:
-        float(text)
+        return float(word)
     except ValueError:
-        return False
-    return True
+        return bound[word] if word in bound else getattr(at, word)
