@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from liaisons.check import Verdict, compare, max_error, slope, table, verdict
-    from liaisons.cosim import Result, System, simulate
+    from liaisons.cosim import Result
     from liaisons.ensembles import ensemble
     from liaisons.errors import LiaisonsError
     from liaisons.flattening import flatten
-    from liaisons.fmu import build
-    from liaisons.library import fmu_path
+    from liaisons.interface import System, simulate, sweep
+    from liaisons.library import build, fmu_path
     from liaisons.mechanics import (
         ActiveCoordinate,
         Chain,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         unchecked,
     )
     from liaisons.scenario import run_scenario
-    from liaisons.sweeps import grid, sample, sweep
+    from liaisons.sweeps import grid, sample
 
 __version__ = "0.1.0"
 __date__ = "2026-11-22"  # of this version
@@ -92,13 +92,13 @@ __all__ = [
 
 _HOME = {
     "LiaisonsError": "errors",
-    "build": "fmu",
     "ensemble": "ensembles",
     "flatten": "flattening",
-    "fmu_path": "library",
+    "Result": "cosim",
     "run_scenario": "scenario",
-    **dict.fromkeys(("Result", "System", "simulate"), "cosim"),
-    **dict.fromkeys(("grid", "sample", "sweep"), "sweeps"),
+    **dict.fromkeys(("System", "simulate", "sweep"), "interface"),
+    **dict.fromkeys(("build", "fmu_path"), "library"),
+    **dict.fromkeys(("grid", "sample"), "sweeps"),
     **dict.fromkeys(("Verdict", "compare", "max_error", "slope", "table", "verdict"), "check"),
 }
 

@@ -30,14 +30,14 @@ class ValidityError(LiaisonsError, ValueError):
     """A closed form or a measure was asked for a case that it does not cover."""
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
+def suggestion(name: object, known: Iterable[str]) -> str:
     """``", did you mean 'x'?"`` for the closest of the known names, else the list of them.
 
     :param name: what was asked for.
     :param known: what there is.
     """
     known = sorted(known)
-    near = difflib.get_close_matches(name, known, n=1)
+    near = difflib.get_close_matches(str(name), known, n=1)
     if near:
         return f"; did you mean {near[0]!r}?"
     return f"; known: {', '.join(known)}" if known else "; there are none"

@@ -15,12 +15,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from liaisons.arguments import shown
+from liaisons.cosim import System
 from liaisons.errors import SimulationError
 from liaisons.library import catalogue, model
 from liaisons.project import fmus_directory
 
 if TYPE_CHECKING:
-    from liaisons.cosim import System
     from liaisons.cosim.component import Component as Part
     from liaisons.mechanics import Component, Model
 
@@ -51,6 +52,10 @@ def flatten(
     from liaisons.fmu import build
     from liaisons.mechanics.composition import compose
 
+    if not isinstance(system, System):
+        raise SimulationError(f"{shown(system)} is no system; give a System")
+    if not system.components:
+        raise SimulationError(f"{system.name} is empty; add() an FMU first")
     known = catalogue() | dict(components or {})
     models = {name: _model(part, known) for name, part in system.components.items()}
     starts = {
@@ -64,7 +69,7 @@ def flatten(
         {str(link.target): str(link.source) for link in system.links},
         starts=starts,
     )
-    return build(whole, output or fmus_directory() / "flat", backend=backend, **options)
+    return build(whole, fmus_directory() / "flat" if output is None else output, backend=backend, **options)
 
 
 def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
+import os
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
+from weakref import WeakKeyDictionary
 
-from liaisons.errors import suggestion
+from liaisons.arguments import as_path, shown, whole
+from liaisons.errors import BuildError, suggestion
 from liaisons.project import ProjectError, fmus_directory, load_module
 
 if TYPE_CHECKING:
@@ -14,9 +19,16 @@ if TYPE_CHECKING:
     from liaisons.mechanics import Component, Model
 
 Backend = Literal["auto", "native", "python"]
+Target: TypeAlias = "str | Path | type[Component]"
+"""A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class.
+Where FMUs are taken, also the path of one."""
 
-_built: dict[tuple[type[Component], Backend, Path], tuple[Path, tuple[int, ...]]] = {}
+_built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
 """FMUs that this process has seen to be up to date, and the files that these were."""
+_files: WeakKeyDictionary[type[Component], Path] = WeakKeyDictionary()
+"""The files that components were loaded from."""
+_owners: dict[tuple[Path, str], str] = {}
+"""Folder and name of an FMU -> where the component comes from that this process has built there."""
 
 
 def catalogue() -> dict[str, type[Component]]:
@@ -26,13 +38,19 @@ def catalogue() -> dict[str, type[Component]]:
     return {component.__name__: component for component in CATALOGUE}
 
 
-def components(target: str) -> list[type[Component]]:
-    """What a name on the command line stands for.
+def components(target: Target) -> list[type[Component]]:
+    """The components that a word on the command line or an argument stands for.
 
     :param target: a component of the catalogue (``Pendulum``), a Python file with components (``my_component.py``)
-        or one component of such a file (``my_component.py:Name``).
-    :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it.
+        or one component of such a file (``my_component.py:Name``); a class stands for itself.
+    :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
+        else.
     """
+    if isinstance(target, type):
+        return [_buildable(target)]
+    if not isinstance(target, (str, os.PathLike)):
+        raise ProjectError(f"{shown(target)} is no component; give its name ('Pendulum'), its file or its class")
+    target = str(target)
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
         known = catalogue()
@@ -41,11 +59,24 @@ def components(target: str) -> list[type[Component]]:
         return [known[target]]
     path = Path(f"{file}.py" if separator else target)
     found = _defined_in(load_module(path))
+    _files.update(dict.fromkeys(found.values(), path.resolve()))
     if not found:
         raise ProjectError(f"{path} defines no component; derive a class from liaisons.Mechanism or liaisons.Operator")
     if separator and name not in found:
         raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, found)}")
     return [found[name]] if separator else list(found.values())
+
+
+def component(target: Target) -> type[Component]:
+    """The one component that a name, file or class stands for.
+
+    :raises ProjectError: as :func:`components` does, or if a file has several.
+    """
+    found = components(target)
+    if len(found) > 1:
+        choices = ", ".join(f"{target}:{component.__name__}" for component in found)
+        raise ProjectError(f"{target} defines several components; name one: {choices}")
+    return found[0]
 
 
 def model(component: type[Component], **sizes: object) -> Model:
@@ -62,31 +93,95 @@ def model(component: type[Component], **sizes: object) -> Model:
     if not issubclass(component, Chain) or set(sizes) != {"n"}:
         given = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
         raise ProjectError(f"{component.__name__}: {given}: only chains have a size, and it is called n")
+    whole(f"{component.__name__}: n", sizes["n"], ProjectError)
     return component.model(sizes["n"])
 
 
-def fmu_path(target: str, backend: Backend = "auto", **sizes: object) -> Path:
+def build(
+    target: Target | Model,
+    output: Path | str | None = None,
+    *,
+    backend: Backend = "auto",
+    platforms: Literal["host", "all"] = "host",
+    fmi: Literal["2", "3"] = "2",
+) -> Path:
+    """Build the FMU of a component; one that is there already and up to date is left as it is.
+
+    :param target: name, file or class of a component, or a model (``PendulumChain.model(20)``).
+    :param output: folder, ``fmus/`` unless given; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of
+        the Python back end ``python/NAME.fmu``.
+    :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
+    :param platforms: binaries for this machine, or for Linux, Windows and macOS (native back end, needs ziglang).
+    :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
+    :returns: path of the FMU.
+    :raises ProjectError: if the target names no component or several, or one whose FMU would take the place of
+        another component's, as in :func:`claim`.
+    :raises ComponentError: if it cannot be derived.
+    :raises BuildError: if it cannot be compiled or written; then nothing is written.
+    """
+    from liaisons import fmu
+    from liaisons.mechanics import Model
+
+    folder = fmus_directory() if output is None else as_path("output", output, BuildError)
+    if isinstance(target, Model):
+        found, like = target, catalogue().get(target.name)
+        if like is not None and inspect.getdoc(like) != found.documentation:  # a model does not know its class
+            _keep_catalogue(found.name, f"the model {found.name}", folder.resolve())
+    else:
+        chosen = component(target)
+        claim(chosen, folder)
+        found = chosen.model()
+    return fmu.build(found, folder, backend=backend, platforms=platforms, fmi=fmi)
+
+
+def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
     """The FMU of one component, built before the path is returned if it is missing or out of date.
 
-    :param target: a name of the catalogue, or a file as in :func:`components` with one component in it.
+    :param target: name, file or class of a component.
     :param backend: ``"native"``, ``"python"``, or ``"auto"``: native where a C compiler is found.
     :param sizes: structural sizes, for example ``n=100``; such FMUs go to a folder of their own, ``fmus/n=100/``.
-    :raises ProjectError: if the target names no component or several, or the component has no such size.
+    :raises ProjectError: as :func:`build` does, or if the component has no such size.
     :raises BuildError: if the FMU cannot be built.
     """
     from liaisons.fmu import build
 
-    found = components(target)
-    if len(found) > 1:
-        choices = ", ".join(f"{target}:{component.__name__}" for component in found)
-        raise ProjectError(f"{target} defines several components; name one: {choices}")
+    found = component(target)
+    sized = model(found, **sizes) if sizes else None
     folder = fmus_directory() / "-".join(f"{name}={size}" for name, size in sizes.items())
-    key = (found[0], backend, folder)
+    key = (found, str(backend), folder)
     path, seen = _built.get(key, (None, None))
     if path is None or seen != _identity(path):
-        path = build(model(found[0], **sizes), folder, backend=backend)
+        claim(found, folder)
+        path = build(sized or found.model(), folder, backend=backend)
         _built[key] = (path, _identity(path))
     return path
+
+
+def claim(component: type[Component], folder: Path | str) -> None:
+    """Note that the FMU of a component goes to a folder, so that no other component's FMU takes its place.
+
+    In ``fmus/`` the names of the catalogue belong to the catalogue; in any folder, a process builds one component of a
+    name.  One that was edited, or defined once more in a notebook, is still the same.
+
+    :raises ProjectError: if the place is another component's.
+    """
+    name, folder = component.__name__, Path(folder).resolve()
+    file = _files.get(component) or getattr(sys.modules.get(component.__module__), "__file__", None)
+    origin = f"{file or component.__module__}:{component.__qualname__}"
+    if catalogue().get(name, component) is not component:
+        _keep_catalogue(name, origin, folder)
+    owner = _owners.setdefault((folder, name), origin)
+    if owner != origin:
+        raise ProjectError(_taken(name, origin, folder, owner))
+
+
+def _keep_catalogue(name: str, origin: str, folder: Path) -> None:
+    if folder.is_relative_to(fmus_directory().resolve()):
+        raise ProjectError(_taken(name, origin, folder, "the catalogue's component of this name"))
+
+
+def _taken(name: str, origin: str, folder: Path, owner: str) -> str:
+    return f"{origin}: {folder / name}.fmu is the FMU of {owner}; rename the class, or build it into another folder"
 
 
 def _identity(path: Path) -> tuple[int, ...]:
@@ -97,12 +192,37 @@ def _identity(path: Path) -> tuple[int, ...]:
     return status.st_mtime_ns, status.st_size, status.st_ino
 
 
-def fmu_file(target: str) -> Path:
-    """The FMU that a word on the command line stands for: an FMU file, else a component as in :func:`fmu_path`."""
+def fmu_file(target: Target) -> Path:
+    """The FMU that an argument stands for: an FMU file, else that of a component, built if need be.
+
+    :raises ProjectError: if there is no such file or component; else as :func:`fmu_path` does.
+    """
+    if isinstance(target, type):
+        return fmu_path(target)
+    if not isinstance(target, (str, os.PathLike)):
+        raise ProjectError(
+            f"{shown(target)} is no FMU and no component; give the path of an FMU, or the name ('Pendulum'), file or "
+            "class of a component"
+        )
     path = Path(target)
+    if path.suffix == ".ssp":
+        raise ProjectError(f"{path} is the archive of a whole system; read it with System.from_ssp({str(path)!r})")
     if path.suffix == ".fmu" or (path.is_file() and path.suffix != ".py"):
         return path
+    if path.suffix != ".py" and ".py:" not in path.name and str(target) not in catalogue():
+        raise ProjectError(f"{str(target)!r} is no file and no component{suggestion(str(target), catalogue())}")
     return fmu_path(target)
+
+
+def _buildable(value: type) -> type[Component]:
+    from liaisons.mechanics import Component
+
+    if not issubclass(value, Component) or value.is_abstract:
+        what = "is abstract" if issubclass(value, Component) else "is no component"
+        raise ProjectError(
+            f"the class {value.__name__} {what}; derive one from liaisons.Mechanism or liaisons.Operator"
+        )
+    return value
 
 
 def _defined_in(module: ModuleType) -> dict[str, type[Component]]:

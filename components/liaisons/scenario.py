@@ -23,6 +23,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from liaisons.arguments import shown
 from liaisons.check import Verdict, table
 from liaisons.errors import suggestion
 from liaisons.project import ProjectError, load_module, scenarios_directory
@@ -118,6 +119,8 @@ def run_scenario(main: Main) -> int:
 
     :returns: 0 if every claim holds, else 1.
     """
+    if not inspect.isfunction(main):
+        raise ProjectError(f"run_scenario: {shown(main)} is no function; give main(figure: Path) -> list[Verdict]")
     path = Path(inspect.getfile(main))
     outcome = execute(_scenario(main, path, inspect.getdoc(inspect.getmodule(main))), debug=True)
     print(report([outcome]))

@@ -109,6 +109,23 @@ def test_a_scenario_runs_as_a_script_too(tmp_path: Path, error: str, status: int
     assert (tmp_path / "figures" / "arithmetic.png").is_file()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell")
+def test_a_job_in_the_background_of_a_shell_is_not_interrupted(tmp_path: Path) -> None:
+    """The shell has it ignore interrupts, which are for what runs in the foreground."""
+    path = write(tmp_path / "arithmetic.py", "0")
+    path.write_text(path.read_text() + "\nimport signal\nsignal.raise_signal(signal.SIGINT)\n")
+    command = "from liaisons.cli import main; raise SystemExit(main())"
+    ignoring = ["sh", "-c", 'trap "" INT; exec "$@"', "sh"]
+    done = subprocess.run(
+        [*ignoring, sys.executable, "-c", command, "run", path.name],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
     path = tmp_path / "slow.py"

@@ -5,9 +5,12 @@ from __future__ import annotations
 import dataclasses
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from matplotlib.figure import Figure
 
 from liaisons.cosim import Result
 from liaisons.errors import SimulationError
@@ -134,24 +137,100 @@ def test_csv_of_another_kind_is_refused(tmp_path: Path, text: str) -> None:
         Result.from_csv(path)
 
 
+def _drawn(figure: Figure) -> list[list[str]]:
+    """Names in the legends, diagram by diagram."""
+    legends = [axes.get_legend() for axes in figure.axes]
+    return [[text.get_text() for text in legend.get_texts()] if legend else [] for legend in legends]
+
+
 def test_plot_has_one_diagram_a_unit(result: Result, tmp_path: Path) -> None:
     path = tmp_path / "swing.svg"
     figure = result.plot(path=path)
-    assert [axes.get_ylabel() for axes in figure.axes] == [
-        "[rad]",
-        "swing.theta_dot [rad/s]",
-        "arm.x[1,2] [m]",
-        "plain",
-    ]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["[rad]", "[m]", "", "[rad/s]"]
+    assert _drawn(figure) == [["swing.theta", "swing.phi"], ["arm.x[1,2]"], ["plain"], ["swing.theta_dot"]]
     assert figure.axes[-1].get_xlabel() == "time [s]"
     np.testing.assert_array_equal(figure.axes[0].lines[1].get_ydata(), result["swing.phi"])
     assert path.read_text().startswith("<?xml")
 
 
-def test_plot_draws_what_is_named(result: Result, tmp_path: Path) -> None:
-    figure = result.plot("plain", "swing.phi", path=tmp_path / "two.png")
-    assert [axes.get_ylabel() for axes in figure.axes] == ["plain", "swing.phi [rad]"]
+@pytest.mark.parametrize("names", [("plain", "swing.phi"), (["plain", "swing.phi"],), (["plain"], "swing.phi")])
+def test_plot_draws_what_is_named(result: Result, tmp_path: Path, names: Any) -> None:
+    figure = result.plot(*names, path=tmp_path / "two.png")
+    assert _drawn(figure) == [["plain"], ["swing.phi"]]
     with pytest.raises(SimulationError, match="no signal 'plan'"):
         result.plot("plan")
-    with pytest.raises(SimulationError, match=r"two\.csv: .*'csv' is not supported"):
-        result.plot(path=tmp_path / "two.csv")
+    assert [item.name for item in tmp_path.iterdir()] == ["two.png"]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "fmu"])
+def test_plot_to_a_file_of_unknown_kind(result: Result, tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(SimulationError, match=rf"two\.{suffix}: .*'{suffix}' is not supported"):
+        result.plot(path=tmp_path / f"two.{suffix}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_legends_stand_beside_the_curves(result: Result, tmp_path: Path) -> None:
+    figure = result.plot(path=tmp_path / "swing.png")
+    width, height = figure.get_size_inches() * figure.dpi
+    assert width == 1000
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        assert legend is not None
+        box = legend.get_window_extent()
+        assert axes.get_window_extent().x1 <= box.x0
+        assert box.x1 <= width
+        assert box.y1 <= height
+
+
+def test_plot_draws_what_matters(tmp_path: Path) -> None:
+    """A pendulum with all its variables: what stays 0, copies and what nobody asked for are left out."""
+    t = np.linspace(0, 10, 201)
+    wave = np.sin(3 * t)
+    signals = {
+        "q": (0.1 * wave, "rad"), "q_dot": (0.3 * np.cos(3 * t), "rad/s"), "q_ddot": (-0.9 * wave, "rad/s2"),
+        "p_q": (0.3 * np.cos(3 * t), "kg.m2/s"), "q_force": (0 * t, "N.m"), "q_load": (0 * t, "N.m"),
+        "s": (1 + 0.1 * wave, "m"), "s_force": (-9.8 - wave, "N"), "s_power": (wave, "W"),
+        "again": (1 + 0.1 * wave, "m"),
+        "kinetic_energy": (2 * wave**2, "J"), "potential_energy": (-540 - wave**2, "J"), "dissipated": (1e-5 * t, "J"),
+        "balance": (1e-13 * wave, "J"), "level": (np.full_like(t, 0.9), "m"), "temperature": (293 + wave, "K"),
+        "lost": (np.full_like(t, np.nan), "Pa"), "stays": (np.full_like(t, 5.0), "kg"),
+    }  # fmt: skip
+    values = np.array([values for values, _ in signals.values()])
+    full = Result("all", t, tuple(signals), values, {name: unit for name, (_, unit) in signals.items()})
+    drawn = _drawn(full.plot(path=tmp_path / "all.png"))
+    assert drawn == [["q"], ["q_dot"], ["s", "level"], ["kinetic_energy"], ["temperature"], ["s_force"]]
+    asked = ["stays", "balance", "q_load", "p_q", "lost", "q_ddot", "q_dot", "q"]  # more than six, zeros among them
+    assert _drawn(full.plot(asked, path=tmp_path / "asked.png")) == [[name] for name in asked]
+
+
+def test_plot_of_what_does_not_move(tmp_path: Path) -> None:
+    time = np.arange(3.0)
+    still = Result("still", time, ("y", "zero"), np.array([[2.0] * 3, [0.0] * 3]), {"y": "m", "zero": "m"})
+    assert _drawn(still.plot(path=tmp_path / "still.png")) == [["y"]]
+    zero = Result("zero", time, ("zero",), np.zeros((1, 3)), {"zero": "m"})
+    assert _drawn(zero.plot(path=tmp_path / "zero.png")) == [["zero"]]
+    empty = Result("empty", time, (), np.empty((0, 3)), {})
+    assert _drawn(empty.plot(path=tmp_path / "empty.png")) == [[]]
+
+
+def test_a_figure_is_seen_once(result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By pyplot's window, or as what a cell of a notebook returns: that shows what pyplot knows, too."""
+    monkeypatch.setattr("matplotlib.get_backend", lambda: "module://matplotlib_inline.backend_inline")
+    result.plot()
+    assert pyplot.get_fignums() == []
+    monkeypatch.setattr("matplotlib.get_backend", lambda: "agg")
+    figure = result.plot()
+    assert [pyplot.figure(number) for number in pyplot.get_fignums()] == [figure]
+    pyplot.close("all")
+
+
+def test_a_result_is_a_container_of_names() -> None:
+    names = ("theta[1]", "theta[2]", "energy")
+    result = Result("chain", np.arange(2.0), names, np.arange(6.0).reshape(3, 2), dict.fromkeys(names, "rad"))
+    assert list(result) == list(result.keys()) == ["theta", "energy"]
+    assert len(result) == 2
+    assert "theta" in result
+    assert "theta[2]" in result
+    assert "phi" not in result
+    assert 0 not in result
+    assert {name: values.shape for name, values in dict(result).items()} == {"theta": (2, 2), "energy": (2,)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons.cosim import IncompleteError, simulate
+from liaisons.cosim import IncompleteError, Interrupted, simulate
 from liaisons.errors import SimulationError
 
 FmuPaths = Callable[[str], Path]
@@ -106,3 +107,25 @@ def test_function_that_fails_on_the_way_keeps_what_there_is(
     with pytest.raises(IncompleteError, match=words) as caught:
         simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": function})
     np.testing.assert_array_equal(caught.value.result.time, [0.0, 0.25])
+
+
+def test_interrupt_keeps_what_there_is(fmu: FmuPaths) -> None:
+    def pressed(t: float) -> float:
+        if t == 0.5:
+            signal.raise_signal(signal.SIGINT)
+        return t
+
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
+    try:
+        with pytest.raises(KeyboardInterrupt, match=r"interrupted at t = 0\.\d+ of 1 s; \.result of this") as caught:
+            simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": pressed})
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    assert isinstance(caught.value, Interrupted)
+    kept = caught.value.result
+    assert 0.25 <= kept.time[-1] < 1.0
+    np.testing.assert_array_equal(kept["echo"], kept.time)
+
+
+def test_one_name_to_record(fmu: FmuPaths) -> None:
+    assert simulate(fmu("Cubic"), stop_time=1.0, step_size=H, record="y_dot").names == ("y_dot",)

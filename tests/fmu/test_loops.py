@@ -50,6 +50,9 @@ class PendulumRow(Chain):
     def bond_energy(self) -> ca.SX:
         return self.stiffness * (1 - ca.cos(self.phi - self.joint["x"]))
 
+    def bond_dissipation(self) -> ca.SX:
+        return self.friction * self.inertia / 2 * (self.dot(self.phi) - self.dot(self.joint["x"])) ** 2
+
     def friction_coefficient(self) -> ca.SX:
         return self.friction
 

@@ -22,7 +22,7 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.validation import validate_fmu
-from handmade import GRAVITY, breathing, driven, fall, kick, libration, pendulum, rotation
+from handmade import GRAVITY, breathing, driven, fall, kick, libration, pendulum, ring, rotation
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -92,7 +92,7 @@ class Instance:
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """``fmus("HandPendulum")``, ``fmus("HandFall", "native")``: path of the FMU, which is unpacked beside the file."""
     directory = tmp_path_factory.mktemp("fmus")
-    models = {model.name: model for model in (pendulum(), fall(), kick(), Sinusoid.model())}
+    models = {model.name: model for model in (pendulum(), fall(), kick(), ring(3), Sinusoid.model())}
 
     @cache
     def built(name: str, backend: Literal["native", "python"] = "python") -> Path:
@@ -293,6 +293,17 @@ def test_tunable_parameter_while_running(instance: Callable[..., Instance]) -> N
         item.step(float(i), 1.0)
     assert abs(item.get("theta")[0]) < 1e-3  # e^(-19/2) of the start
     assert abs(item.get("energy_balance")[0]) < 1e-8
+
+
+def test_structural_sizes_can_be_read_and_not_set(instance: Callable[..., Instance]) -> None:
+    item = instance("HandRing").initialize()
+    size, mode = ([item.references[name]] for name in ("n", "input_reconstruction"))
+    assert item.fmu.getInteger([*size, *mode]) == [3, 1]
+    item.fmu.setInteger(size, [5])
+    item.message("n = 5: it is no Integer variable that can be set")
+    assert item.fmu.getInteger([*size, *mode]) == [3, 1]
+    assert item.fmu.getInteger([99]) == [0]
+    item.message("[99] some belong to no Integer variable")
 
 
 # ---- states ------------------------------------------------------------------------------------------------------

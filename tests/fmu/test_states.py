@@ -264,6 +264,23 @@ def test_parameters_of_a_state_are_in_their_domains(pendulum_library) -> None:
     assert other["mass"] == -2.5
 
 
+def test_the_next_event_of_a_state_is_one_of_the_component(kick_library) -> None:
+    """Until then functions of time are taken from its left: at another time they would stand still."""
+    instance = kick_library.start(MODEL_EXCHANGE)
+    instance.new_discrete_states()
+    assert instance.call("EnterContinuousTimeMode") == OK
+    content = instance.serialize()
+    (event,) = struct.unpack_from("=d", content, _PLACES["limit"])
+    assert event == instance["t_1"]
+    other = kick_library.instantiate(MODEL_EXCHANGE)
+    assert other.deserialize(content) == OK
+    assert other.deserialize(_forged(content, "limit", np.inf)) == OK  # it is past
+    for value in (event + 1, -1e300, 0.0):
+        other.messages.clear()
+        assert other.deserialize(_forged(content, "limit", value)) == ERROR
+        assert other.messages == ["the saved state is damaged: the next event is out of range"]
+
+
 def _rewritten(content: bytes, random: np.random.Generator) -> bytes:
     """With up to three words that are swapped, drawn, turned over in a bit, or of another size; sealed."""
     words = np.frombuffer(content[72:], dtype=np.uint64).copy()

@@ -66,6 +66,12 @@ class Telescope(Chain):
     def friction_coefficient(self) -> ca.SX:
         return self.friction
 
+    def dissipation_function(self) -> ca.SX:
+        return self.friction * self.mass / 2 * self.dot(self.end["x"]) ** 2
+
+    def bond_dissipation(self) -> ca.SX:
+        return self.bending / self.friction * self.dot(self.turned() * self.angle) * self.dot(self.joint["phi"])
+
 
 def unrolled_name(name: str, component: type[Chain]) -> str:
     """``p_theta[2]`` of a chain is ``p_theta_2`` of its unrolled mechanism, ``bob_x_dot[2]`` is ``bob_2_x_dot``."""

@@ -72,6 +72,10 @@ class Guided(Mechanism):
     def friction_coefficient(self) -> ca.SX:
         return self.friction
 
+    @unchecked(NUMBERS)
+    def dissipation_function(self) -> ca.SX:
+        return 0.3 * (self.dot(self.c) - self.dot(self.slide)) ** 2 + 0.2 * self.dot(self.d) ** 4
+
 
 EQUATIONS = derive(Guided)
 METRIC = Inertia(EQUATIONS.mass_matrix, EQUATIONS.mass_matrix)

@@ -64,9 +64,10 @@ def test_the_help_says_whom_to_trust(capsys) -> None:
     assert "take them from people you trust" in capsys.readouterr().out
 
 
-def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch) -> None:
+@pytest.mark.parametrize("end", [KeyboardInterrupt, SystemExit])
+def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch, end) -> None:
     def interrupted(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
+        raise end
 
     monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", interrupted)
     arguments = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1"]
@@ -74,7 +75,11 @@ def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch)
         (["--csv", str(tmp_path / "t.csv")], "t.csv.journal has what is done"),
         ([], "nothing is kept"),
     ):
-        assert main([*arguments, *more]) == 130
+        if end is KeyboardInterrupt:
+            assert main([*arguments, *more]) == 130
+        else:  # how a command ends that is terminated
+            with pytest.raises(SystemExit):
+                main([*arguments, *more])
         assert words in capsys.readouterr().err
 
 

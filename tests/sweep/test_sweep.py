@@ -10,6 +10,7 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -84,11 +85,18 @@ def test_a_system(swing, coupling) -> None:
         assert table["motor.y:max"][number] == result["motor.y"].max()
 
 
-def test_a_system_that_is_coupled_implicitly(pendulum) -> None:
+@pytest.fixture
+def double(pendulum) -> System:
+    """Two pendulums, coupled implicitly."""
     system = System("double")
     upper = system.add("upper", pendulum, theta_0=0.3)
     lower = system.add("lower", pendulum, theta_0=-0.2)
     system.connect(upper["bob"], lower["pivot"])
+    return system
+
+
+def test_a_system_that_is_coupled_implicitly(double) -> None:
+    system = double
     table = sweep(system, {"lower.mass": [0.5, 1.0]}, ["lower.theta"], workers=1, **SPAN)
     # mass 1 is what the FMU has by itself
     assert table["lower.theta"][1] == system.simulate(1.0, 0.05)["lower.theta"][-1]
@@ -151,6 +159,19 @@ def test_a_case_that_takes_too_long_is_ended(pendulum) -> None:
     assert multiprocessing.active_children() == []
 
 
+def test_what_is_ended_leaves_no_files(double, tmp_path, monkeypatch) -> None:
+    """Systems that are coupled implicitly are extracted in the process, for each case."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    def crash(result: Result) -> float:
+        Path(tempfile.mkdtemp(), "left").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+        return result["upper.theta"][-1]
+
+    assert sweep(double, {"upper.theta_0": [0.1]}, {"theta": crash}, workers=1, **SPAN).unfinished == (0,)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_one_is_told_which_case_takes_long(pendulum, monkeypatch, caplog) -> None:
     monkeypatch.setattr("liaisons.sweeps.workers._LONG", 0.2)
 
@@ -204,7 +225,7 @@ def test_progress(pendulum, capsys) -> None:
         (({"theta_0": [1.0]}, ["tehta"]), SimulationError, "did you mean 'theta'"),
         (({"theta_0": [1.0]}, ["theta:mx"]), SweepError, "did you mean 'max'"),
         (({"theta_0": [1.0]}, []), SweepError, "nothing is kept"),
-        (({"theta_0": [1.0]}, "theta"), SweepError, "give a list"),
+        (({"theta_0": [1.0]}, 5), SweepError, "keep = 5: give a name or a list of names"),
         (({"theta_0": [1.0]}, ["theta", ""]), SweepError, "no signal is named"),
         (({"theta_0": [1.0]}, {"x": 7}), SweepError, "x = 7"),
         (({}, ["theta"]), SweepError, "nothing is varied"),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol, final
+from typing import Literal, Protocol, final, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, interp1d
 
+from liaisons.arguments import shown
 from liaisons.check.verdicts import table
 from liaisons.errors import ValidityError
 
@@ -18,6 +19,7 @@ Method = Literal["same points", "Hermite", "linear"]
 _Numbers = NDArray[np.float64]
 
 
+@runtime_checkable
 class Signals(Protocol):
     """What can be compared: a :class:`liaisons.Result`, for example."""
 
@@ -129,6 +131,9 @@ def compare(first: Signals, second: Signals) -> Comparison:
 
     :raises ValidityError: if they have no signal or no time span in common, or a signal has different units or sizes.
     """
+    for result in (first, second):
+        if not isinstance(result, Signals):
+            raise ValidityError(f"compare: {shown(result)} is no Result; read a file with Result.from_csv")
     names = [name for name in first.entries if name in second.entries]
     if not names:
         raise ValidityError(f"{first.title} and {second.title} have no signal in common")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons.arguments import finite, numbers
 from liaisons.errors import ValidityError
 
 
@@ -16,7 +17,8 @@ def max_error(values: ArrayLike, reference: ArrayLike) -> float:
     :returns: a number in the unit of the values; NaN if one of them is NaN.
     :raises ValidityError: for empty or different shapes.
     """
-    computed, expected = np.asarray(values, dtype=float), np.asarray(reference, dtype=float)
+    computed = numbers("max_error: values", values, ValidityError)
+    expected = numbers("max_error: reference", reference, ValidityError)
     if computed.size == 0 or (expected.ndim > 0 and computed.shape != expected.shape):
         raise ValidityError(
             f"max_error: shapes {computed.shape} and {expected.shape} cannot be compared; "
@@ -33,16 +35,17 @@ def slope(h: ArrayLike, errors: ArrayLike, *, floor: float = 0.0) -> float:
     :param floor: rounding level of the errors; points at or below it say nothing of the order and are left out.
     :raises ValidityError: if fewer than three points are left, or a number is not positive or not finite.
     """
-    steps, sizes = np.asarray(h, dtype=float), np.asarray(errors, dtype=float)
+    steps, sizes = numbers("slope: h", h, ValidityError), numbers("slope: errors", errors, ValidityError)
+    finite("slope: floor", floor, ValidityError)
     if steps.ndim != 1 or steps.shape != sizes.shape:
         raise ValidityError(f"slope: {steps.shape} step sizes for {sizes.shape} errors; give one error a step size")
     above = ~(sizes <= floor) if floor > 0 else np.ones(sizes.shape, dtype=bool)  # NaN stays and is refused below
     steps, sizes = steps[above], sizes[above]
     if steps.size < 3:
         raise ValidityError(f"slope: {steps.size} points above the floor {floor:g}; a slope needs at least 3")
-    for name, numbers in (("step size", steps), ("error", sizes)):
-        if not np.all(np.isfinite(numbers) & (numbers > 0)):
-            raise ValidityError(f"slope: {name}s {numbers.tolist()} must be finite and > 0 to have a logarithm")
+    for name, given in (("step size", steps), ("error", sizes)):
+        if not np.all(np.isfinite(given) & (given > 0)):
+            raise ValidityError(f"slope: {name}s {given.tolist()} must be finite and > 0 to have a logarithm")
     x, y = np.log(steps), np.log(sizes)
     x -= x.mean()
     if not np.any(x):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from liaisons.arguments import numbers, shown
 from liaisons.errors import ValidityError
 
 
@@ -57,7 +58,15 @@ def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reaso
 
     :raises ValidityError: for a negative error or a tolerance that is no bound.
     """
-    return Verdict(claim, float(error), float(tolerance), unit, reason)
+    one, other = _number(claim, "error", error), _number(claim, "tolerance", tolerance)
+    return Verdict(claim, one, other, unit, reason)
+
+
+def _number(claim: str, name: str, value: object) -> float:
+    found = numbers(f"{claim!r}: {name}", value, ValidityError)
+    if found.size != 1:
+        raise ValidityError(f"{claim!r}: {name} = {shown(value)}: give one number")
+    return found.item()
 
 
 def table(rows: Iterable[Verdict | Mapping[str, object]]) -> str:
@@ -66,7 +75,11 @@ def table(rows: Iterable[Verdict | Mapping[str, object]]) -> str:
     :param rows: verdicts, or mappings from column to content; the first row names the columns.
     :returns: header and rows without trailing blanks or newline; empty for no rows.
     """
-    records = [row.row() if isinstance(row, Verdict) else row for row in rows]
+    given = list(rows) if isinstance(rows, Iterable) else [rows]
+    records = [row.row() if isinstance(row, Verdict) else row for row in given]
+    for record in records:
+        if not isinstance(record, Mapping):
+            raise ValidityError(f"table: {shown(record)} is no row; give verdicts, or dictionaries by columns")
     if not records:
         return ""
     columns = list(records[0])

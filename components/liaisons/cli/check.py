@@ -13,6 +13,7 @@ import numpy as np
 
 from liaisons.check import Verdict, table, verdict
 from liaisons.cli._command import command
+from liaisons.cli._mismatch import mismatches
 from liaisons.library import fmu_file
 
 if TYPE_CHECKING:
@@ -58,9 +59,18 @@ def _runs(fmu: Fmu) -> Iterator[Verdict]:
     steps = max(2, round(stop_time / (fmu.experiment.step_size or stop_time / 100)))
     step_size = stop_time / steps
     tolerance = fmu.experiment.tolerance or 1e-6  # what FMI tools take where nothing is said
+    hidden = mismatches(fmu)
+    record = [*fmu.recorded(), *hidden]
     coarse, fine = (
-        simulate(fmu.path, stop_time=stop_time, step_size=h, tolerance=tolerance) for h in (step_size, step_size / 2)
+        simulate(fmu.path, stop_time=stop_time, step_size=h, tolerance=tolerance, record=record)
+        for h in (step_size, step_size / 2)
     )
+    if hidden:
+        yield verdict(
+            "no prescribed coordinate contradicts its rate and acceleration",
+            error=max(float(np.max(np.abs(run[name]))) for run in (coarse, fine) for name in hidden),
+            tolerance=0,
+        )
     yield verdict("all signals are finite", error=int(np.count_nonzero(~np.isfinite(fine.values))), tolerance=0)
     # Local errors of the solver add up over the run and are amplified; a factor of 1000 leaves room for both.
     yield verdict(

@@ -12,6 +12,7 @@ import numpy as np
 
 from liaisons.check import table
 from liaisons.cli._command import command
+from liaisons.cli._mismatch import mismatches, taken_out
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError
 
@@ -45,8 +46,11 @@ def register(commands: Commands) -> None:
 
 def _simulate(arguments: argparse.Namespace) -> int:
     path = Path(arguments.fmu)
-    result = _of_system(path, arguments) if path.suffix == ".ssp" else _of_fmu(fmu_file(arguments.fmu), arguments)
+    run = _of_system(path, arguments) if path.suffix == ".ssp" else _of_fmu(fmu_file(arguments.fmu), arguments)
+    result, contradictions = taken_out(*run)
     print(table([row for name in result.entries for row in _rows(result, name)]))
+    for line in contradictions:
+        print(line)
     for file, write in ((arguments.csv, result.to_csv), (arguments.parquet, result.to_parquet)):
         if file:
             write(file)
@@ -58,7 +62,7 @@ def _simulate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _of_fmu(path: Path, arguments: argparse.Namespace) -> Result:
+def _of_fmu(path: Path, arguments: argparse.Namespace) -> tuple[Result, list[str]]:
     """A system of one: unlike keywords of ``simulate()``, its start values may have any name (``Ramp.start_time``)."""
     from liaisons.cosim import System
 
@@ -68,13 +72,13 @@ def _of_fmu(path: Path, arguments: argparse.Namespace) -> Result:
     record = [f"{name}.{variable}" for variable in arguments.record.split(",")] if arguments.record else None
     default = {"stop": fmu.experiment.stop_time, "step": fmu.experiment.step_size}
     tolerance = fmu.experiment.tolerance if arguments.tolerance is None else arguments.tolerance
-    result = _run(system, arguments, path, default, record=record, tolerance=tolerance)
+    result, hidden = _run(system, arguments, path, default, record=record, tolerance=tolerance)
     units = {signal: result.units[signal] for signal in result.names}
     bare = {signal.removeprefix(f"{name}."): unit for signal, unit in units.items()}
-    return replace(result, names=tuple(bare), units=bare)
+    return replace(result, names=tuple(bare), units=bare), [signal.removeprefix(f"{name}.") for signal in hidden]
 
 
-def _of_system(path: Path, arguments: argparse.Namespace) -> Result:
+def _of_system(path: Path, arguments: argparse.Namespace) -> tuple[Result, list[str]]:
     from liaisons.cosim import System, ssp
 
     archive = ssp.read(path, System, dict(arguments.starts))
@@ -94,14 +98,21 @@ def _run(
     record: list[str] | None,
     tolerance: float | None,
     start_time: float = 0.0,
-) -> Result:
+) -> tuple[Result, list[str]]:
+    """The result, and what it has of names that nobody asked for."""
     stop, step = (
         given if (given := getattr(arguments, name)) is not None else default[name] for name in ("stop", "step")
     )
     if stop is None or step is None:
         raise ProjectError(f"{path.name} has no default experiment; add --stop and --step")
     long = stop - start_time > 1e4 * step
-    return system.simulate(stop, step, start_time=start_time, tolerance=tolerance, record=record, progress=long)
+    parts = system.components.items()
+    hidden = [n for part, c in parts for v in mismatches(c.fmu) if (n := f"{part}.{v}") not in (record or ())]
+    if hidden:
+        record = [f"{part}.{v}" for part, c in parts for v in c.fmu.recorded()] if record is None else record
+        record = [*record, *hidden]
+    result = system.simulate(stop, step, start_time=start_time, tolerance=tolerance, record=record, progress=long)
+    return result, hidden
 
 
 def _rows(result: Result, name: str) -> list[dict[str, str]]:

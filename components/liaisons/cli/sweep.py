@@ -163,7 +163,7 @@ def _interrupted(journal: Path | None) -> Iterator[None]:
     """Say where an interrupted sweep goes on from."""
     try:
         yield
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit):
         if journal is None:
             print("nothing is kept; give --csv or --journal to go on from where it is interrupted", file=sys.stderr)
         elif journal.exists():

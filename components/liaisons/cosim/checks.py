@@ -8,6 +8,7 @@ from typing import get_args
 
 import numpy as np
 
+from liaisons.arguments import chosen
 from liaisons.cosim import schedule
 from liaisons.cosim.component import INPUT_RECONSTRUCTION, Component, End
 from liaisons.cosim.coupling.member import way
@@ -24,8 +25,8 @@ def coupling(components: Mapping[str, Component], links: Sequence[Link], asked: 
 
     :raises SimulationError: if there is no such coupling, or an FMU that would have to repeat steps cannot.
     """
-    if asked is not None and asked not in get_args(Coupling):
-        raise SimulationError(f"coupling = {asked!r}: choose one of {', '.join(map(repr, get_args(Coupling)))}")
+    if asked is not None:
+        chosen("coupling", asked, get_args(Coupling))
     feeds = {link.target.place: link.source.place for link in links}
     cycles = [group for group in schedule.groups(components, feeds) if len(group) > 1]
     stuck = [name for group in cycles for name in group if not components[name].fmu.restores]

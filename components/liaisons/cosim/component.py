@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
+from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values
 from liaisons.cosim.variables import Variable
@@ -35,6 +36,8 @@ class Component:
 
         :raises ConnectionError: with the nearest name, if there is nothing of that name.
         """
+        if not isinstance(name, str):
+            raise ConnectionError(f"{self.name}: ends go by name, {shown(name)} is none")
         end = End(self, name)
         if not end.exists and not end.axes():
             points = {other[:-2] for other in self.fmu.variables.entries if other.endswith(("_x", "_y", "_z"))}
@@ -83,7 +86,7 @@ def component(name: str, path: Path | str, starts: Mapping[str, object]) -> Comp
 
     :raises SimulationError: if the file cannot be used here, or a start value does not fit.
     """
-    fmu = read(path)
+    fmu = read(as_path(f"{name}: fmu", path))
     return Component(name, fmu, start_values(name, fmu, starts))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.arguments import as_path, listed, shown
 from liaisons.cosim.files import replacing
 from liaisons.cosim.variables import Shape, complete, split
 from liaisons.errors import SimulationError, suggestion
@@ -27,7 +28,8 @@ class Result:
     """Signals at the communication points, read-only.
 
     ``result["swing.theta"]`` is one of them, shape (n,).  Where ``chain.theta[1]`` to ``chain.theta[10]`` are there,
-    ``result["chain.theta"]`` is all of them, shape (n, 10).
+    ``result["chain.theta"]`` is all of them, shape (n, 10).  As of a dictionary, ``in``, ``len``, ``keys()`` and
+    iteration go by names, an array under its own: ``dict(result)`` is all signals.
 
     :param title: what was simulated.
     :param time: communication points [s], shape (n,).
@@ -53,6 +55,10 @@ class Result:
 
         :raises SimulationError: with the nearest name, if there is none of this name.
         """
+        if not isinstance(name, str):
+            raise SimulationError(
+                f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
+            )
         if name in self._rows:
             return self.values[self._rows[name]]
         if name not in self._arrays:
@@ -72,6 +78,19 @@ class Result:
         """Names, with those of whole arrays in place of their elements'."""
         elements = {row: name for name, (rows, _) in self._arrays.items() for row in rows}
         return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._rows or name in self._arrays if isinstance(name, str) else False
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names, as :attr:`entries`."""
+        return self.entries
 
     @cached_property
     def _rows(self) -> dict[str, int]:
@@ -99,7 +118,7 @@ class Result:
 
         :raises SimulationError: if it cannot be written.
         """
-        with replacing(Path(path)) as part, part.open("w", encoding="utf-8", newline="") as file:
+        with replacing(as_path("to_csv", path)) as part, part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["time", *self.names])
             writer.writerow(["# s", *(self.units[name] for name in self.names)])
@@ -111,8 +130,9 @@ class Result:
 
         :raises SimulationError: if it cannot be read, or is not such a file.
         """
+        path = as_path("from_csv", path)
         try:
-            with Path(path).open(encoding="utf-8", newline="") as file:
+            with path.open(encoding="utf-8", newline="") as file:
                 (_, *names), *rows = csv.reader(file)
             units = rows.pop(0)[1:] if rows and rows[0][:1] and rows[0][0].startswith("#") else [""] * len(names)
             values = np.array(rows, dtype=float).reshape(len(rows), 1 + len(names))
@@ -124,7 +144,7 @@ class Result:
         if len(described) != len(names) or not len(values):
             what = "has a name twice" if len(values) else "has no numbers"
             raise SimulationError(f"{path}: not a result that to_csv has written: it {what}")
-        return cls._of_columns(Path(path).stem, values.T, described)
+        return cls._of_columns(path.stem, values.T, described)
 
     def to_parquet(self, path: Path | str) -> None:
         """Write a Parquet file: a column of doubles a signal, ``time`` first, units in the columns' metadata.
@@ -134,11 +154,12 @@ class Result:
 
         :raises SimulationError: if it cannot be written, or PyArrow is missing.
         """
+        path = as_path("to_parquet", path)
         arrow, parquet = _pyarrow(path)
         units = {"time": "s"} | {name: self.units[name] for name in self.names}
         fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in units.items()]
         schema = arrow.schema(fields, metadata={"title": self.title})
-        with replacing(Path(path)) as part:
+        with replacing(path) as part:
             parquet.write_table(arrow.table([self.time, *self.values], schema=schema), part)
 
     @classmethod
@@ -147,9 +168,10 @@ class Result:
 
         :raises SimulationError: if it cannot be read, or PyArrow is missing.
         """
+        path = as_path("from_parquet", path)
         arrow, parquet = _pyarrow(path)
         try:
-            with Path(path).open("rb") as file:
+            with path.open("rb") as file:
                 table = parquet.ParquetFile(file).read()
             values = np.array([column.to_numpy() for column in table.columns], dtype=float)
         except (OSError, ValueError, arrow.ArrowException) as error:
@@ -158,7 +180,7 @@ class Result:
         units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
         if values.ndim != 2 or len(units) != len(values):
             raise SimulationError(f"{path}: not a result that to_parquet has written: no columns, or a name twice")
-        title = (table.schema.metadata or {}).get(b"title", Path(path).stem.encode()).decode()
+        title = (table.schema.metadata or {}).get(b"title", path.stem.encode()).decode()
         return cls._of_columns(title, values, dict(list(units.items())[1:]))
 
     @classmethod
@@ -166,41 +188,30 @@ class Result:
         values = np.ascontiguousarray(columns)
         return cls(title, values[0].copy(), tuple(units), values[1:], units)
 
-    def plot(self, *names: str, path: Path | str | None = None) -> Figure:
+    def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals over time, those of one unit in one diagram.
 
-        :param names: what to draw; everything if nothing is named.
-        :param path: where to save the figure, its kind by the suffix; without it, ``matplotlib.pyplot.show`` shows it.
+        :param names: what to draw, one by one or in a list; if nothing is named, what
+            :func:`liaisons.cosim.figures.essential` finds worth it.
+        :param path: where to save the figure, its kind by the suffix; without it, a notebook shows what is returned,
+            and elsewhere ``matplotlib.pyplot.show`` shows it.
         :raises SimulationError: if a name is unknown or the file cannot be written.
         """
-        groups: dict[str, list[str]] = {}
-        signals = {name: self[name] for name in names or self.entries}
-        for name in signals:
-            groups.setdefault(self.units[name], []).append(name)
-        size = (7.0, 1.0 + 2.0 * max(1, len(groups)))
-        if path is None:
-            from matplotlib.pyplot import figure as new_figure
-        else:  # a figure of its own: no window, and nothing to close
-            from matplotlib.figure import Figure as new_figure  # noqa: N813
-        figure = new_figure(figsize=size, layout="constrained")
-        diagrams = figure.subplots(max(1, len(groups)), sharex=True, squeeze=False)[:, 0]
-        for diagram, (unit, members) in zip(diagrams, groups.items(), strict=False):
-            for name in members:
-                lines = diagram.plot(self.time, signals[name].reshape(len(self.time), -1))
-                lines[0].set_label(name)  # elements of an array share one entry
-            label = f"[{unit}]" if unit else ""
-            diagram.set_ylabel(f"{members[0]} {label}".strip() if len(members) == 1 else label)
-            if len(members) > 1:
-                diagram.legend()
-        diagrams[0].set_title(self.title)
-        diagrams[-1].set_xlabel("time [s]")
+        from liaisons.cosim.figures import draw, essential
+
+        path = None if path is None else as_path("plot: path", path)
+        chosen = [name for group in names for name in listed("plot", group)]
+        signals = {name: self[name] for name in chosen or self.entries}
+        if not chosen:
+            signals = {name: signals[name] for name in essential(signals, self.units)}
+        figure = _new_figure(alone=path is not None)
+        draw(figure, self.title, self.time, signals, self.units)
         if path is not None:
-            path = Path(path)
             try:
                 with replacing(path) as part:
                     figure.savefig(part, format=path.suffix[1:] or "png")
-            except ValueError as error:
-                raise SimulationError(f"{path}: {error}") from None
+            except (ValueError, RuntimeError) as error:  # of an unknown kind, or one that needs a program
+                raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
         return figure
 
     def __repr__(self) -> str:
@@ -237,10 +248,26 @@ class Interrupted(KeyboardInterrupt):
         self.result = result
 
 
-def _pyarrow(path: Path | str) -> tuple[Any, Any]:
+def _pyarrow(path: Path) -> tuple[Any, Any]:
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
         raise SimulationError(f"{path}: Parquet needs PyArrow; pip install 'liaisons[parquet]'") from None
     return pyarrow, pyarrow.parquet
+
+
+def _new_figure(*, alone: bool) -> Figure:
+    """An empty figure; if it is not to be alone, one that pyplot knows and shows.
+
+    A notebook shows what pyplot knows, and what a cell returns: there it is alone, or it would be seen twice.
+    """
+    import matplotlib as mpl
+
+    if alone or "inline" in mpl.get_backend():
+        from matplotlib.figure import Figure
+
+        return Figure(layout="constrained")
+    from matplotlib.pyplot import figure
+
+    return figure(layout="constrained")

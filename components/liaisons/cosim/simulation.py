@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons.arguments import as_path, finite, listed, named, numbers, shown
 from liaisons.cosim import checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.drive import Function, Signal, evaluate
@@ -34,19 +34,19 @@ def simulate(
     start_time: float = 0.0,
     times: ArrayLike | None = None,
     tolerance: float | None = None,
-    record: Iterable[str] | None = None,
+    record: str | Iterable[str] | None = None,
     inputs: Mapping[str, Function] | None = None,
     **starts: ArrayLike,
 ) -> Result:
     """Simulate one FMU; what is not given is taken from its default experiment.
 
-    :param fmu: path of the file.
+    :param fmu: path of the file; :func:`liaisons.simulate` takes a component by its name, file or class, too.
     :param stop_time: end [s].
     :param step_size: distance of the communication points [s], as in :meth:`System.simulate`.
     :param start_time: begin [s].  (A *parameter* of this name can be set in a :class:`System`.)
     :param times: the communication points themselves [s], increasing, in place of the three above.
     :param tolerance: relative tolerance of the FMU's solver.
-    :param record: names of real variables; all outputs and inputs if None.
+    :param record: a name of a real variable or several; all outputs and inputs if None.
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
         return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
         from a connected source.
@@ -54,7 +54,7 @@ def simulate(
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
-    path = Path(fmu)
+    path = as_path("fmu", fmu)
     single = component(path.stem, path, starts)
     experiment = single.fmu.experiment
     if times is None:
@@ -64,13 +64,13 @@ def simulate(
             missing = "stop_time" if stop_time is None else "step_size"
             raise SimulationError(f"{path.name} has no default {missing}: give simulate() one")
     points = communication_points(start_time, stop_time, step_size, times)
-    names = single.fmu.recorded() if record is None else record
+    names = single.fmu.recorded() if record is None else listed("record", record)
     return run(
         path.stem,
         {path.stem: single},
         recorded={element: place for name in names for element, place in reals(single, name).items()},
         times=points,
-        signals=_signals(single, inputs or {}, points[0]),
+        signals=_signals(single, named("inputs", {} if inputs is None else inputs), points[0]),
         tolerance=experiment.tolerance if tolerance is None else tolerance,
     )
 
@@ -93,7 +93,8 @@ def run(
     :param recorded: name in the result -> variable.
     """
     feeds = {link.target.place: link.source.place for link in links}
-    _check_numbers(tolerance, error_tolerance)
+    check_positive("tolerance", tolerance)
+    check_positive("error_tolerance", error_tolerance)
     chosen = checks.coupling(components, links, coupling)
     components = checks.prepared(components, feeds, chosen)
     checks.steps(components, feeds, times, chosen, adaptive=error_tolerance is not None)
@@ -144,7 +145,7 @@ def communication_points(
     if stop_time is None or step_size is None:
         raise SimulationError("give stop_time and step_size, or the communication points themselves as times")
     for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
-        _finite(name, value)
+        finite(name, value)
     if step_size <= 0:
         raise SimulationError(f"step_size = {step_size!r}: must be > 0")
     if stop_time <= start_time:
@@ -156,7 +157,7 @@ def communication_points(
 def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
     if (stop_time, step_size) != (None, None) or start_time != 0.0:
         raise SimulationError("times are the communication points; leave out start_time, stop_time and step_size")
-    points = np.asarray(times, dtype=float)
+    points = numbers("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
         raise SimulationError(f"times of shape {points.shape}: give two finite numbers at least")
     late = np.flatnonzero(np.diff(points) <= 0)
@@ -197,7 +198,7 @@ def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float
             raise SimulationError(f"inputs: {owner.name}.{name} is of causality {causality!r}, so it cannot be driven")
         if not callable(function):
             raise SimulationError(
-                f"inputs: {name} = {function!r} is no function of time; give a constant as start value"
+                f"inputs: {name} = {shown(function)} is no function of time; give a constant as start value"
             )
         port = owner[name].port()
         whole = port is not None and evaluate(function, name, start_time).ndim > 0
@@ -209,12 +210,12 @@ def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float
     return signals
 
 
-def _check_numbers(tolerance: float | None, error_tolerance: float | None) -> None:
-    for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
-        if value is not None:
-            _finite(name, value)
-            if value <= 0:
-                raise SimulationError(f"{name} = {value!r}: must be > 0")
+def check_positive(name: str, value: float | None) -> None:
+    """Raise a SimulationError for what is given and no finite number > 0."""
+    if value is not None:
+        finite(name, value)
+        if value <= 0:
+            raise SimulationError(f"{name} = {value!r}: must be > 0")
 
 
 def _unit(components: Mapping[str, Component], links: Sequence[Link], place: Place) -> str:
@@ -223,8 +224,3 @@ def _unit(components: Mapping[str, Component], links: Sequence[Link], place: Pla
     own = components[name].fmu.variables[variable].unit
     near = (end.variable.unit for link in links for end in link.opposite(place) if end.variable.unit)
     return own or next(near, "")
-
-
-def _finite(name: str, value: float) -> None:
-    if not isinstance(value, Real) or not math.isfinite(value):
-        raise SimulationError(f"{name} = {value!r}: must be a finite number")

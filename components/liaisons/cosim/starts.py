@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from liaisons.arguments import shown
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.variables import Array, Variable, VariableType, offset, split
 from liaisons.errors import SimulationError, suggestion
@@ -53,15 +54,14 @@ def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
         raise SimulationError(f"{owner}: {fmu.unknown(name)}")
     variable = fmu.variables[name]
     _check_settable(owner, fmu, variable, name, value)
-    return _converted(f"{owner}.{name} = {value!r}", variable, value)
+    return _converted(f"{owner}.{name} = {shown(value)}", variable, value)
 
 
 def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> tuple[Start, ...]:
     entry = fmu.variables.entries[name]
     assert isinstance(entry, Array)
     _check_settable(owner, fmu, entry.like, name, given)
-    shown = " ".join((np.array2string(given, threshold=6) if isinstance(given, np.ndarray) else repr(given)).split())
-    label = f"{owner}.{name} = {shown if len(shown) <= 80 else f'{shown[:77]}...'}"
+    label = f"{owner}.{name} = {shown(given)}"
     elements = np.asarray(given, dtype=object)  # as they are: NumPy would make strings of numbers beside a string
     if elements.ndim == 0:
         return (_converted(label, entry.like, elements.item()),) * entry.size
@@ -93,7 +93,7 @@ def _check_settable(owner: str, fmu: Fmu, variable: Variable, name: str, value: 
     ]
     why = "is fixed" if variable.causality == "structuralParameter" else "is calculated"
     raise SimulationError(
-        f"{owner}.{name} = {value!r}: causality {variable.causality!r}, so it {why} and cannot be set"
+        f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"
         f"{suggestion(name, settable)}"
     )
 

@@ -13,12 +13,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from importlib import import_module
 from pathlib import Path
-from typing import Any, final
+from typing import Self
 
 from numpy.typing import ArrayLike
 
+from liaisons.arguments import as_path, finite, listed, shown
 from liaisons.cosim import ssp
 from liaisons.cosim.component import Component, End, component
 from liaisons.cosim.ports import Link, links
@@ -28,14 +28,17 @@ from liaisons.cosim.simulation import communication_points, reals, run
 from liaisons.errors import ConnectionError, SimulationError, suggestion  # noqa: A004 - the field's word for it
 
 
-@final
 class System:
     """FMUs, connected; :meth:`simulate` runs all of them from the start, as often as it is called.
+
+    :class:`liaisons.System`, a storey above, takes components by name and can be flattened.
 
     :param name: used in messages, results and figures.
     """
 
     def __init__(self, name: str) -> None:
+        if not isinstance(name, str) or not name:
+            raise SimulationError(f"name = {shown(name)}: give the system a name")
         self.name = name
         self._components: dict[str, Component] = {}
         self._links: dict[Place, Link] = {}
@@ -51,8 +54,8 @@ class System:
         :raises SimulationError: if the name will not do, the file cannot be used here, or a start value is unknown,
             cannot be set, or has the wrong type.
         """
-        if not name or "." in name:
-            raise SimulationError(f"{self.name}: the name {name!r} of a component must not be empty or have a dot")
+        if not isinstance(name, str) or not name or "." in name:
+            raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._components:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
         self._components[name] = component(name, fmu, starts)
@@ -72,6 +75,10 @@ class System:
         :raises ConnectionError: if causality or units clash, or an input has a source already; names both ends.
         """
         for end in (source, target):
+            if not isinstance(end, End):
+                raise ConnectionError(
+                    f'{self.name}: {shown(end)} is no end; connect handle["length"] of what add() has returned'
+                )
             if self._components.get(end.component.name) is not end.component:
                 raise ConnectionError(f"{end} is no component of {self.name}; connect what its add() has returned")
         self.join(links(source, target))
@@ -92,13 +99,14 @@ class System:
         self._links = joined
 
     @classmethod
-    def from_ssp(cls, path: Path | str) -> System:
+    def from_ssp(cls, path: Path | str) -> Self:
         """Read an SSP archive (1.0 or 2.0), of ours or of another make; see :mod:`liaisons.cosim.ssp`.
 
         :raises SimulationError: if the archive is damaged or incomplete, or has what cannot be simulated here.
         :raises ConnectionError: if one of its connections does not fit.
         """
-        archive = ssp.read(path, cls)
+        archive = ssp.read(as_path("archive", path), cls)
+        assert isinstance(archive.system, cls)
         archive.system._last = archive.experiment  # noqa: SLF001 - it is one of us
         return archive.system
 
@@ -120,10 +128,15 @@ class System:
         :param start_time: begin of the default experiment [s].
         :param stop_time: its end [s].
         :param step_size: its communication step [s], for importers that look for one.
-        :raises SimulationError: if it cannot be written in this form, or not to this path.
+        :raises SimulationError: if it is empty, cannot be written in this form, or not to this path.
         """
+        self._check_filled()
+        for label, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
+            if value is not None:
+                finite(label, value)
         experiment = ssp.chosen(start_time, stop_time, step_size, self._last, self._components.values())
-        ssp.write(Path(path), self.name, self._components, self._links.values(), form=form, experiment=experiment)
+        path = as_path("archive", path)
+        ssp.write(path, self.name, self._components, self._links.values(), form=form, experiment=experiment)
 
     def simulate(
         self,
@@ -135,7 +148,7 @@ class System:
         tolerance: float | None = None,
         coupling: Coupling | None = None,
         error_tolerance: float | None = None,
-        record: Iterable[str] | None = None,
+        record: str | Iterable[str] | None = None,
         progress: bool = False,
     ) -> Result:
         """Simulate from the start.
@@ -156,12 +169,13 @@ class System:
         :param error_tolerance: error that a communication step may have in what is connected or recorded, relative to
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
             has the points that were chosen.
-        :param record: names ``"component.variable"``; all real outputs and inputs if None.
+        :param record: a name ``"component.variable"`` or several; all real outputs and inputs if None.
         :param progress: show a progress bar on stderr.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized; after that
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
+        self._check_filled()
         points = communication_points(start_time, stop_time, step_size, times)
         if error_tolerance is not None:
             if times is not None:
@@ -190,27 +204,22 @@ class System:
         """The scalar connections."""
         return tuple(self._links.values())
 
-    def flatten(self, output: Path | str | None = None, **options: Any) -> Path:
-        """Build the FMU of the whole system from the equations of motion of our components: no coupling error.
-
-        See :func:`liaisons.flatten`, which it calls by name: it belongs to the side of the symbols.
-
-        :returns: path of the FMU; its variables are called as in the result of the system.
-        """
-        return import_module("liaisons.flattening").flatten(self, output, **options)
-
     def __repr__(self) -> str:
         lines = [f"System {self.name!r}"]
         lines += [f"  {component}" for component in self._components.values()]
         lines += [f"  {link.source} -> {link.target}" for link in self._links.values()]
         return "\n".join(lines)
 
-    def _recorded(self, record: Iterable[str] | None) -> dict[str, Place]:
+    def _check_filled(self) -> None:
+        if not self._components:
+            raise SimulationError(f"{self.name} is empty; add() an FMU first")
+
+    def _recorded(self, record: str | Iterable[str] | None) -> dict[str, Place]:
         """Name in the result -> what is recorded under it."""
         if record is None:
             places = [(c.name, v) for c in self._components.values() for v in c.fmu.recorded()]
             return {f"{component}.{variable}": (component, variable) for component, variable in places}
-        return {full: place for name in record for full, place in self._places(name).items()}
+        return {full: place for name in listed("record", record) for full, place in self._places(name).items()}
 
     def _places(self, name: str) -> dict[str, Place]:
         owner, _, variable = name.partition(".")

@@ -12,11 +12,13 @@ from typing import Literal, final, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.arguments import chosen, finite, listed, named, numbers, whole
 from liaisons.ensembles.equations import Equations, Settable, default_record, equations
 from liaisons.ensembles.kernel import LANES, Advance, kernel
 from liaisons.ensembles.methods import METHODS
 from liaisons.errors import SimulationError, suggestion
-from liaisons.mechanics import Component
+from liaisons.library import Target
+from liaisons.library import component as find
 from liaisons.mechanics.model import Variable
 from liaisons.statements import program
 
@@ -82,7 +84,7 @@ class Ensemble:
 
 
 def ensemble(
-    component: type[Component],
+    component: Target,
     values: Mapping[str, ArrayLike],
     *,
     stop_time: float,
@@ -90,8 +92,8 @@ def ensemble(
     samples: int = 1,
     start_time: float = 0.0,
     method: Method = "rk8",
-    operators: Mapping[str, type[Component]] | None = None,
-    record: Iterable[str] | None = None,
+    operators: Mapping[str, Target] | None = None,
+    record: str | Iterable[str] | None = None,
     estimate: bool = True,
     threads: int | None = None,
     backend: Backend = "auto",
@@ -103,6 +105,7 @@ def ensemble(
 
         ensemble(Pendulum, {"theta_0": angles, "length.amplitude": 0.1}, operators={"length": Sinusoid}, ...)
 
+    :param component: its name, file or class.
     :param values: parameters and inputs by name: a number for all members, or an array with one for each; what is not
         given has its default.
     :param stop_time: end [s].
@@ -110,8 +113,8 @@ def ensemble(
     :param samples: how many times are recorded after the start.
     :param method: ``"rk4"`` (4 evaluations a step, order 4) or ``"rk8"`` (11, order 8).  The order holds where the
         motion is smooth.
-    :param operators: active coordinate -> operator that moves it.
-    :param record: outputs; coordinates and momenta if None.
+    :param operators: active coordinate -> operator that moves it, by its name, file or class.
+    :param record: an output or several; coordinates and momenta if None.
     :param estimate: estimate the error from a second run with steps twice as long, which costs half as much again.
     :param threads: how many; one a core if None.
     :param backend: ``"native"``: C, compiled for this machine; ``"numpy"``; ``"auto"``: C where there is a compiler.
@@ -119,17 +122,23 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if the compiler fails.
     """
-    settable = Settable(component, operators or {})
-    settable.check(values)
-    for label, choice, known in (("method", method, get_args(Method)), ("backend", backend, get_args(Backend))):
-        if choice not in known:
-            raise SimulationError(f"{label} = {choice!r} is not known{suggestion(str(choice), known)}")
-    given = {name: _array(component.__name__, name, value) for name, value in values.items()}
+    kind = find(component)
+    moving = {
+        name: find(operator) for name, operator in named("operators", {} if operators is None else operators).items()
+    }
+    settable = Settable(kind, moving)
+    settable.check(named("values", values))
+    chosen("method", method, get_args(Method))
+    chosen("backend", backend, get_args(Backend))
+    if threads is not None:
+        whole("threads", threads)
+    title = kind.__name__
+    given = {name: _array(title, name, value) for name, value in values.items()}
     lanes = {name: array for name, array in given.items() if array.ndim}
-    count = _members(component.__name__, lanes)
+    count = _members(title, lanes)
     _check_times(start_time, stop_time, step_size, samples)
 
-    names = tuple(default_record(settable.model) if record is None else record)
+    names = tuple(default_record(settable.model) if record is None else listed("record", record))
     shared = {name: array for name, array in given.items() if not array.ndim}
     found = equations(settable, lanes, shared, names)
     once = np.array([float(array) for array in shared.values()])
@@ -149,7 +158,7 @@ def ensemble(
         fine[:, first:, member] = np.nan
     units = {variable.name: variable.unit for variable in settable.model.outputs}
     return Ensemble(
-        title=component.__name__,
+        title=title,
         time=time,
         names=names,
         values=fine,
@@ -226,10 +235,7 @@ class _Run:
 
 
 def _array(owner: str, name: str, value: ArrayLike) -> Floats:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise SimulationError(f"{owner}: {name} = {value!r}; give a number or an array of numbers") from None
+    array = numbers(f"{owner}: {name}", value)
     if array.ndim > 1:
         raise SimulationError(f"{owner}: {name} has shape {array.shape}; give one number a member")
     return array
@@ -250,14 +256,12 @@ def _members(owner: str, lanes: Mapping[str, Floats]) -> int:
 
 def _check_times(start_time: float, stop_time: float, step_size: float, samples: int) -> None:
     for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
-        if not math.isfinite(value):
-            raise SimulationError(f"{name} = {value!r}: must be a finite number")
+        finite(name, value)
     if stop_time <= start_time:
         raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
     if step_size <= 0:
         raise SimulationError(f"step_size = {step_size!r}: must be > 0")
-    if samples < 1:
-        raise SimulationError(f"samples = {samples!r}: must be 1 at least")
+    whole("samples", samples)
 
 
 def _outside(variables: Mapping[str, Variable], given: Mapping[str, Floats], members: int) -> dict[int, str]:

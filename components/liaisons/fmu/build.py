@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Literal, get_args
 from uuid import UUID
 
+from liaisons.arguments import as_path, chosen
 from liaisons.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
-from liaisons.errors import BuildError, suggestion
+from liaisons.errors import BuildError
 from liaisons.fmu.archive import read_member, write_archive
 from liaisons.fmu.code import source_files
 from liaisons.fmu.description import model_description
@@ -48,22 +49,18 @@ def build(
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     """
-    choices = (
-        ("backend", backend, get_args(Backend)),
-        ("platforms", platforms, get_args(Platforms)),
-        ("fmi", fmi, get_args(Fmi)),
-    )
-    for name, value, known in choices:
-        if value not in known:
-            raise BuildError(f"{name} = {value!r} is not known{suggestion(value, known)}")
+    chosen("backend", backend, get_args(Backend), BuildError)
+    chosen("platforms", platforms, get_args(Platforms), BuildError)
+    chosen("fmi", fmi, get_args(Fmi), BuildError)
+    output = as_path("output", output, BuildError)
     if fmi == "3" and backend == "python":
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
     if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
         _say_how_to_get_native()
         backend = "python"
     if backend == "python":
-        return _build_python(model, Path(output))
-    return _build_native(model, Path(output), platforms, fmi)
+        return _build_python(model, output)
+    return _build_native(model, output, platforms, fmi)
 
 
 @cache

@@ -17,7 +17,8 @@ from liaisons.errors import BuildError
 from liaisons.fmu.dependencies import coupled, shown_states
 from liaisons.fmu.description import sources
 from liaisons.fmu.functions import function_code
-from liaisons.fmu.layout import TIME, Fmi, places, scalars
+from liaisons.fmu.jumps import jump_table
+from liaisons.fmu.layout import TIME, Fmi, mismatch_place, places, scalars
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
 from liaisons.mechanics.algebra import stack
@@ -234,6 +235,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
         "tolerance": _number(model.experiment.tolerance),
         **{name: str(number) for name, number in numbers.items()},
         **{name: name for name in tables},
+        **({"jumps": "jumps"} if jump_table(model) else {}),
     }
 
 
@@ -246,17 +248,27 @@ def _tables(model: Model) -> list[str]:
     first_input = sum(variable.count for variable in model.parameters)
     count = {variable.name: variable.count for variable in model.variables}
     active = [
-        (*(where[name].start - first_input for name in (a.value, a.rate, a.acceleration)), count[a.value])
+        (
+            *(where[name].start - first_input for name in (a.value, a.rate, a.acceleration)),
+            count[a.value],
+            "NO_MISMATCH" if (place := mismatch_place(model, a)) is None else place,
+        )
         for a in model.active
     ]
     return [
         *_table("Variable", "variables", _variables(model)),
         *_table("Start", "starts", [_row(str(place), _number(value)) for place, value in _starts(model)]),
         *_table("Active", "active", [_row(*map(str, of_coordinate)) for of_coordinate in active]),
+        *_jumps(model),
         *_table("State", "state", [_row(str(row[s.name]), str(row[s.derivative])) for s in model.states]),
         *_table("Dimension", "dimensions", [_row(_string(d.name), str(d.count)) for d in model.dimensions]),
         *_table("char *const", "condition_texts", [_string(text) for text in model.condition_texts]),
     ]
+
+
+def _jumps(model: Model) -> list[str]:
+    rows = jump_table(model)
+    return _table("unsigned char", "jumps", [", ".join(map(str, row)) for row in rows]) if rows else []
 
 
 def _table(kind: str, name: str, rows: Sequence[str]) -> list[str]:

@@ -17,6 +17,7 @@ from scipy.sparse import csr_array
 
 from liaisons import __version__, units
 from liaisons.fmu.dependencies import between_numbers, initial, running, shown_states, states_that_jump
+from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
     SYMPLECTIC_STEPS,
     Fmi,
@@ -34,8 +35,8 @@ Backend = Literal["native", "python"]
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
-    *("model.c", "core.c", "derivatives.c", "face.c", "solver.c"),
-    *("starts.c", "states.c", "step.c", "symplectic.c"),
+    *("model.c", "core.c", "derivatives.c", "face.c", "prescribed.c"),
+    *("solver.c", "starts.c", "states.c", "step.c", "symplectic.c"),
 )
 
 # What the back ends can do; attributes that are not named are false or 0.
@@ -188,7 +189,7 @@ def nominals(model: Model) -> dict[str, list[float]]:
 def _variables(model: Model, backend: Backend) -> Iterator[str]:
     where = _references(model)
     sizes = nominals(model)
-    jumping = states_that_jump(model) if backend == "native" else set()
+    jumping = states_that_jump(model) | states_moved_along(model) if backend == "native" else set()
     references = size_references(model)
     for dimension in model.dimensions:
         attributes = {

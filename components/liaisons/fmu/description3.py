@@ -21,6 +21,7 @@ from liaisons.fmu.description import (
     real_attributes,
     unit_definitions,
 )
+from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
 from liaisons.mechanics.model import Dimension, Model, Variable
@@ -76,7 +77,7 @@ def _parts(model: Model) -> Iterator[str]:
 def _variables(model: Model) -> Iterator[str]:
     reference = _references(model)
     sizes = nominals(model)
-    jumping = states_that_jump(model)
+    jumping = states_that_jump(model) | states_moved_along(model)
     reference_of_size = size_references(model)
     for size in model.dimensions:
         yield from _size(size, reference_of_size[size.name])

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from liaisons import units
-from liaisons.mechanics.model import Model, Variable
+from liaisons.mechanics.model import ActiveInput, Model, Variable
 
 Fmi = Literal["2", "3"]
 
@@ -62,6 +62,12 @@ def places(model: Model) -> dict[str, range]:
         found[variable.name] = range(first, first + variable.count)
         first += variable.count
     return found
+
+
+def mismatch_place(model: Model, prescribed: ActiveInput) -> int | None:
+    """Where the memory has what is found of a prescribed coordinate; None: nothing is kept of it."""
+    names = (f"{prescribed.value}_mismatch", f"{prescribed.value}_mismatch[1]")
+    return next((i for i, name in enumerate(model.memory) if name in names), None)
 
 
 def scalars(model: Model) -> int:

@@ -23,8 +23,11 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
 
+from liaisons.fmu.dependencies import coupled
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
+from liaisons.fmu.jumps import jump_table
+from liaisons.fmu.layout import mismatch_place
 from liaisons.mechanics.model import Model, Variable
 
 _DEPENDENCIES = b"""\
@@ -82,6 +85,9 @@ def _component(model: Model, guid: str) -> bytes:
         "outputs": [_entry(variable) for variable in model.outputs],
         "sizes": [[size.name, size.count] for size in model.dimensions],
         "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
+        "mismatches": [-1 if (place := mismatch_place(model, s)) is None else place for s in model.active],
+        "jumps": jump_table(model),
+        "coupled": coupled(model),
         "condition_texts": model.condition_texts,
         "start_only": model.start_only,
         "functions": {name: function.serialize() for name, function in functions.items()},

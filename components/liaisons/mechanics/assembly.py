@@ -48,6 +48,7 @@ def assemble(component: type[Mechanism]) -> Model:
     landed = None if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(component, equations), _start_conditions(component, equations)
     conditions = lasting | at_start
+    mismatches = variables.mismatches(component.actives)
     initial = ca.vertcat(*_initial(component, equations, symbols), 0, 0)
     sizes, distances = _nominals(component, equations), stack(conditions.values())
     z = stack(ca.SX(expression) for _, expression in outputs)
@@ -64,7 +65,7 @@ def assemble(component: type[Mechanism]) -> Model:
         inputs=inputs,
         outputs=tuple(variable for variable, _ in outputs),
         states=variables.states(component),
-        memory=MEMORY,
+        memory=(*MEMORY, *mismatches),
         **functions(
             Vectors(t, y, u, k),
             initial=initial,
@@ -73,6 +74,7 @@ def assemble(component: type[Mechanism]) -> Model:
             outputs=[(variable, z[i]) for i, (variable, _) in enumerate(outputs)],
             nominals=sizes,
             landed=None if projection is None else landed,
+            mismatches=mismatches,
         ),
         conditions=function("conditions", [t, y, u, k], distances),
         condition_texts=tuple(conditions),

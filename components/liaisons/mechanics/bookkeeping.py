@@ -11,6 +11,7 @@ import casadi as ca
 from liaisons.mechanics.model import Variable
 
 MEMORY = ("energy_start", "energy_booked")
+"""What is always remembered; behind it follows what an FMU finds of each prescribed coordinate, its mismatch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,7 @@ def definitions(
     nominals: Any,
     landed: Any = None,
     energy_at_start: Any = None,
+    mismatches: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Arguments and results of the functions, (arguments, result, ...), by the names of the members of Model.
 
@@ -55,10 +57,11 @@ def definitions(
     :param nominals: sizes of the states.
     :param landed: state after the inputs have jumped, the last two states left out of account; None: as it was.
     :param energy_at_start: T + V of (t, u, k); None: what the energy is at the initial state.
+    :param mismatches: names of the outputs that show what is remembered of the prescribed coordinates.
     """
     t, y, u, k = at.t, at.y, at.u, at.k
-    memory = type(y).sym("m", len(MEMORY))
-    energy_start, energy_booked = memory[0], memory[1]
+    memory = type(y).sym("m", len(MEMORY) + len(mismatches))
+    energy_start, energy_booked, found = memory[0], memory[1], memory[len(MEMORY) :]
     moving, work, dissipated = y[:-2], y[-2], y[-1]
     if energy_at_start is None:
         energy_at_start = ca.substitute(energy, y, initial)
@@ -71,14 +74,15 @@ def definitions(
         "dissipated": dissipated,
         "energy_balance": energy - energy_start - (work + impulse) + dissipated,
     }
+    balance |= {name: found[i] for i, name in enumerate(mismatches)}
     z = [balance.get(variable.name, expression) for variable, expression in outputs]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)
     return {
-        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start)),
+        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * len(mismatches))),
         "derivatives": ([t, y, u, k], rates),
         "outputs_function": ([t, y, u, k, memory], ca.vertcat(*z)),
         "jump": ([t, y, u, k, memory], after),
-        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy)),
+        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy, found)),
         "project": None if landed is None else ([t, y, u, k], landed),
         "nominals": ([t, y, u, k], nominals),
     }

@@ -120,24 +120,24 @@ class _Graph:
 
     def report(self, label: str, result: int, expected: Powers | None, unit: str | None) -> None:
         """Raise what is wrong about a result, if anything is."""
-        for node in self._below(result):
-            if node in self.wrong:
-                raise ComponentError(f"{label}: {self.wrong[node]}")
-        if expected is None or self.units[result] in (None, expected):
-            return
-        terms = list(self._terms(result))
-        term = next(term for term in terms if self.units[term] not in (None, expected))
-        found = self.units[term] or NUMBER
-        missing = product([(expected, 1), (found, -1)])
-        what = "" if len(terms) == 1 else "the term "
-        raise ComponentError(
-            f"{label}: {what}{self.text(term)} is {_called(found)} where {unit} is expected: "
-            f"a factor of {written(missing)} is missing{self._bare(term)}"
-        )
+        terms = [result] if expected is None else list(self._terms(result))
+        for term in terms:
+            wrong = next((node for node in self._below(term) if node in self.wrong), None)
+            if wrong is not None:
+                raise ComponentError(f"{label}: {self.wrong[wrong]}")
+            found = self.units[term]
+            if expected is None or found in (None, expected):
+                continue
+            what, missing = "" if len(terms) == 1 else "the term ", product([(expected, 1), (found, -1)])
+            raise ComponentError(
+                f"{label}: {what}{self.text(term)} is {_called(found)} where {unit} is expected: "
+                f"a factor of {written(missing)} is missing{self._bare(term)}"
+            )
 
     def _unlike(self, node: int) -> str:
         """Of the terms of a sum two that do not fit each other."""
-        terms = [term for term in self._terms(node) if self.units[term] is not None]
+        compared = self._terms(node) if self.codes[node] in _SUMS else self.operands[node]
+        terms = [term for term in compared if self.units[term] is not None]
         first = terms[0]
         other = next((term for term in terms if self.units[term] != self.units[first]), terms[-1])
         one, two = (f"{self.text(term)} is {_called(self.units[term])}" for term in (first, other))
@@ -150,12 +150,10 @@ class _Graph:
         return f"; {odd[0]:g} counts as a pure number, a Parameter has a unit" if odd else ""
 
     def _terms(self, node: int) -> Iterator[int]:
-        """The terms of a sum, operands of a comparison or the like; anything else is its own and only term."""
+        """The terms of a sum; anything else is its own and only term."""
         if self.codes[node] in _SUMS:
             for operand in self.operands[node]:
                 yield from self._terms(operand)
-        elif self.codes[node] in _ALIKE:
-            yield from self.operands[node]
         else:
             yield node
 
@@ -205,6 +203,10 @@ def _alike(graph: _Graph, operands: Sequence[int]) -> Powers | None:
     if left is not None and right is not None and left != right:
         raise _UnitError
     return right if left is None else left
+
+
+def _unknown(_graph: _Graph, _operands: Sequence[int]) -> None:
+    return None
 
 
 def _number(_graph: _Graph, _operands: Sequence[int]) -> Powers:
@@ -275,6 +277,7 @@ def _rules() -> Iterable[tuple[str, str, Callable[[_Graph, Sequence[int]], Power
     yield from (("ATAN2", "atan2", _ratio), ("MUL", "*", _product), ("DIV", "/", _quotient))
     yield from (("INV", "1/", _raised(-1)), ("SQ", "^2", _raised(2)), ("SQRT", "sqrt", _raised(Fraction(1, 2))))
     yield from (("POW", "^", _power), ("CONSTPOW", "^", _power), ("SIGN", "sign", _number))
+    yield from (("NOT", "not", _unknown), ("AND", "and", _unknown), ("OR", "or", _unknown))
     yield from (("IF_ELSE_ZERO", "if_else", _of(1)), ("COPYSIGN", "copysign", _of(0)))
     for same in ("ASSIGN", "NEG", "TWICE", "FABS", "FLOOR", "CEIL"):
         yield same, same.lower(), _of(0)
@@ -304,4 +307,3 @@ _WRITTEN: dict[int, tuple[str, tuple[int, ...], int]] = {
 """How operations are written that are no calls: the operands, their least precedence, and the precedence of the whole:
 0 sum, 1 product, 2 power, 3 what needs no brackets."""
 _SUMS = frozenset({ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE})
-_ALIKE = frozenset(code for code, operation in _OPERATIONS.items() if operation.unit in (_alike, _ratio, _compared))

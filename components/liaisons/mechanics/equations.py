@@ -10,10 +10,10 @@ p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇)                     
 λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s   force of the operator; needs σ̈                         M eq. 27
 P = Σ λ σ̇               its power                                                     M eq. 28
 Θ = ∂λ/∂σ̈               effective mass at the active port                             M eq. 50
-Q = −η ∂T/∂q̇            friction, on free and active coordinates alike                K eq. 64
+Q = −∂D/∂q̇              friction, on free and active coordinates alike: D = η T + D′   K eq. 64, 66
 C ẍ = c                 constraints in accelerations: C = ∂σ/∂x, ∂π/∂x or ∂ρ/∂ẋ       K eq. 9, M eq. 22, K eq. 107
 Z = Cᵀ λ                their forces; λ from C A⁻¹ Cᵀ λ = c − C A⁻¹ (forces)          K eq. 7, 9
-dE/dt = Σ λ σ̇ + drives and loads − 2 η T                                              K eq. 67, M eq. 28
+dE/dt = Σ λ σ̇ + drives and loads − Σ q̇ ∂D/∂q̇ − Σ σ̇ ∂D/∂σ̇                             K eq. 67, M eq. 28
 ======================  ============================================================  ==================
 
 An orientation has the angular velocity ω in the body frame for ẋ, and its momentum H = R ∂L/∂ω in the inertial frame:
@@ -32,6 +32,7 @@ from liaisons.errors import ComponentError, suggestion
 from liaisons.mechanics import constraints
 from liaisons.mechanics.algebra import gradient, stack
 from liaisons.mechanics.constraints import Constraints
+from liaisons.mechanics.friction import Friction
 from liaisons.mechanics.inertia import inertia
 
 if TYPE_CHECKING:
@@ -83,7 +84,8 @@ class Equations:
     constraints: Constraints  # C ẍ = c
     multipliers: ca.SX  # λ of the passive and non-holonomic constraints
     power: ca.SX  # through all ports
-    dissipation: ca.SX  # 2 η T, and what non-holonomic constraints take out
+    friction: Friction
+    dissipation: ca.SX  # what friction takes, and non-holonomic constraints
     internal_rates: ca.SX
     projection: ca.SX | None  # (x, p) put back onto the constraints and unit quaternions, if there are any
 
@@ -150,7 +152,7 @@ def derive(component: type[Mechanism]) -> Equations:
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Without repetitions, so that derivatives cost as much as what they are derivatives of.
     kinetic, potential, L = ca.cse([ca.SX(e) for e in (m.kinetic_energy(), m.potential_energy(), m.lagrangian())])
-    eta = ca.SX(m.friction_coefficient())
+    rubbing = Friction(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
     drives, loads = _column(component.coordinates, "force"), _column(component.coordinates, "load")
@@ -164,8 +166,8 @@ def derive(component: type[Mechanism]) -> Equations:
     point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)
     applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - driven, 1))
     lifting = ca.dot(position, point_loads)  # its gradient at given loads is their virtual work
-    Q = applied - K.T @ gradient(lifting, q) - eta * gradient(kinetic, q_dot)
-    Q_s = -gradient(lifting, s) - eta * gradient(kinetic, s_dot)
+    Q = applied - K.T @ gradient(lifting, q) - rubbing.against(q_dot)
+    Q_s = -gradient(lifting, s) - rubbing.against(s_dot)
 
     # Momentum and its inverse: p = A ẋ + b.
     p = gradient(L, q_dot)
@@ -202,7 +204,7 @@ def derive(component: type[Mechanism]) -> Equations:
         + ca.dot(drives - loads, q_dot[:driven, 0])
         - ca.dot(point_loads, m.dot(position))
     )
-    dissipation = 2 * eta * kinetic  # T is quadratic in the rates
+    dissipation = rubbing.power(ca.vertcat(q_dot, s_dot))
     internal = m.internal_rates()
     return Equations(
         mechanism=m,
@@ -226,6 +228,7 @@ def derive(component: type[Mechanism]) -> Equations:
         constraints=kept,
         multipliers=lambdas[:passive, 0],
         power=power,
+        friction=rubbing,
         dissipation=dissipation - constraint_power,
         internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
         projection=constraints.projection(m, metric, loose, kept),

@@ -84,7 +84,8 @@ class Mechanism(Component, abstract=True):
     """Mechanical system with active constraints, described by its energies; abstract.
 
     A subclass declares parameters and coordinates and defines :meth:`kinetic_energy` and, as needed,
-    :meth:`potential_energy`, :meth:`friction_coefficient`, :meth:`lagrangian`, points, outputs and conditions.
+    :meth:`potential_energy`, :meth:`friction_coefficient`, :meth:`dissipation_function`, :meth:`lagrangian`, points,
+    outputs and conditions.
 
     :raises ComponentError: when the subclass is defined, if a symbol is unknown, a size or unit is wrong, two names
         clash, or the mass matrix at the start is not positive definite.
@@ -150,6 +151,13 @@ class Mechanism(Component, abstract=True):
 
     def friction_coefficient(self) -> ca.SX:
         """η of K eq. 64, Q = −η ∂T/∂q̇; zero unless the component says otherwise."""
+        return ca.SX(0)
+
+    def dissipation_function(self) -> ca.SX:
+        """Rayleigh's D(q, q̇, s, ṡ) [W] of further friction, Q = −∂D/∂q̇; zero unless the component says otherwise.
+
+        A damper c between two parts, with the rate v of one relative to the other: D = c v²/2.
+        """
         return ca.SX(0)
 
     def lagrangian(self) -> ca.SX:
@@ -231,7 +239,7 @@ class Mechanism(Component, abstract=True):
             names += [f"{c.name}_residual", f"lambda_{c.name}"]
         names += [f"{c.name}_residual" for c in cls.submersions]
         for s in (c.name for c in cls.actives):
-            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power"]
+            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power", f"{s}_mismatch"]
         names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
         return [*names, "power", "dissipation"]
 
@@ -292,6 +300,7 @@ class Mechanism(Component, abstract=True):
         if cls.lagrangian is not Mechanism.lagrangian:  # T - V has been looked at
             formulas.extend(checked(cls, "lagrangian", lagrangian, "J"))
         check("friction_coefficient", parameters | internal, "1/s")
+        check("dissipation_function", motion | internal, "W")
         for items, symbols in known.items():
             for item in items:
                 check(item.name, symbols, units.ANY if isinstance(item, Condition) else item.unit)

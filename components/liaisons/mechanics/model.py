@@ -28,7 +28,7 @@ from liaisons.mechanics.sweeps import Program
 
 Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
 PortKind = Literal["free", "active", "point", "signal"]
-Variability = Literal["fixed", "tunable", "continuous"]
+Variability = Literal["fixed", "tunable", "discrete", "continuous"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,6 +44,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     return (
         Equation("lagrangian", "L", equations.lagrangian),
         Equation("energy", "energy", equations.energy),
+        *_friction("friction", "D", equations.friction.function),
         *_rows("momenta", momenta, m.free.frame @ equations.momenta),
         *_rows("velocities", rates, equations.velocities),
         *_rows("velocities", [f"{name}_dot" for name in names[len(m.coordinates) :]], turning[len(m.coordinates) :, 0]),
@@ -67,14 +68,22 @@ def of_operator(picture: Operator, signal: ca.SX) -> tuple[Equation, ...]:
 def of_chain(picture: Chain) -> tuple[Equation, ...]:
     """What one link is: its energies, and where the next one begins."""
     base = picture.base() or {}
+    dissipated = ca.SX(picture.friction_coefficient()) * ca.SX(picture.kinetic_energy())
+    dissipated += ca.SX(picture.dissipation_function()) + ca.SX(picture.bond_dissipation())
     points = picture.point_components
     return (
         Equation("link", "kinetic_energy", ca.SX(picture.kinetic_energy())),
         Equation("link", "potential_energy", ca.SX(picture.potential_energy()) + ca.SX(picture.bond_energy())),
+        *_friction("link", "D", dissipated),
         *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(place)) for axis, place in picture.tip().items()),
         *(Equation("joints", f"joint_{axis}[1]", ca.SX(place)) for axis, place in base.items()),
         *_rows("points", points, stack(points.values())),
     )
+
+
+def _friction(section: str, name: str, function: ca.SX) -> Iterator[Equation]:
+    if not function.is_zero():
+        yield Equation(section, name, function)
 
 
 def _balances(equations: Equations) -> ca.SX:
@@ -83,15 +92,15 @@ def _balances(equations: Equations) -> ca.SX:
     free, active, kept = m.free, m.active, equations.constraints
     adapted = len(m.actives) - len(m.submersions)
     s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
-    points, eta = stack(equations.points.values()), ca.SX(m.friction_coefficient())
+    points = stack(equations.points.values())
     passive = len(m.constraints)
     multipliers = ca.vertcat(m.multipliers, active.force[adapted:, 0])
 
     drives = ca.vertcat(equations.drives - equations.loads, ca.SX.zeros(free.q_dot.shape[0] - len(m.coordinates), 1))
     force = drives + kept.matrix.T @ multipliers + free.kinematics.T @ _pulled(L, points, equations, free.q)
-    force -= eta * gradient(equations.kinetic_energy, free.q_dot)
+    force -= equations.friction.against(free.q_dot)
     on_operator = m.dot(gradient(L, s_dot)) - _pulled(L, points, equations, s)
-    on_operator += eta * gradient(equations.kinetic_energy, s_dot)
+    on_operator += equations.friction.against(s_dot)
     rigid = [i for i in kept.of_position if i < passive or i >= passive + len(m.non_holonomic)]
     on_operator -= ca.jacobian(kept.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
     return ca.vertcat(force, on_operator)

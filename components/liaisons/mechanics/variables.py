@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -100,11 +100,11 @@ def start_of(q: Coordinate, dimension: Dimension | None = None) -> list[Variable
 
 def triple(s: ActiveCoordinate) -> list[Variable]:
     """σ, σ̇ and σ̈ of an active coordinate."""
-    speed = units.rate(s.unit)
+    speed, together = units.rate(s.unit), "to be set with it, in model exchange too"
     return [
         s.variable("input", "continuous"),
-        _zero(f"{s.name}_dot", speed, f"rate of {s.name}"),
-        _zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}"),
+        _zero(f"{s.name}_dot", speed, f"rate of {s.name}, {together}"),
+        _zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}, {together}"),
     ]
 
 
@@ -144,10 +144,20 @@ def of_coordinate(q: Coordinate, *values: Expression, dimension: Dimension | Non
 
 
 def of_active(s: ActiveCoordinate, force: Expression, rate: Expression) -> Iterator[Row]:
-    """Force and power of the operator."""
+    """Force and power of the operator, and whether what he prescribes agrees with itself."""
     text = f"generalised force of the operator on this mechanism along +{s.name} (M eq. 27)"
     yield _output(f"{s.name}_force", units.force(s.unit), text, force)
     yield _output(f"{s.name}_power", "W", f"power of the operator through {s.name} (M eq. 28)", force * rate)
+    text = (
+        f"what {s.name} went in the last communication step beyond what {s.name}_dot and {s.name}_ddot say, where they "
+        "contradict each other; else 0, as in model exchange and in hold mode"
+    )
+    yield Variable(f"{s.name}_mismatch", s.unit, text, "local", "discrete"), ca.DM(0)
+
+
+def mismatches(actives: Iterable[ActiveCoordinate]) -> list[str]:
+    """Names of the variables of :func:`of_active` that an FMU fills in."""
+    return [f"{s.name}_mismatch" for s in actives]
 
 
 def of_point(name: str, place: Point, *values: Expression, dimension: Dimension | None = None) -> Iterator[Row]:
@@ -163,7 +173,7 @@ def of_point(name: str, place: Point, *values: Expression, dimension: Dimension 
 def of_energies(kinetic: Expression, potential: Expression, power: Expression, dissipation: Expression) -> list[Row]:
     """Energies and powers; ``work``, ``dissipated``, ``energy_balance`` are filled in by the assembly."""
     filled_in = ca.DM(0)
-    loss = "power lost by friction, twice the friction coefficient times T (K eq. 67)"
+    loss = "power lost by friction, the rates times the gradient of the dissipation function (K eq. 67)"
     return [
         _output("kinetic_energy", "J", "kinetic energy T (K eq. 12)", kinetic),
         _output("potential_energy", "J", "potential energy V", potential),

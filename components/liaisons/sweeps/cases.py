@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import numbers
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias, final, runtime_checkable
@@ -11,6 +10,7 @@ from typing import Any, Protocol, TypeAlias, final, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.arguments import named, shown, whole
 from liaisons.sweeps.errors import SweepError
 
 
@@ -99,12 +99,10 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
     :param latin_hypercube: spread the values of each name evenly over its quantiles.
     :raises SweepError: for a count or seed that will not do, nothing to vary, or no distribution.
     """
-    if not isinstance(count, numbers.Integral) or count < 1:
-        raise SweepError(f"sample: count = {count!r}; give a whole number, 1 at least")
+    whole("sample: count", count, SweepError)
     _check_count("sample", int(count))
-    if not isinstance(seed, numbers.Integral) or seed < 0:
-        raise SweepError(f"sample: seed = {seed!r}; give a whole number, 0 at least")
-    if not over:
+    whole("sample: seed", seed, SweepError, least=0)
+    if not named("sample: over", over, SweepError):
         raise SweepError("sample: nothing is varied; give at least one name with its distribution")
     generator = np.random.default_rng(int(seed))
     if latin_hypercube:
@@ -130,25 +128,26 @@ def _quantiles(name: str, distribution: Distribution, quantiles: NDArray[np.floa
             low, high = map(float, distribution)
         except (TypeError, ValueError):
             raise SweepError(
-                f"sample: {name} = {distribution!r}; give (low, high) or a distribution, e.g. scipy.stats.norm(1, 0.1)"
+                f"sample: {name} = {shown(distribution)}; give (low, high) or a distribution, "
+                "e.g. scipy.stats.norm(1, 0.1)"
             ) from None
         if low >= high:
             raise SweepError(f"sample: {name} = {distribution!r}; give (low, high) with low < high")
         values = low + (high - low) * quantiles
     if not np.all(np.isfinite(values)):
-        raise SweepError(f"sample: {name} = {distribution!r} gives values that are not finite; choose another one")
+        raise SweepError(f"sample: {name} = {shown(distribution)} gives values that are not finite; choose another one")
     return values
 
 
 def _columns(over: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float64]]:
-    if not over:
+    if not named("cases", over, SweepError):
         raise SweepError("nothing is varied; give at least one name with its values")
     columns = {}
     for name, values in over.items():
         try:
             column = np.array(values, dtype=float, ndmin=1)
         except (TypeError, ValueError):
-            raise SweepError(f"{name} = {values!r}; give a number or a list of numbers") from None
+            raise SweepError(f"{name} = {shown(values)}; give a number or a list of numbers") from None
         if column.ndim > 1 or not column.size:
             raise SweepError(f"{name} has values of shape {column.shape}; give at least one number, in one row")
         if not np.all(np.isfinite(column)):

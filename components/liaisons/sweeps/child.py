@@ -17,7 +17,7 @@ from typing import final
 from liaisons.processes import die_with_parent
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
-from liaisons.sweeps.session import Session
+from liaisons.sweeps.session import session_of
 
 _SERVE = "import sys; from liaisons.sweeps.child import serve; serve(int(sys.argv[1]))"
 
@@ -26,7 +26,7 @@ _SERVE = "import sys; from liaisons.sweeps.child import serve; serve(int(sys.arg
 class Child:
     """The process; started when it is needed, and anew when it has died.
 
-    :param task: a plan and where its FMUs lie extracted, pickled.
+    :param task: a :data:`liaisons.sweeps.session.Task`, pickled.
     """
 
     def __init__(self, task: bytes) -> None:
@@ -92,7 +92,7 @@ def serve(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is for the one who waits
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what an FMU prints is no answer
-    with Session(*pickle.load(sys.stdin.buffer)) as session, suppress(EOFError):
+    with session_of(pickle.load(sys.stdin.buffer)) as session, suppress(EOFError):
         answers.write(b"!")
         answers.flush()
         while True:

@@ -13,6 +13,7 @@ from threading import get_ident
 from typing import Any, final
 from uuid import uuid4
 
+from liaisons.arguments import shown
 from liaisons.sweeps.child import Child
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import Failure, Outcome, failure
@@ -151,7 +152,7 @@ def connected(client: Client | str) -> Iterator[Client]:
     """
     if not isinstance(client, str):
         if not hasattr(client, "scatter"):
-            raise SweepError(f"client = {client!r}; give a distributed.Client, or the address of a scheduler")
+            raise SweepError(f"client = {shown(client)}: give a distributed.Client or the address of its scheduler")
         yield client
         return
     if not client.strip():  # Dask would start workers here
@@ -204,7 +205,7 @@ def _begin(key: str, plan: Plan, files: Mapping[Path, bytes]) -> None:
         for path, content in files.items():
             here[path].write_bytes(content)
         moved = plan.moved(here)
-        child = Child(dumps((moved, extract_all(moved, folder))))
+        child = Child(dumps((moved, extract_all(moved, folder), str(folder))))
         stack.callback(child.close)
         _mine[key, get_ident()] = child, stack.pop_all()
 

@@ -117,7 +117,7 @@ class Journal:
                 outcomes.update([self._taken_from(content, number)])
         if damaged:
             shown = ", ".join(map(str, damaged[:5])) + (f" and {len(damaged) - 5} more" if len(damaged) > 5 else "")
-            _logger.warning("%s: damaged lines are left out, and their cases done again: line %s", self._path, shown)
+            _logger.warning("%s: damaged lines are left out, and their cases done again: %s", self._path, shown)
         self._file.truncate(sum(len(line) + 1 for line in lines))
         if not lines:
             self._write(header)

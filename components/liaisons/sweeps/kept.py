@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import marshal
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from types import CodeType
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from liaisons.arguments import listed, shown
 from liaisons.cosim import Result
 from liaisons.errors import suggestion
 from liaisons.sweeps.errors import SweepError
@@ -20,22 +21,20 @@ Measure: TypeAlias = str | Callable[[Result], float]
 _MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max": np.max, "min": np.min}
 
 
-def measures(keep: Sequence[str] | Mapping[str, Measure]) -> dict[str, Measure]:
+def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
     """Name of the column -> what stands in it.
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
-    if isinstance(keep, str):
-        raise SweepError(f"keep = {keep!r}; give a list of names, [{keep!r}]")
     found: dict[str, Measure] = {}
-    found.update(keep if isinstance(keep, Mapping) else zip(keep, keep, strict=True))
+    found.update(keep if isinstance(keep, Mapping) else ((name, name) for name in listed("keep", keep, SweepError)))
     if not found:
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
     for name, measure in found.items():
         if isinstance(measure, str):
             split(measure)
         elif not callable(measure):
-            raise SweepError(f"keep: {name} = {measure!r}; give the name of a signal or a function of the Result")
+            raise SweepError(f"keep: {name} = {shown(measure)}; give the name of a signal or a function of the Result")
     return found
 
 

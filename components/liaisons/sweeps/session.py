@@ -6,10 +6,11 @@ numbers whichever ran before it.  One that cannot go back is instantiated anew, 
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from liaisons.errors import LiaisonsError
 from liaisons.sweeps.kept import evaluate
 from liaisons.sweeps.outcome import Failure, Outcome, failure
 from liaisons.sweeps.plan import Plan
+
+Task: TypeAlias = tuple[Plan, Mapping[Path, Path], str]
+"""What a process needs to know: the sweep, where each FMU lies extracted, and a folder for what it leaves behind."""
 
 
 @final
@@ -187,6 +191,15 @@ class _Prepared:
 
     def _depends_initially(self, output: Place, input_: Place) -> bool:
         return self._plan.components[output[0]].fmu.depends(output[1], input_[1], initially=True)
+
+
+def session_of(task: Task) -> Session:
+    """The session of a process that has no other purpose, and may be killed in its midst.
+
+    What it puts into temporary folders is in that of the sweep, and goes with that.
+    """
+    plan, folders, tempfile.tempdir = task
+    return Session(plan, folders)
 
 
 def extract_all(plan: Plan, folder: Path) -> dict[Path, Path]:

@@ -6,21 +6,21 @@ import math
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
-from numbers import Integral, Real
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liaisons.arguments import as_path, listed, named, whole
 from liaisons.cosim import System, checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.ports import Link
 from liaisons.cosim.schedule import Coupling
-from liaisons.cosim.simulation import communication_points
-from liaisons.errors import SimulationError
+from liaisons.cosim.simulation import check_positive, communication_points
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.errors import SweepError
@@ -36,7 +36,7 @@ from liaisons.sweeps.workers import simulate as simulate_here
 def sweep(
     subject: Path | str | System,
     cases: Mapping[str, ArrayLike],
-    keep: Sequence[str] | Mapping[str, Measure],
+    keep: str | Iterable[str] | Mapping[str, Measure],
     *,
     stop_time: float | None = None,
     step_size: float | None = None,
@@ -45,7 +45,7 @@ def sweep(
     tolerance: float | None = None,
     coupling: Coupling | None = None,
     starts: Mapping[str, float | bool | str] | None = None,
-    record: Sequence[str] | None = None,
+    record: str | Iterable[str] | None = None,
     journal: Path | str | None = None,
     retry: bool = False,
     time_limit: float | None = None,
@@ -57,7 +57,7 @@ def sweep(
 
     ::
 
-        table = sweep(fmu_path("Pendulum"), grid({"theta_0": np.linspace(0.1, 3, 50), "length": [0.5, 1.0]}),
+        table = sweep("Pendulum", grid({"theta_0": np.linspace(0.1, 3, 50), "length": [0.5, 1.0]}),
                       keep=["theta", "theta:max"], stop_time=10.0)
 
     A case gives the same numbers, bit by bit, whatever ran before it and wherever it runs, as far as the FMU itself
@@ -68,11 +68,12 @@ def sweep(
     FMUs and functions in ``keep`` are code that runs here, and on the workers of a cluster; whoever can reach a Dask
     scheduler can run code there, too.  Take them from people you trust.
 
-    :param subject: path of an FMU, or a system.
+    :param subject: path of an FMU, or a system; :func:`liaisons.sweep` takes a component by its name, file or class,
+        too.
     :param cases: :func:`grid`, :func:`sample`, or columns of values, by names of parameters and inputs:
         ``"theta_0"`` of an FMU, ``"swing.theta_0"`` of a system.
     :param keep: values at the end, ``"theta"``, or extrema over the communication points, ``"theta:max"``,
-        ``"theta:min"``; or name -> one of these or a function of the :class:`liaisons.Result`.
+        ``"theta:min"``, one or several; or name -> one of these or a function of the :class:`liaisons.Result`.
     :param stop_time: end [s]; this and the next four as in :func:`liaisons.simulate`.
     :param coupling: as in :meth:`liaisons.System.simulate`.
     :param starts: start values that all cases have in common.
@@ -96,11 +97,11 @@ def sweep(
         span=(start_time, stop_time, step_size, times),
         tolerance=tolerance,
         coupling=coupling,
-        starts=starts or {},
+        starts=named("starts", {} if starts is None else starts, SweepError),
         record=record,
     )
     shape = plan.cases.count, len(plan.keep)
-    book = nullcontext() if journal is None else Journal(Path(journal), plan.key(), *shape, retry=retry)
+    book = nullcontext() if journal is None else Journal(as_path("journal", journal), plan.key(), *shape, retry=retry)
     with book as written:
         outcomes: dict[int, Outcome] = {} if written is None else dict(written.done)
         todo = [case for case in range(plan.cases.count) if case not in outcomes]
@@ -137,8 +138,8 @@ def _check_settings(
 ) -> None:
     if workers is not None and client is not None:
         raise SweepError(f"workers = {workers!r} are processes of this machine; leave it out on a Dask cluster")
-    if workers is not None and not (isinstance(workers, Integral) and workers >= 1):
-        raise SweepError(f"workers = {workers!r}; give a whole number, 1 at least")
+    if workers is not None:
+        whole("workers", workers, SweepError)
     if time_limit is not None and not (isinstance(time_limit, Real) and math.isfinite(time_limit) and time_limit > 0):
         raise SweepError(f"time_limit = {time_limit!r}; give seconds, more than 0, or leave it out")
     if retry and journal is None:
@@ -154,7 +155,7 @@ def _plan(
     tolerance: float | None,
     coupling: Coupling | None,
     starts: Mapping[str, float | bool | str],
-    record: Sequence[str] | None,
+    record: str | Iterable[str] | None,
 ) -> Plan:
     _check_names(cases, keep, starts)
     system = subject if isinstance(subject, System) else None
@@ -163,6 +164,8 @@ def _plan(
     if isinstance(subject, System):
         title = subject.name
         components, links = dict(subject.components), list(subject.links)
+        if not components:
+            raise SweepError(f"{title} is empty; add() an FMU first")
         if starts:
             raise SweepError(f"{title}: starts are for a single FMU; give them to add()")
     else:
@@ -176,9 +179,8 @@ def _plan(
             stop_time = experiment.stop_time if stop_time is None else stop_time
             step_size = experiment.step_size if step_size is None else step_size
     points = communication_points(start_time, stop_time, step_size, times)
-    if tolerance is not None and not (math.isfinite(tolerance) and tolerance > 0):
-        raise SimulationError(f"tolerance = {tolerance!r}: must be > 0")
-    wanted = signals(keep) if record is None else list(record)
+    check_positive("tolerance", tolerance)
+    wanted = signals(keep) if record is None else listed("record", record)
     if wanted is None:
         wanted = [
             variable if system is None else f"{name}.{variable}"

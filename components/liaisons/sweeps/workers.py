@@ -26,10 +26,9 @@ from liaisons.processes import die_with_parent
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
 from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import Session, extract_all
+from liaisons.sweeps.session import Task, extract_all, session_of
 
 Deliver = Callable[[Mapping[int, Outcome]], None]
-Folders = dict[Path, Path]
 
 _logger = logging.getLogger("liaisons.sweeps")
 
@@ -51,7 +50,8 @@ def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver, tim
     """
     loop.compiled()  # before there are processes, each of which would compile it
     with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-        pool = _Pool(plan, extract_all(plan, Path(folder)), deque(cases), count, deliver, time_limit=time_limit)
+        task = plan, extract_all(plan, Path(folder)), folder
+        pool = _Pool(task, deque(cases), count, deliver, time_limit=time_limit)
         try:
             pool.run()
         finally:
@@ -65,13 +65,13 @@ class _Worker:
     :ivar at: when the case that it is at was begun, on the monotonic clock [s], infinite for none; and which one it is.
     """
 
-    def __init__(self, plan: Plan, folders: Folders) -> None:
+    def __init__(self, task: Task) -> None:
         # A forked process has the plan already, so that functions in it need not be importable; safe on Linux only.
         context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
         self.pipe, far = context.Pipe()
         self.at = context.RawArray("d", [math.inf, 0.0])
-        task = (far, self.at, plan, folders, os.getpid())
-        self.process: BaseProcess = context.Process(target=_work, args=task, daemon=True)
+        what = far, self.at, task, os.getpid()
+        self.process: BaseProcess = context.Process(target=_work, args=what, daemon=True)
         with warnings.catch_warnings():
             # Python 3.12 warns of forks beside threads; ours touch nothing that those could hold locked.
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -113,15 +113,14 @@ class _Worker:
 class _Pool:
     def __init__(
         self,
-        plan: Plan,
-        folders: Folders,
+        task: Task,
         waiting: deque[int],
         count: int,
         deliver: Deliver,
         *,
         time_limit: float | None,
     ) -> None:
-        self._plan, self._folders = plan, folders
+        self._task = task
         self._waiting = waiting
         self._suspects: deque[int] = deque()  # of processes that have died: one by one
         self._deaths: dict[int, int] = {}
@@ -163,7 +162,7 @@ class _Pool:
 
     def _started(self) -> _Worker:
         """A new process, at work before the next one is made."""
-        worker = _Worker(self._plan, self._folders)
+        worker = _Worker(self._task)
         worker.give(self._next())
         return worker
 
@@ -218,13 +217,13 @@ class _Pool:
         self._workers[self._workers.index(worker)] = self._started()
 
 
-def _work(pipe: Connection, at: MutableSequence[float], plan: Plan, folders: Folders, parent: int) -> None:
+def _work(pipe: Connection, at: MutableSequence[float], task: Task, parent: int) -> None:
     """What a process does: simulate what comes, until nobody is there any more."""
     die_with_parent(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not what the parent does then, which a fork has inherited
     gc.freeze()  # what was there before the fork stays; looking through it would copy its memory
-    with Session(plan, folders) as session:
+    with session_of(task) as session:
         while True:
             outcomes: dict[int, Outcome] = {}
             reported = time.monotonic()

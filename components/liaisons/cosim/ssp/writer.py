@@ -15,6 +15,7 @@ from typing import get_args
 from xml.etree.ElementTree import Element, SubElement
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
+from liaisons.arguments import chosen
 from liaisons.cosim.component import Component
 from liaisons.cosim.files import replacing
 from liaisons.cosim.ports import Link
@@ -56,8 +57,7 @@ def write(
     :param name: name of the system.
     :raises SimulationError: if it cannot be written, or is to be portable and uses arrays of FMI 3.0.
     """
-    if form not in get_args(Form):
-        raise SimulationError(f"form = {form!r}: choose one of {', '.join(map(repr, get_args(Form)))}")
+    chosen("form", form, get_args(Form))
     files: Files = {}
     root = Element(tag("ssd:SystemStructureDescription"), version="1.0" if form == "portable" else "2.0", name=name)
     system = SubElement(root, tag("ssd:System"), name=name)

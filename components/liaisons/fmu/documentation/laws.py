@@ -43,6 +43,12 @@ LAWS = {
         "Everything below follows from it; friction and what is attached come in as forces.",
     ),
     "energy": Law("Energy", "Kinetic and potential (K eq. 61)."),
+    "friction": Law(
+        "Friction",
+        "The dissipation function D. Friction opposes free and prescribed rates alike and takes the power "
+        "Σ q̇ ∂D/∂q̇ + Σ ṡ ∂D/∂ṡ; where D = η T, with the coefficient η of K eq. 64, this is 2 η T (K eq. 67).",
+        _i("Q", "k") + _EQUALS + _MINUS + _d(_i("D"), _RATE),
+    ),
     "momenta": Law(
         "Momenta",
         "Conjugate to the free coordinates q; they stay continuous when an operator makes a rate jump.",
@@ -55,7 +61,7 @@ LAWS = {
     ),
     "motion": Law(
         "Equations of motion",
-        "Q are drives, loads with the opposite sign, friction −η ∂T/∂q̇ and the forces of constraints. "
+        "Q are drives, loads with the opposite sign, friction −∂D/∂q̇ and the forces of constraints. "
         "The accelerations of prescribed coordinates s do not enter (M eq. 26, 36).",
         _i("p", "k", "˙") + _EQUALS + _d(_i("L"), _i("q", "k")) + _PLUS + _i("Q", "k"),
     ),
@@ -90,6 +96,6 @@ LAWS = {
     "points": Law("Points", "Where other mechanisms are attached."),
     "outputs": Law("Further outputs", "What the component adds."),
     "signal": Law("Signal", "Its two derivatives are taken from the same expression."),
-    "link": Law("One link", "Sums over all links are the energies of the chain; L = T − V."),
+    "link": Law("One link", "Sums over all links are those of the chain; L = T − V, friction −∂D/∂q̇."),
     "joints": Law("Joints", "Where the next link begins, and the first."),
 }

@@ -69,7 +69,7 @@ class Notation:
         match = _NAME.fullmatch(name)
         assert match is not None  # names are not empty
         stem, prefix = match["stem"], list[str]()
-        for ending, letter in (("_force", "Q"), ("_load", "F"), ("_power", "P")):
+        for ending, letter in (("_force", "Q"), ("_load", "F"), ("_power", "P"), ("_mismatch", "Δ")):
             if stem.endswith(ending):
                 stem = stem.removesuffix(ending)
                 prefix = ["λ" if ending == "_force" and stem in self._active else letter]

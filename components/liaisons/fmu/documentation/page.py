@@ -6,8 +6,10 @@ import re
 from collections.abc import Collection, Iterable
 from functools import lru_cache
 from html import escape
+from itertools import compress
 
 import casadi as ca
+import numpy as np
 
 from liaisons import __version__
 from liaisons.fmu.documentation.laws import LAWS
@@ -15,6 +17,7 @@ from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.documentation.style import STYLE
+from liaisons.fmu.jumps import jumps
 from liaisons.mechanics.model import Model, Port, Variable
 
 _JOINT = "where the link before ends, or its rate"
@@ -43,6 +46,19 @@ _HERMITE = (
     "the quintic Hermite polynomial between the values before the step and those that are set for it, which belong "
     "to its end: continuous in s, s_dot and s_ddot, error of the sixth order in the step"
 )
+_TRIPLE = (
+    "The three inputs of a prescribed coordinate belong together: s_dot is the rate of s, s_ddot that of s_dot. Model "
+    "exchange takes them as they are, so that all three have to be set. Co-simulation warns in the log, once for each "
+    "coordinate, where they contradict each other by more than the step explains; s_mismatch says by how much."
+)
+_LIMIT = (
+    "from one communication point to the next is taken as the limit of an ever faster straight motion, whatever "
+    "<code>input_reconstruction</code> is: the effective mass does not depend on the free coordinates (M eq. 50)"
+)
+_NO_LIMIT = (
+    "leaves coordinates and momenta as they are, or puts them back onto the constraints, and the operator's work is "
+    "what the energy gains; interpolated, it is a motion as fast as the step"
+)
 _RECONSTRUCTION = (
     ("0", "hold", "the value at the start of the step; rate and acceleration as given"),
     ("1", "extrapolate", "s + s_dot h + s_ddot h²/2 from the values at the start of the step (the default)"),
@@ -59,7 +75,7 @@ def index_page(model: Model) -> bytes:
         "Equations": _equations(model, notation),
         "Variables": _variables(model, notation),
         "Ports": _ports(model.ports, {v.name: v for v in model.variables}),
-        "Inputs inside a step": _reconstruction() if model.inputs else [],
+        "Inputs inside a step": _reconstruction(model) if model.inputs else [],
         "Checked against": _closed_form(model),
         "Default experiment": _experiment(model),
     }
@@ -222,10 +238,30 @@ def _ports(ports: tuple[Port, ...], variables: dict[str, Variable]) -> list[str]
     return [*lines, f"<p>{_PLUG}</p>", *_table(("free coordinate or point", "", "active coordinate"), arrows)]
 
 
-def _reconstruction() -> list[str]:
+def _reconstruction(model: Model) -> list[str]:
     rows = ((f"<code>{value}</code>", name, escape(text)) for value, name, text in _RECONSTRUCTION)
     text = "Between two communication points a prescribed coordinate has to move; this fixed parameter says how:"
-    return [f"<p>{text}</p>", *_table(("<code>input_reconstruction</code>", "", "motion during a step"), rows)]
+    lines = [f"<p>{text}</p>", *_table(("<code>input_reconstruction</code>", "", "motion during a step"), rows)]
+    return [*lines, f"<p>{_TRIPLE}</p>", f"<p>{_jumps(model)}</p>"] if model.active else lines
+
+
+def _jumps(model: Model) -> str:
+    """What a jump of a prescribed coordinate itself does."""
+    found = jumps(model)
+
+    def names(chosen: Iterable[bool]) -> str:
+        flat = [element for a in model.active for element in [a.value] * count[a.value]]
+        return ", ".join(f"<code>{escape(n)}</code>" for n in dict.fromkeys(compress(flat, chosen)))
+
+    count = {variable.name: variable.count for variable in model.inputs}
+    with_limit, without = names(found.limited), names(~found.limited)
+    text = []
+    if with_limit:
+        alone = " alone" if (found.mixes & ~np.eye(len(found.mixes), dtype=bool)).any() else ""
+        text.append(f"A jump of {with_limit}{alone} {_LIMIT}.")
+    if without:
+        text.append(f"A jump of {without} {_NO_LIMIT}.")
+    return " ".join(text)
 
 
 # ---- evidence ----------------------------------------------------------------------------------------------------

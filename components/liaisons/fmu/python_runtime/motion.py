@@ -28,7 +28,7 @@ _MOST_STEPS = 100_000
 
 # Error of an internal step: this part of the importer's tolerance, so that hundreds of periods stay near it, and not
 # less than rounding allows.
-_PART, _LEAST = 0.02, 1e-14
+PART, LEAST = 0.02, 1e-14
 
 
 class Step:
@@ -65,7 +65,7 @@ class Step:
         self._inputs = Call(inputs, (self._tau, H, u, given), (self._u_next,))
         if not size.size:
             return
-        largest = max(_PART * tolerance, _LEAST)
+        largest = max(PART * tolerance, LEAST)
         short, long = _integrators(table, mode, largest)
         error = np.ones(1)
         self._error, self._largest_error = view(error), largest**2

@@ -20,13 +20,14 @@ from pythonfmu.enums import Fmi2Status
 
 from .calls import Call, view
 from .motion import EXTRAPOLATE, HOLD, INTERPOLATE, LOOSEST, TIGHTEST, Step
+from .prescribed import Prescribed
 from .states import State, from_bytes, to_bytes, usable
 from .table import load, starts
 
 held: list[dict[str, Any]] = []  # see python_backend
 
 # What makes up the state of an instance, beside whether it is stepping.
-_ARRAYS = ("_t", "_k", "_given", "_u", "_y", "_m", "_size")
+_ARRAYS = ("_t", "_k", "_given", "_u", "_y", "_m", "_past", "_size")
 _SCALARS = ("_mode", "_tolerance", "_started", "_jumped", "_unusable")
 
 
@@ -75,6 +76,8 @@ class Slave(Fmi2Slave):
         self._remember = Call(f["remember"], (*point, self._m), (self._m_next,))
         self._instants = np.zeros(f["events"].numel_out(0))
         self._find_instants = Call(f["events"], (self._k,), (self._instants,))
+        self._prescribed = Prescribed(table, now=self._now, given=self._given, k=self._k, m=self._m, size=self._size)
+        self._past = self._prescribed.past.ravel()  # the same numbers, as those of a saved state
         self._project = Call(f["project"], point, (self._y_jumped,)) if "project" in f else None
         for kind, vr, value in starts(resources):
             (self.set_real if kind == "r" else self.set_integer)([vr], [value])
@@ -104,7 +107,15 @@ class Slave(Fmi2Slave):
             self._unusable += "; reset, set another value and initialize again"
             self.log(self._unusable, Fmi2Status.error)
         self._jumped = self._evaluated = False
+        self._prescribed.follow()
         self._enter(stepping=True)
+
+    def terminate(self) -> None:
+        self._warn()
+
+    def _warn(self) -> None:
+        for text in self._prescribed.warnings(self._mode):
+            self.log(text, Fmi2Status.warning)
 
     def _initialize(self) -> None:
         """State and memory from parameters and inputs."""
@@ -138,7 +149,7 @@ class Slave(Fmi2Slave):
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         now = self._now_view
-        before = now.tobytes()
+        before, past, memory = now.tobytes(), self._past.copy(), self._m.copy()
         try:
             problem = self._attempt(current_time, step_size)
         except BaseException as reason:  # noqa: BLE001 - an interrupt, say; see above
@@ -146,6 +157,7 @@ class Slave(Fmi2Slave):
         if not problem:
             return True
         now[:] = memoryview(before).cast("d")
+        self._past[:], self._m[:] = past, memory
         self.log(problem, Fmi2Status.discard)
         return False
 
@@ -162,16 +174,21 @@ class Slave(Fmi2Slave):
             return f"step size = {H:g}: it must be > 0 and finite"
         if not abs(t - now[0]) <= 1e-6 * H + 1e-12 * abs(t):  # rounding of the importer's clock
             return f"step from t = {t:.15g}: the instance is at t = {now[0]:.15g}"
+        self._warn()
         now[0], self._H_view[0] = t, H
         if self._mode != INTERPOLATE:
             self._take_inputs()
+        self._prescribed.compare(self._mode, H)
         if self._jumped:
+            self._prescribed.leap(self._tolerance)
             self._jump.run()
             self._y[:] = self._y_jumped
+        self._prescribed.depart()
         if not step.advance():
             return f"{step.obstacle()}; the step from t = {t:.9g} is taken back"
         step.next[0] = self._at_instant(t + H) if self._instants.size else t + H
         now[:] = step.next
+        self._prescribed.arrive(self._mode, H)
         if self._project is not None:  # back onto constraints and unit quaternions
             self._project.run()
             self._y[:] = self._y_jumped

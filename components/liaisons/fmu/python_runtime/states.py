@@ -69,7 +69,7 @@ def _has_all(state: State, sizes: Mapping[str, int]) -> bool:
 def _in_range(state: State, table: Table) -> bool:
     """Whether every number is finite and may be what it is; before a start, states and memory are calculated anew."""
     tolerance = state["_tolerance"]
-    finite = ["_t", "_k", "_given", "_u"]
+    finite = ["_t", "_k", "_given", "_u", "_past"]
     runs = state["stepping"] and not state["_unusable"]
     if runs:
         finite += ["_y", "_m", "_size"]

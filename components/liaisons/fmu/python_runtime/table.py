@@ -58,6 +58,9 @@ class Table:
     outputs: tuple[Entry, ...]
     sizes: tuple[tuple[str, int], ...]  # structural sizes by name
     active: tuple[tuple[int, int, int], ...]  # places of s, s_dot, s_ddot among the inputs
+    mismatches: tuple[int, ...]  # of these coordinates where the memory has what is found of them; -1: nothing is kept
+    jumps: tuple[tuple[int, ...], ...]  # what jumps of each pair of them do, see prescribed.py; empty: nothing
+    coupled: int  # the first so many states act on the motion
     condition_texts: tuple[str, ...]
     start_only: int  # so many conditions, the last ones, are asked of the start alone
     functions: dict[str, ca.Function]
@@ -116,7 +119,7 @@ def _decode(text: str) -> Table:
     document = json.loads(text)
     for kind in ("parameters", "inputs", "outputs"):
         document[kind] = tuple(Entry(**entry) for entry in document[kind])
-    for kind in ("sizes", "active", "condition_texts"):
+    for kind in ("sizes", "active", "mismatches", "jumps", "condition_texts"):
         document[kind] = tuple(document[kind])
     functions = {name: ca.Function.deserialize(code) for name, code in document.pop("functions").items()}
     return Table(**document, functions=functions)

@@ -10,7 +10,6 @@
 #include "solver.h"
 #include "symplectic.h"
 
-enum { NAME = 256 };
 
 /* ---- messages ---------------------------------------------------------------------------------------------- */
 
@@ -79,6 +78,7 @@ void core_remember(Instance *self) {
 }
 
 void core_jump(Instance *self) {
+    core_leap(self);
     evaluate(self, self->model->jump, self->s->time, self->y, self->dy);
     memcpy(self->y, self->dy, self->model->states * sizeof *self->y);
     self->s->jumped = 0;
@@ -150,9 +150,16 @@ int core_check_finite(Instance *self, const double *values, int derivatives, dou
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
+static size_t count_prescribed(const Model *model) {
+    size_t count = 0;
+    for (size_t i = 0; i < model->active_rows; i++) count += model->active[i].count;
+    return count;
+}
+
 Instance *core_new(const Model *model, const Options *options) {
     const size_t n = model->states, settable = model->parameters + model->inputs;
-    const size_t moving = model->inputs + 2 * n + model->memory + HISTORY * model->coupled;
+    const size_t prescribed = count_prescribed(model), past = prescribed * (sizeof(Past) / sizeof(double));
+    const size_t moving = model->inputs + 2 * n + model->memory + past + HISTORY * model->coupled;
     const size_t resting = model->inputs * COEFFICIENTS + n + settable;
     const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + SOLVER_COLUMNS * n
                            + model->start_conditions + model->events + model->reals + ORDER * model->inputs;
@@ -170,13 +177,15 @@ Instance *core_new(const Model *model, const Options *options) {
     self->backup = malloc(self->moving_size);
     self->movers = calloc(model->inputs + 1, sizeof *self->movers);
     self->mover_of = calloc(model->inputs + 1, sizeof *self->mover_of);
+    self->prescribed = calloc(prescribed + 1, sizeof *self->prescribed);
+    self->warned = calloc(model->active_rows + 1, sizeof *self->warned);
     self->dy = calloc(scratch + 1, sizeof *self->dy);
     self->arguments = calloc(model->most_arguments, sizeof *self->arguments);
     self->results = calloc(model->most_results, sizeof *self->results);
     self->integers = calloc(model->integers + 1, sizeof *self->integers);
     self->name = calloc(NAME, sizeof *self->name);
-    if (!self->s || !self->backup || !self->movers || !self->mover_of || !self->dy || !self->arguments
-        || !self->results || !self->integers || !self->name) {
+    if (!self->s || !self->backup || !self->movers || !self->mover_of || !self->prescribed || !self->warned || !self->dy
+        || !self->arguments || !self->results || !self->integers || !self->name) {
         core_free(self);
         return NULL;
     }
@@ -184,7 +193,8 @@ Instance *core_new(const Model *model, const Options *options) {
     self->y = self->u + model->inputs;
     self->low = self->y + n;
     self->m = self->low + n;
-    self->history = self->m + model->memory;
+    self->past = (Past *)(self->m + model->memory);
+    self->history = (double *)(self->past + prescribed);
     self->taylor = self->history + HISTORY * model->coupled;
     self->size = self->taylor + COEFFICIENTS * model->inputs;
     self->k = self->size + n;
@@ -204,6 +214,8 @@ Instance *core_new(const Model *model, const Options *options) {
     self->instant = self->condition + model->start_conditions;
     self->reals = self->instant + model->events;
     self->given = self->reals + model->reals;
+    self->prescribed_count = prescribed;
+    core_find_prescribed(self);
     core_reset(self);
     return self;
 }
@@ -214,6 +226,8 @@ void core_free(Instance *self) {
     free(self->backup);
     free(self->movers);
     free(self->mover_of);
+    free(self->prescribed);
+    free(self->warned);
     free(self->dy);
     free(self->arguments);
     free(self->results);
@@ -236,6 +250,7 @@ void core_reset(Instance *self) {
         for (size_t i = 0; i < variable->count; i++) self->k[variable->first + i] = variable->start;
     for (size_t i = 0; i < model->start_rows; i++) self->k[model->starts[i].place] = model->starts[i].value;
     memcpy(self->u, self->set, model->inputs * sizeof *self->u);
+    memset(self->warned, 0, model->active_rows);
     self->current = self->apart = self->allowed = 0;
 }
 
@@ -279,12 +294,16 @@ Status core_exit_initialization(Instance *self) {
         || !core_check_conditions(self, t, self->y, self->model->start_conditions))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->text);
     measure(self);
+    core_follow(self);
     self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;
     self->s->jumped = 0;
     return SUCCESS;
 }
 
-void core_terminate(Instance *self) { self->s->phase = TERMINATED; }
+void core_terminate(Instance *self) {
+    core_warn(self);
+    self->s->phase = TERMINATED;
+}
 
 /* ---- variables --------------------------------------------------------------------------------------------- */
 
@@ -588,7 +607,10 @@ void core_get_nominals(Instance *self, double sizes[]) {
 }
 
 void core_enter_event_mode(Instance *self) {
-    if (self->s->phase == CONTINUOUS) core_remember(self);
+    if (self->s->phase == CONTINUOUS) {
+        core_remember(self);
+        core_follow(self);
+    }
     self->s->jumped |= self->s->time >= self->s->limit; /* functions of time inside the component may */
     self->s->phase = EVENT;
     self->s->limit = INFINITY;
@@ -599,10 +621,12 @@ int core_update_discrete_states(Instance *self, double *next) {
     const size_t size = self->model->states * sizeof *self->y;
     int changed = 0;
     if (self->s->jumped) {
-        memcpy(self->work, self->y, size);
+        memcpy(self->backup, self->y, size); /* which is long enough, and not in use here */
+        core_compare(self);
         core_jump(self);
         core_remember(self);
-        changed = memcmp(self->work, self->y, size) != 0;
+        core_follow(self);
+        changed = memcmp(self->backup, self->y, size) != 0;
         self->current = 0;
     }
     *next = core_next_instant(self, self->s->time);

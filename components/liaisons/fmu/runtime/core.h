@@ -44,9 +44,16 @@ typedef struct { /* a start value that is not that of its variable */
     double value;
 } Start;
 
+enum { NO_MISMATCH = -1 };
+
 typedef struct { /* places of coordinates that an operator prescribes, among the inputs: the first of `count` each */
     size_t value, rate, acceleration, count;
+    long mismatch; /* where m has what is found of them, or NO_MISMATCH */
 } Active;
+
+/* What a jump of a prescribed coordinate does: it moves states; and for a pair: the rates of both are factors in those
+ * of the states, so that a jump of both has no limit. */
+enum { JUMPS = 1, MIXES = 2 };
 
 typedef struct { /* of continuous states: which variable shows them, and which their derivatives */
     size_t variable, derivative;
@@ -67,6 +74,7 @@ typedef struct {
     const Variable *variables; /* in the order of their places; the time follows them */
     const Start *starts;
     const Active *active;
+    const unsigned char *jumps; /* of each pair of prescribed numbers; or NULL: jumps move no states */
     const State *state;
     const Dimension *dimensions;
     const char *const *condition_texts;
@@ -197,7 +205,7 @@ Status core_restore(Instance *, const void *bytes, size_t size);
 /* Add the checksum that bytes need which leave the process; ERROR if it is wrong, or if they hold a number that no
  * instance can have. */
 void core_seal(void *bytes);
-Status core_check_state(const Instance *, const void *bytes, size_t size);
+Status core_check_state(Instance *, const void *bytes, size_t size);
 
 /* Report a text and return its status. */
 Status core_report(const Instance *, Status status, const char *format, ...);

@@ -9,8 +9,10 @@
 /* Tolerances are kept between these: below, rounding errors take over. */
 #define TIGHTEST 1e-14
 #define LOOSEST 1e-2
+/* A step of the solver may have this part of the tolerance as its error: those of many steps add up. */
+#define SHARE 0.02
 
-enum { TEXT = 512, MOST_SYMPLECTIC_STEPS = 100000 };
+enum { TEXT = 512, NAME = 256, MOST_SYMPLECTIC_STEPS = 100000 };
 enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
 
 typedef struct { /* an input that moves inside a step */
@@ -19,6 +21,21 @@ typedef struct { /* an input that moves inside a step */
     int degree;
     double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
 } Mover;
+
+typedef struct { /* of a prescribed number since the last communication point, or since events were handled */
+    double value, rate, acceleration; /* at the start of the step */
+    double size;                      /* of the step; 0: there was none */
+    double followed;                  /* where its rate has led */
+    double went, time;                /* of the comparison that found a mismatch: what the rate said, and when */
+} Past;
+
+typedef struct { /* a prescribed number: its places among the inputs, and what is known of it */
+    size_t value, rate, acceleration;
+    double *mismatch; /* or NULL */
+    Past *past;
+    char *warned;             /* of its variable */
+    double jump, target, rest; /* while it jumps: how far, where to, and its rate aside from that */
+} Prescribed;
 
 /* The scalars of a saved state; numbers of fixed size and without gaps.  Whoever adds one says in states.c what it may be. */
 typedef struct {
@@ -49,6 +66,7 @@ struct Instance {
     double *u;       /* inputs at the present time */
     double *y, *low; /* states, and the part of their sum that is too small for them */
     double *m;
+    Past *past;      /* of the prescribed numbers */
     double *history; /* of the symplectic solver */
     double *taylor;  /* given derivatives of the inputs, COEFFICIENTS each; the 0th says whether there are any */
     double *size;    /* of the states: scales the tolerance */
@@ -67,6 +85,9 @@ struct Instance {
     size_t moving, *mover_of; /* number of movers; place of an input among them */
     double *given;            /* of inputs at ORDER times inside the step; those of one input side by side */
     size_t asked;             /* which of these times it is */
+    Prescribed *prescribed;
+    size_t prescribed_count;
+    char *warned;
     char text[TEXT];          /* why the present call fails */
     char *name;               /* of a number that is named in a message */
 
@@ -116,6 +137,17 @@ int core_check_finite(Instance *, const double *values, int derivatives, double 
 
 /* A number that is not finite, alike on all platforms. */
 const char *core_spelled(double value);
+
+/* ---- prescribed coordinates ---- */
+
+void core_find_prescribed(Instance *);
+void core_follow(Instance *);       /* begin anew: the motion has followed what is prescribed now */
+void core_depart(Instance *);       /* a communication step begins */
+void core_arrive(Instance *);       /* and ends */
+void core_compare(Instance *);      /* what is prescribed now with what was at the start of the last step */
+void core_compare_ends(Instance *); /* in interpolation: both ends of the step that begins */
+void core_warn(Instance *);         /* of what has been found before the present step, once for each variable */
+void core_leap(Instance *);         /* move the states along with jumps */
 
 /* ---- generated functions ---- */
 

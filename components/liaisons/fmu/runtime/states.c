@@ -87,7 +87,6 @@ static const char *wrong_scalar(const Instance *self, const Scalars *s) {
     if (!isfinite(s->time)) return "the time";
     if (!kept && s->tolerance != model->tolerance) return "the tolerance";
     if (!(s->step >= 0 && isfinite(s->step))) return "the step of the solver";
-    if (s->limit != INFINITY && !(isfinite(s->limit) && model->events > 0)) return "the next event";
     if (s->use < USE_MODEL_EXCHANGE || s->use > USE_CO_SIMULATION_WITH_EVENTS) return "the use";
     if (!phase_exists(self, s)) return "the phase";
     if (s->reconstruction < HOLD || s->reconstruction > INTERPOLATE) return "input_reconstruction";
@@ -118,6 +117,12 @@ static const char *wrong_vector(const Instance *self, const Scalars *s, const ch
     if (running && !finite_numbers(SAVED(y), model->states)) return "a state";
     if (!finite_numbers(SAVED(low), model->states)) return "the rounding error of a state";
     if (running && !finite_numbers(SAVED(m), model->memory)) return "the memory of the component";
+    if (!finite_numbers(SAVED(past), self->prescribed_count * (sizeof(Past) / sizeof(double))))
+        return "the past of an input";
+    for (size_t i = 0; i < self->prescribed_count; i++) {
+        const size_t first = i * (sizeof(Past) / sizeof(double));
+        if (number_at(SAVED(past), first + offsetof(Past, size) / sizeof(double)) < 0) return "the past of an input";
+    }
     if (!finite_numbers(SAVED(history), HISTORY * model->coupled)) return "the past of a state";
     if (!finite_numbers(SAVED(taylor), COEFFICIENTS * model->inputs)) return "the derivative of an input";
     for (size_t i = 0; i < model->inputs; i++) {
@@ -138,7 +143,22 @@ static const char *wrong_vector(const Instance *self, const Scalars *s, const ch
 #undef SAVED
 }
 
-Status core_check_state(const Instance *self, const void *bytes, size_t size) {
+/* Whether a time event of the component is where the state has it; there is none in some phases. */
+static int event_exists(Instance *self, const Scalars *s, const char *state) {
+    if (s->limit == INFINITY) return 1;
+    if (s->use == USE_CO_SIMULATION_WITH_EVENTS)
+        return s->limit == s->time && (s->phase == STEP || s->phase == TERMINATED);
+    if (s->use != USE_MODEL_EXCHANGE || (s->phase != CONTINUOUS && s->phase != TERMINATED)) return 0;
+    memcpy(self->dk, state + ((const char *)self->k - (const char *)self->s), self->model->parameters * sizeof *self->dk);
+    self->arguments[0] = self->dk;
+    self->results[0] = self->instant;
+    self->model->instants(self->arguments, self->results, self->integers, self->reals, 0);
+    for (size_t i = 0; i < self->model->events; i++)
+        if (self->instant[i] == s->limit) return 1;
+    return 0;
+}
+
+Status core_check_state(Instance *self, const void *bytes, size_t size) {
     Header header;
     Scalars scalars;
     const char *const state = (const char *)bytes + sizeof header;
@@ -149,6 +169,7 @@ Status core_check_state(const Instance *self, const void *bytes, size_t size) {
     memcpy(&scalars, state, sizeof scalars);
     const char *wrong = wrong_scalar(self, &scalars);
     if (wrong == NULL) wrong = wrong_vector(self, &scalars, state);
+    if (wrong == NULL && !event_exists(self, &scalars, state)) wrong = "the next event";
     if (wrong == NULL) return SUCCESS;
     return core_report(self, ERROR, "the saved state is damaged: %s is out of range", wrong);
 }

@@ -5,9 +5,6 @@
 #include "solver.h"
 #include "symplectic.h"
 
-/* A step of the solver may have this part of the tolerance as its error: those of many steps add up. */
-static const double SHARE = 0.02;
-
 /* ---- motion of the inputs ---------------------------------------------------------------------------------- */
 
 static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
@@ -116,7 +113,9 @@ static void settle_movers(Instance *self) {
         Mover mover = self->movers[i];
         mover.degree = ORDER;
         while (mover.degree > 0 && mover.c[mover.degree] == 0) mover.degree--;
-        if (mover.degree > 0) self->movers[kept++] = mover;
+        if (mover.degree == 0) continue;
+        self->mover_of[mover.place] = kept;
+        self->movers[kept++] = mover;
     }
     self->moving = kept;
 }
@@ -324,7 +323,10 @@ static int advance(Instance *self, double time, double size) {
         memcpy(self->u, self->set, inputs_size);
         self->s->jumped = 1;
     }
+    if (interpolating) core_compare_ends(self);
+    else core_compare(self);
     if (self->s->jumped) core_jump(self);
+    core_depart(self);
     reconstruct(self, size);
     if (self->options.ask != NULL) ask(self, time, size);
     settle_movers(self);
@@ -344,6 +346,7 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->events > 0 && !with_events
         && core_next_instant(self, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
+    core_arrive(self);
     core_remember(self);
     return 1;
 }
@@ -353,6 +356,7 @@ Status core_step(Instance *self, double time, double size, Arrival *arrival) {
         return core_report(self, ERROR, "step size = %g: it must be > 0 and finite", size);
     if (!(fabs(time - self->s->time) <= 1e-6 * size + 1e-12 * fabs(time))) /* rounding of the importer's clock */
         return core_report(self, ERROR, "step from t = %.15g: the instance is at t = %.15g", time, self->s->time);
+    core_warn(self);
     memcpy(self->backup, self->s, self->moving_size);
     if (advance(self, time, size)) {
         self->current = 0;

@@ -58,7 +58,7 @@ def assemble(component: type[Chain], n: int) -> Model:
 
     forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     power = ca.dot(forces, m.s_dot) + moving.power
-    dissipation = 2 * link.eta * moving.kinetic_energy
+    dissipation = moving.dissipation
     outputs = [
         *_of_coordinates(dimension, link, m, moving),
         *(row for i, s in enumerate(m.actives) for row in variables.of_active(s, forces[i], m.s_dot[i])),
@@ -66,6 +66,7 @@ def assemble(component: type[Chain], n: int) -> Model:
         *variables.of_energies(moving.kinetic_energy, moving.potential_energy, power, dissipation),
         *(variables.of_calculated(c, ca.SX(getattr(m, c.name))) for c in component.calculated_parameters),
     ]
+    mismatches = variables.mismatches(m.actives)
     found = definitions(
         Vectors(t, y, u, k),
         initial=ca.vertcat(initial, 0, 0),
@@ -74,13 +75,14 @@ def assemble(component: type[Chain], n: int) -> Model:
         outputs=outputs,
         nominals=nominals,
         energy_at_start=energy_at_start,
+        mismatches=mismatches,
     )
     shapes = {
         "t": (False,),
         "y": (True,) * (2 * link.q.shape[0]) + (False, False),
         "u": _shape(inputs),
         "k": _shape(parameters),
-        "m": (False,) * len(MEMORY),
+        "m": (False,) * (len(MEMORY) + len(mismatches)),
         "z": _shape(variable for variable, _ in outputs),
     }
     programs = _programs(found, [*steps, *to_start, *to_sizes], shapes, n)
@@ -95,7 +97,7 @@ def assemble(component: type[Chain], n: int) -> Model:
         inputs=inputs,
         outputs=tuple(variable for variable, _ in outputs),
         states=variables.moving(*(q.name for q in m.coordinates), *(f"p_{q.name}" for q in m.coordinates)),
-        memory=MEMORY,
+        memory=(*MEMORY, *mismatches),
         **functions,
         programs=tuple(programs.values()),
         conditions=ca.Function("conditions", at, [ca.MX(0, 1)]),

@@ -16,6 +16,7 @@ from liaisons.mechanics.algebra import stack
 from liaisons.mechanics.component import Component, call, checked, declared, require_units, scalar
 from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate, Joint, Point, Size
 from liaisons.mechanics.dimensions import Declared, check_units
+from liaisons.mechanics.friction import Friction
 from liaisons.mechanics.model import Model
 
 
@@ -75,6 +76,14 @@ class Chain(Component, abstract=True):
         """η of K eq. 64, Q = −η ∂T/∂q̇; zero unless the component says otherwise."""
         return ca.SX(0)
 
+    def dissipation_function(self) -> ca.SX:
+        """Rayleigh's D [W] of further friction of one link, Q = −∂D/∂q̇; zero unless the component says otherwise."""
+        return ca.SX(0)
+
+    def bond_dissipation(self) -> ca.SX:
+        """D [W] of a damper between a link and the one before or the base; the first link of a free end has none."""
+        return ca.SX(0)
+
     # ---- what it may use --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
@@ -124,7 +133,7 @@ class Chain(Component, abstract=True):
             names += [f"{q}_0", f"{q}_dot_0", q, f"{q}_dot", f"{q}_ddot", f"p_{q}", f"p_{q}_dot"]
             names += [f"{q}_force", f"{q}_load"]
         for s in (c.name for c in cls.actives):
-            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power"]
+            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power", f"{s}_mismatch"]
         names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
         return [*names, "power", "dissipation", "n"]
 
@@ -160,6 +169,7 @@ class Chain(Component, abstract=True):
                 check(f"base[{axis!r}]", component, parameters | _named(picture.s), places[axis])
         known = {"kinetic_energy": (motion, "J"), "potential_energy": (link, "J"), "bond_energy": (link, "J")}
         known |= {"friction_coefficient": (parameters, "1/s")}
+        known |= dict.fromkeys(("dissipation_function", "bond_dissipation"), (motion, "W"))
         known |= {item.name: (parameters, item.unit) for item in cls.calculated_parameters}
         for name, (symbols, unit) in known.items():
             check(name, call(picture, name), symbols, unit)
@@ -214,7 +224,7 @@ class Link:
     points: ca.SX  # (m,)
     kinetic: ca.SX  # T
     potential: ca.SX  # V
-    eta: ca.SX  # η
+    friction: Friction
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a column of functions of the motion, less what accelerations bring."""
@@ -224,6 +234,8 @@ class Link:
 def link_of(m: Chain) -> Link:
     """The terms of one link, as the methods of the component give them."""
     bonded, points = ca.SX.sym("bonded"), stack(m.point_components.values())
+    kinetic = ca.SX(m.kinetic_energy())
+    rubbing = ca.SX(m.dissipation_function()) + bonded * ca.SX(m.bond_dissipation())
     return Link(
         q=m.q,
         v=m.q_dot,
@@ -235,9 +247,9 @@ def link_of(m: Chain) -> Link:
         bonded=bonded,
         tip=column(m.tip()),
         points=points,
-        kinetic=ca.SX(m.kinetic_energy()),
+        kinetic=kinetic,
         potential=ca.SX(m.potential_energy()) + bonded * ca.SX(m.bond_energy()),
-        eta=ca.SX(m.friction_coefficient()),
+        friction=Friction(ca.SX(m.friction_coefficient()), kinetic, rubbing),
     )
 
 

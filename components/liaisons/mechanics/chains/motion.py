@@ -10,7 +10,7 @@ next one.  Beyond the tip are momentum π and force r.  With T = ½ (v, ẇ)ᵀ 
     a  = D⁻¹ (f − F_qᵀ b) − G ẅ         r = P F̈ + c, b = P β + c with F̈ = F_q a + F_w ẅ + β
     λ  = B_sᵀ r                         at the base w = B(s)                                         M eq. 27
 
-P, s, c and φ are carried inward, w, ẇ and ẅ outward.  Friction is Q = −η ∂T/∂q̇ (K eq. 64), loads at points act by
+P, s, c and φ are carried inward, w, ẇ and ẅ outward.  Friction is −∂D/∂q̇ (K eq. 66), loads at points act by
 virtual work (K eq. 14).
 
 Source of the method: R. Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7; here it is written for momenta.
@@ -48,6 +48,7 @@ class Motion:
     potential_energy: ca.SX
     base_force: ca.SX  # r at the base (d, 1)
     power: ca.SX  # of drives and loads
+    dissipation: ca.SX  # of friction
     points: ca.SX  # (m, 1) of one link
     point_rates: ca.SX
     point_accelerations: ca.SX
@@ -104,10 +105,11 @@ def motion(link: Link, base: Base) -> Motion:
     pi = P @ F_dot + s
     virtual_q, virtual_w = (ca.jacobian(link.points, x).T @ link.loads for x in (q, w))
     Q, Q_w = link.drive - virtual_q, -virtual_w
-    f = Q - link.eta * p_v - gradient(V, q) + gradient(T, q) - link.rate(p_v)
-    h = Q_w - link.eta * p_w - gradient(V, w) + gradient(T, w) - link.rate(p_w)
+    rub, rub_w = link.friction.against(v), link.friction.against(w_dot)
+    f = Q - rub - gradient(V, q) + gradient(T, q) - link.rate(p_v)
+    h = Q_w - rub_w - gradient(V, w) + gradient(T, w) - link.rate(p_w)
     b = P @ link.rate(F_dot) + c
-    slope = gradient(T - V, w) + Q_w + F_w.T @ phi + ca.jacobian(F_dot, w).T @ pi
+    slope = gradient(T - V, w) + Q_w - rub_w + F_w.T @ phi + ca.jacobian(F_dot, w).T @ pi
     force = sweep(c, _zeros(c), F_w.T @ b + G.T @ (f - F_q.T @ b) - h, inward=True)
     steps += [
         sweep(phi, _zeros(phi), slope, inward=True),
@@ -121,19 +123,22 @@ def motion(link: Link, base: Base) -> Motion:
 
     velocity = link.rate(link.points)
     acceleration = link.rate(velocity) + ca.jacobian(link.points, q) @ a + ca.jacobian(link.points, w) @ w_ddot
-    totals = ca.SX.sym("total", 3)
     power = ca.dot(link.drive, v) - ca.dot(link.loads, velocity)
-    steps.append(Sum(totals, ca.vertcat(T, V, power)))
+    loss = link.friction.power(ca.vertcat(v, w_dot))
+    terms = ca.vertcat(T, V, power, *([] if loss.is_zero() else [loss]))
+    totals = ca.SX.sym("total", terms.shape[0])
+    steps.append(Sum(totals, terms))
     P_0 = ca.substitute(P, entries, weight.last)
     return Motion(
         steps=tuple(steps),
         rates=v,
-        momentum_rates=gradient(T - V, q) + Q - link.eta * link.p + F_q.T @ phi + ca.jacobian(F_dot, q).T @ pi,
+        momentum_rates=gradient(T - V, q) + Q - rub + F_q.T @ phi + ca.jacobian(F_dot, q).T @ pi,
         accelerations=a,
         kinetic_energy=totals[0],
         potential_energy=totals[1],
         base_force=P_0 @ base.w_ddot + force.last,
         power=totals[2],
+        dissipation=ca.SX(0) if loss.is_zero() else totals[3],
         points=link.points,
         point_rates=velocity,
         point_accelerations=acceleration,

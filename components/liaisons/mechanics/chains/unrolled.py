@@ -58,7 +58,7 @@ def unrolled(component: type[Chain], n: int) -> type[Mechanism]:
             "experiment": component.experiment,
             "kinetic_energy": lambda m: sum(at(m, i, link.kinetic) for i in links),
             "potential_energy": lambda m: sum(at(m, i, link.potential) for i in links),
-            "friction_coefficient": lambda m: ca.substitute(link.eta, chain.parameter_column, m.parameter_column),
+            "dissipation_function": lambda m: sum(at(m, i, link.friction.function) for i in links),
         },
     )
 

@@ -1,0 +1,131 @@
+"""Signals over time, drawn: one diagram a unit, what matters first."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.variables import split
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Signals = Mapping[str, NDArray[np.float64]]
+"""Name -> values, shape (times,) or (times, elements)."""
+
+DIAGRAMS, CURVES = 6, 8
+"""So many fit on a screen, and so many in one diagram can be told apart."""
+_PIXEL = 1 / 200
+"""Part of the height of a diagram below which nothing is seen."""
+_LIVELY = 1 / 50
+"""Part of its largest value by which a signal has to change to be seen beside others that start at 0."""
+_SQUEEZED, _SLIGHTLY = 20, 1 / 2
+"""So many times the height of what tells most may be given to others, above and below, that move or do not."""
+_ROUNDING = 1e-9
+"""What is below this part of the largest value of its unit is 0 but for rounding; of 1 if the unit has no scale."""
+
+
+def essential(signals: Signals, units: Mapping[str, str]) -> list[str]:
+    """The names that are worth drawing if nobody has chosen.
+
+    At most six units and eight signals of each: free coordinates first, then their rates, what is prescribed, energies,
+    forces, powers; the rest (accelerations, momenta, loads) where there is room.  Left out are units in which nothing
+    moves, and signals that stay 0, cannot be told from 0 or from another one, or are so large or far away that nothing
+    would be seen of those that tell more; unless there is nothing else.
+    """
+    ranks = {name: _rank(name, units[name], signals) for name in signals}
+    groups: dict[str, list[str]] = {}
+    for name in sorted(signals, key=ranks.__getitem__):
+        groups.setdefault(units[name], []).append(name)
+    visible = [_visible({name: signals[name] for name in names}, unit, ranks) for unit, names in groups.items()]
+    chosen = [name for names in [group for group in visible if group][:DIAGRAMS] for name in names]
+    return chosen or [name for name in signals if _largest(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
+
+
+def draw(figure: Figure, title: str, time: NDArray[np.float64], signals: Signals, units: Mapping[str, str]) -> None:
+    """Draw signals into an empty figure, those of one unit in one diagram, its legend beside it."""
+    groups: dict[str, list[str]] = {}
+    for name in signals:
+        groups.setdefault(units[name], []).append(name)
+    count = max(1, len(groups))
+    figure.set_size_inches(10.0, 1.0 + max(3.0, 1.6 * count))
+    diagrams = figure.subplots(count, sharex=True, squeeze=False)[:, 0]
+    for diagram, (unit, names) in zip(diagrams, groups.items(), strict=False):
+        for number, name in enumerate(names):
+            _draw_curves(diagram, name, time, signals[name], f"C{number}")
+        diagram.set_ylabel(f"[{unit}]" if unit else "")
+        diagram.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize="small")
+        diagram.grid(visible=True, alpha=0.3)
+        diagram.margins(x=0.0)
+    diagrams[0].set_title(title)
+    diagrams[-1].set_xlabel("time [s]")
+    figure.align_ylabels(diagrams)
+
+
+def _draw_curves(diagram: Axes, name: str, time: NDArray[np.float64], values: NDArray[np.float64], color: str) -> None:
+    """One curve, or those of an array from its first element, pale, to its last one."""
+    columns = values.reshape(len(time), -1).T
+    for column, alpha in zip(columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
+        diagram.plot(time, column, color=color, alpha=alpha, linewidth=1.2)
+    if len(columns):
+        size = "×".join(map(str, values.shape[1:]))
+        diagram.lines[-1].set_label(f"{name} ({size})" if size else name)
+
+
+def _visible(signals: Signals, unit: str, ranks: Mapping[str, int]) -> list[str]:
+    """Of signals of one unit, those of which something is seen in one diagram; none if nothing moves."""
+    sizes = {name: _largest(values) for name, values in signals.items()}
+    motions = {name: _largest(values - values[:1]) for name, values in signals.items()}
+    zero = _ROUNDING * max(*sizes.values(), 1.0 if unit in {"", "1", "rad"} else 0.0)
+    moving = [name for name in signals if motions[name] > zero]
+    lively = [name for name in moving if motions[name] > _LIVELY * sizes[name]] or moving
+    if not lively:
+        return []
+    ends = {name: _ends(values) for name, values in signals.items()}
+    first = [ends[name] for name in lively if ranks[name] == ranks[lively[0]]]
+    low, high = min(end[0] for end in first), max(end[1] for end in first)
+    pixel = _PIXEL * (high - low)
+    found: list[str] = []
+    for name, values in signals.items():
+        room = (_SQUEEZED if name in lively else _SLIGHTLY) * (high - low)
+        near = low - room <= ends[name][0] and ends[name][1] <= high + room
+        new = all(_largest(values - signals[other]) > pixel for other in found if values.shape == signals[other].shape)
+        if sizes[name] > max(pixel, zero) and near and new:
+            found.append(name)
+    return found[:CURVES]
+
+
+def _largest(values: NDArray[np.float64]) -> float:
+    """The largest absolute value."""
+    return max(map(abs, _ends(values)))
+
+
+def _ends(values: NDArray[np.float64]) -> tuple[float, float]:
+    """The smallest and the largest of the values that are finite; 0 if there is none."""
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+
+
+def _rank(name: str, unit: str, names: Container[str]) -> int:
+    """The smaller the more a signal tells: by the names that variables of our FMUs have."""
+    owner, dot, last = split(name)[0].rpartition(".")
+
+    def has(name: str) -> bool:
+        return f"{owner}{dot}{name}" in names
+
+    if last.endswith("_dot"):
+        return 1 if has(f"p_{last.removesuffix('_dot')}") else 7
+    for ending, rank in {"_ddot": 8, "_force": 5, "_power": 6, "_load": 7}.items():
+        if last.endswith(ending):
+            return rank
+    if has(f"p_{last}"):
+        return 0
+    if has(f"{last}_power"):
+        return 2
+    if last.startswith("p_"):
+        return 7
+    return 3 if unit == "J" else 4

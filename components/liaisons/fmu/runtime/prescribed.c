@@ -1,0 +1,215 @@
+/* Coordinates that an operator prescribes: how far σ, σ̇ and σ̈ contradict each other, and what a jump of σ does.
+ *
+ * The motion follows σ by its rate: from the value at the start of a step to `followed` at its end.  What σ is off that
+ * at the next communication point it has jumped. */
+#include <float.h>
+#include <string.h>
+
+#include "instance.h"
+#include "solver.h"
+
+/* Jumps below this part of σ are rounding errors. */
+static const double ROUNDING = 1e-14;
+/* Parts of σ, and of what its rate says of a step, that are owed to the tolerance of whoever computes it. */
+static const double VALUE = 1e-6, RATE = 1e-3;
+/* What is so many times as much as its rate says is a jump. */
+static const double FAR = 5;
+
+#define FOR_EACH(p) for (Prescribed *p = self->prescribed; p < self->prescribed + self->prescribed_count; p++)
+
+void core_find_prescribed(Instance *self) {
+    const Model *model = self->model;
+    Prescribed *p = self->prescribed;
+    for (const Active *at = model->active; at < model->active + model->active_rows; at++)
+        for (size_t i = 0; i < at->count; i++, p++)
+            *p = (Prescribed){at->value + i, at->rate + i, at->acceleration + i,
+                              at->mismatch == NO_MISMATCH ? NULL : &self->m[(size_t)at->mismatch + i],
+                              &self->past[p - self->prescribed], &self->warned[at - model->active]};
+}
+
+/* ---- from one communication point to the next -------------------------------------------------------------- */
+
+void core_follow(Instance *self) {
+    FOR_EACH(p) {
+        p->past->size = 0;
+        p->past->followed = p->past->value = self->u[p->value];
+    }
+}
+
+void core_depart(Instance *self) {
+    FOR_EACH(p) {
+        p->past->value = self->u[p->value];
+        p->past->rate = self->u[p->rate];
+        p->past->acceleration = self->u[p->acceleration];
+    }
+}
+
+/* Integral over the step of a polynomial in the fraction of it. */
+static double integral(const Instance *self, const Mover *mover) {
+    const double x = self->reach / self->step_size;
+    double sum = 0;
+    for (int j = mover->degree; j >= 0; j--) sum = x * (sum + mover->c[j] / (j + 1));
+    return sum * self->step_size;
+}
+
+void core_arrive(Instance *self) {
+    FOR_EACH(p) {
+        const size_t found = self->mover_of[p->rate];
+        const int moves = found < self->moving && self->movers[found].place == p->rate;
+        const double went = moves ? integral(self, &self->movers[found]) : self->reach * p->past->rate;
+        p->past->size = self->reach;
+        p->past->followed = self->s->reconstruction == INTERPOLATE ? self->u[p->value] : p->past->value + went;
+    }
+}
+
+/* ---- contradictions ---------------------------------------------------------------------------------------- */
+
+/* Of a step of size H with σ, σ̇, σ̈ at both ends, and where σ should be at its end. */
+static void compare(Prescribed *p, double H, double said, const double from[3], const double to[3], double t) {
+    const double difference = to[0] - said, went = H * fmax(fabs(from[1]), fabs(to[1]));
+    /* A rate that jumps on the way moves σ by up to H times the jump, an acceleration by up to half of H². */
+    const double explained = H * (fabs(to[1] - from[1]) + H * fabs(to[2] - from[2]) / 2) + RATE * went
+                             + VALUE * fmax(fabs(from[0]), fabs(to[0])) + DBL_EPSILON;
+    *p->mismatch = fabs(difference) > explained ? difference : 0;
+    p->past->went = went;
+    p->past->time = t;
+}
+
+void core_compare(Instance *self) {
+    const double *u = self->u;
+    FOR_EACH(p) {
+        const Past *past = p->past;
+        if (p->mismatch == NULL || past->size == 0) continue;
+        if (self->s->reconstruction == HOLD || u[p->value] == past->followed) {
+            *p->mismatch = 0;
+            continue;
+        }
+        const double from[] = {past->value, past->rate, past->acceleration};
+        const double to[] = {u[p->value], u[p->rate], u[p->acceleration]};
+        compare(p, past->size, past->followed, from, to, self->s->time);
+    }
+}
+
+void core_compare_ends(Instance *self) {
+    const double *u = self->u, *set = self->set, H = self->step_size;
+    FOR_EACH(p) {
+        if (p->mismatch == NULL) continue;
+        const double from[] = {u[p->value], u[p->rate], u[p->acceleration]};
+        const double to[] = {set[p->value], set[p->rate], set[p->acceleration]};
+        compare(p, H, from[0] + H * (from[1] + H * from[2] / 2), from, to, self->s->time + H);
+    }
+}
+
+/* What is done where σ jumps. */
+static const char *treatment(const Instance *self, const Prescribed *p) {
+    const size_t i = (size_t)(p - self->prescribed), n = self->prescribed_count;
+    if (self->s->reconstruction == INTERPOLATE) return "it is interpolated over the step";
+    if (self->model->jumps != NULL && !(self->model->jumps[i * n + i] & MIXES))
+        return "it is taken as the limit of an ever faster motion";
+    return self->model->project == NULL ? "coordinates and momenta stay as they are"
+                                        : "the state is put back onto the constraints";
+}
+
+void core_warn(Instance *self) {
+    const size_t first = self->model->parameters;
+    FOR_EACH(p) {
+        if (p->mismatch == NULL || *p->mismatch == 0 || *p->warned) continue;
+        char value[NAME], rate[NAME];
+        strcpy(value, core_name(self, first + p->value));
+        strcpy(rate, core_name(self, first + p->rate));
+        const char *acceleration = core_name(self, first + p->acceleration);
+        if (fabs(*p->mismatch) > FAR * p->past->went)
+            core_report(self, WARNING, "%s jumps by %.6g at t = %.9g, of which %s and %s say nothing: %s", value,
+                        *p->mismatch, p->past->time, rate, acceleration, treatment(self, p));
+        else
+            core_report(self, WARNING,
+                        "%s, %s and %s contradict each other: at t = %.9g, after a step, %s is off by %.6g from what "
+                        "they said", value, rate, acceleration, p->past->time, value, *p->mismatch);
+        *p->warned = 1;
+    }
+}
+
+/* ---- jumps ------------------------------------------------------------------------------------------------- */
+
+/* Which of them jump, and how far; returns whether that moves states and has a limit. */
+static int find_jumps(Instance *self) {
+    const size_t n = self->prescribed_count;
+    int moves = 0;
+    FOR_EACH(p) {
+        const double value = self->u[p->value], followed = p->past->followed;
+        const double rounding = ROUNDING * fmax(fabs(value), fabs(followed));
+        p->target = value;
+        p->rest = self->u[p->rate];
+        p->jump = value == p->past->value || fabs(value - followed) <= rounding ? 0 : value - followed;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (self->prescribed[i].jump == 0) continue;
+        const unsigned char *row = &self->model->jumps[i * n];
+        moves |= row[i] & JUMPS;
+        for (size_t j = 0; j < n; j++) {
+            if (!(row[j] & MIXES)) continue;
+            if (self->prescribed[j].jump != 0) return 0;
+            moves |= self->prescribed[j].rest != 0;
+        }
+    }
+    return moves;
+}
+
+/* Put σ at a part of its way, moving on as far as the jump in addition to its rate, or not. */
+static void place(Instance *self, double part, int jumping) {
+    FOR_EACH(p) {
+        if (p->jump == 0) continue;
+        self->u[p->value] = p->past->followed + part * p->jump;
+        self->u[p->rate] = jumping ? p->rest + p->jump : p->rest;
+    }
+}
+
+/* What the jump adds to the rates of the states. */
+static Signal leaping(void *context, double part, const double y[], double f[]) {
+    Instance *self = context;
+    const Model *model = self->model;
+    Function *function = model->motions[ACTIVITIES - 1].coupled;
+    place(self, part, 0);
+    evaluate(self, function, self->s->time, y, self->ey);
+    place(self, part, 1);
+    evaluate(self, function, self->s->time, y, f);
+    for (size_t i = 0; i < model->coupled; i++) f[i] -= self->ey[i];
+    return GO_ON;
+}
+
+static Signal go_on(void *context, double t, double y[]) {
+    (void)context, (void)t, (void)y;
+    return GO_ON;
+}
+
+/* By the midpoint rule, if that is good enough: between smooth communication points jumps are tiny. */
+static int leap_at_once(const Problem *problem, double *y, double *work) {
+    const size_t n = problem->n;
+    double *begin = work, *middle = work + n, *x = work + 2 * n;
+    leaping(problem->context, 0, y, begin);
+    for (size_t i = 0; i < n; i++) x[i] = y[i] + begin[i] / 2;
+    leaping(problem->context, 0.5, x, middle);
+    for (size_t i = 0; i < n; i++)
+        if (!(fabs(middle[i] - begin[i]) <= problem->tolerance * (problem->size[i] + fabs(y[i])))) return 0;
+    for (size_t i = 0; i < n; i++) y[i] += middle[i];
+    return 1;
+}
+
+void core_leap(Instance *self) {
+    const size_t n = self->model->coupled;
+    if (self->model->jumps == NULL || !find_jumps(self)) return;
+    const Problem problem = {n, n, SHARE * self->s->tolerance, self->size, leaping, leaping, go_on, self};
+    double *y = self->dy, *low = self->dz;
+    double t = 0, step = 0;
+    memcpy(y, self->y, n * sizeof *y);
+    memcpy(low, self->low, n * sizeof *low);
+    if (leap_at_once(&problem, y, self->work)
+        || solver_advance(&problem, &t, 1, y, low, &step, self->work) == REACHED) {
+        memcpy(self->y, y, n * sizeof *y);
+        memcpy(self->low, low, n * sizeof *low);
+    } /* else the way leads through a singularity, and there is no limit */
+    FOR_EACH(p) {
+        self->u[p->value] = p->target;
+        self->u[p->rate] = p->rest;
+    }
+}

@@ -1,0 +1,31 @@
+"""Friction by Rayleigh's dissipation function D: the forces Q = −∂D/∂q̇ on free and active coordinates alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from liaisons.mechanics.algebra import gradient
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """D = η T + D′ [W]; of η T alone the forces are those of K eq. 66, Q = −η ∂T/∂q̇."""
+
+    coefficient: ca.SX  # η, no function of the rates
+    kinetic_energy: ca.SX  # T, quadratic in the rates
+    further: ca.SX  # D′, what a component declares beside it
+
+    @property
+    def function(self) -> ca.SX:
+        """D."""
+        return self.coefficient * self.kinetic_energy + self.further
+
+    def against(self, rates: ca.SX) -> ca.SX:
+        """∂D/∂q̇: the forces with which friction opposes these rates, a column."""
+        return self.coefficient * gradient(self.kinetic_energy, rates) + gradient(self.further, rates)
+
+    def power(self, rates: ca.SX) -> ca.SX:
+        """Σ q̇ ∂D/∂q̇ over all rates: what friction takes, negative where it drives; of η T it is 2 η T (K eq. 67)."""
+        return 2 * self.coefficient * self.kinetic_energy + ca.jtimes(self.further, rates, rates)
