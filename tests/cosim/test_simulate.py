@@ -109,18 +109,15 @@ def test_function_that_fails_on_the_way_keeps_what_there_is(
     np.testing.assert_array_equal(caught.value.result.time, [0.0, 0.25])
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_interrupt_keeps_what_there_is(fmu: FmuPaths) -> None:
     def pressed(t: float) -> float:
         if t == 0.5:
             signal.raise_signal(signal.SIGINT)
         return t
 
-    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
-    try:
-        with pytest.raises(KeyboardInterrupt, match=r"interrupted at t = 0\.\d+ of 1 s; \.result of this") as caught:
-            simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": pressed})
-    finally:
-        signal.signal(signal.SIGINT, usual)
+    with pytest.raises(KeyboardInterrupt, match=r"interrupted at t = 0\.\d+ of 1 s; \.result of this") as caught:
+        simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": pressed})
     assert isinstance(caught.value, Interrupted)
     kept = caught.value.result
     assert 0.25 <= kept.time[-1] < 1.0

@@ -24,7 +24,7 @@ CASES = grid({"theta_0": np.linspace(0.1, 3.0, 12), "length": [0.5, 1.0]})
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}  # any free port
     with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
         yield client
 
@@ -119,6 +119,7 @@ def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> Non
             cluster.extract_all = full
 
     here = sweep(pendulum, CASES, ["theta"], **SPAN)
+    client.wait_for_workers(2, timeout=60)  # one has just been killed
     client.run(spoil, next(iter(client.nthreads())))
     assert sweep(pendulum, CASES, ["theta"], client=client, **SPAN).rows.tobytes() == here.rows.tobytes()
     client.run(spoil, "all")
