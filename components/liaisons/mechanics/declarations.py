@@ -23,6 +23,8 @@ from liaisons.mechanics.model import Causality, Variability, Variable
 __all__ = [
     "ActiveCoordinate",
     "Coordinate",
+    "Friction",
+    "Gravity",
     "Input",
     "InternalState",
     "Joint",
@@ -197,6 +199,23 @@ class Parameter(_Symbol):
         bounds = {"above": above, "minimum": minimum, "below": below, "maximum": maximum}
         super().__init__(unit, description, start=default, unchecked=unchecked, **bounds)
         self.tunable = tunable
+
+
+class Gravity(Parameter):
+    """The gravitational acceleration g [m/s2], of either sign; 0 is weightlessness."""
+
+    def __init__(self) -> None:
+        super().__init__(9.81, "m/s2", "gravitational acceleration")
+
+
+class Friction(Parameter):
+    """η [1/s] of K eq. 64, tunable: where it is declared every velocity is braked by it, and no method is needed.
+
+    :param description: what it is, where the component has another name for it.
+    """
+
+    def __init__(self, description: str = "friction coefficient eta of K eq. 61") -> None:
+        super().__init__(0.0, "1/s", description, minimum=0, tunable=True)
 
 
 class Coordinate(_Symbol):

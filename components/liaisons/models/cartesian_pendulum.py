@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, constraint, output, submersion
-from liaisons.mechanics.closed_form import Values, closed_form
+from liaisons.mechanics import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
+from liaisons.mechanics.closed_forms import Values, closed_form
 from liaisons.models.pendulum import Pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
@@ -32,11 +32,10 @@ class CartesianPendulum(Mechanism):
 
     mass = Parameter(1.0, "kg", "mass of the bob", above=0)
     height = Parameter(1.0, "m", "height of the pivot, which is (0, 0, height)")
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     x = Coordinate("m", "horizontal position in the plane of the motion", start=float(np.sin(_START)))
     y = Coordinate("m", "distance from the plane of the motion")
     z = Coordinate("m", "height", start=float(1 - np.cos(_START)))
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     @submersion("m", "distance from the pivot to the bob", start=1.0, above=0)
     def rod(self) -> ca.SX:

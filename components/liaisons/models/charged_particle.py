@@ -6,10 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._stumpff import turning_motion
-from liaisons.models._validity import require
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
+from liaisons.models.solutions.stumpff import turning_motion
+from liaisons.models.solutions.validity import require
 
 
 class ChargedParticle(Mechanism):

@@ -6,10 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Parameter, calculated, condition, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models import _elliptic
+from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition, output
 from liaisons.models.hoop import Hoop
+from liaisons.models.solutions import elliptic
 
 
 class CircularHoop(Hoop):
@@ -70,7 +69,7 @@ class CircularHoop(Hoop):
         R, d, Y = at.radius, at.offset, at.beta_dot
         frequency = abs(Y) * np.sqrt(d / R)
         if frequency > 0:
-            psi, psi_dot = _elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, frequency)
+            psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, frequency)
         else:
             psi_dot = np.full_like(t, at.xi_dot_0 / R)
             psi = at.xi_0 / R + psi_dot * t

@@ -6,9 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, point
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import superposition
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, Values, closed_form, point
+from liaisons.models.solutions.linear import superposition
 
 
 class DoublePendulum(Mechanism):
@@ -33,12 +32,11 @@ class DoublePendulum(Mechanism):
     mass_2 = Parameter(1.0, "kg", "mass of the lower bob", above=0)
     length_1 = Parameter(1.0, "m", "length of the upper rod", above=0)
     length_2 = Parameter(1.0, "m", "length of the lower rod", above=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     theta_1 = Coordinate("rad", "angle of the upper rod from the downward vertical", start=0.5)
     theta_2 = Coordinate("rad", "angle of the lower rod from the downward vertical", start=0.7)
     pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
     pivot_z = ActiveCoordinate("m", "height of the pivot")
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     @point("m", "the upper bob")
     def bob_1(self) -> dict[str, ca.SX]:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Experiment, Parameter, Size, calculated
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import superposition
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions.linear import superposition
 
 
 class DrivenChain(Chain):

@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipeinc
 
-from liaisons.mechanics import Coordinate, Parameter, calculated, condition, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models import _elliptic
-from liaisons.models._integration import integrate
+from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition, output
 from liaisons.models.parametrised_hoop import ParametrisedHoop
+from liaisons.models.solutions import elliptic
+from liaisons.models.solutions.integration import integrate
 
 # Landen steps: errors of 1e-14 for ratios of the axes up to a million.
 _STEPS = 7
@@ -101,7 +100,7 @@ class EllipticHoop(ParametrisedHoop):
         def motion(tau: NDArray) -> tuple[NDArray, NDArray]:
             if frequency == 0:
                 return at.u_0 + v_0 * tau, np.full_like(tau, v_0)
-            twice, rate = _elliptic.pendulum(tau, 2 * (at.u_0 - lowest), 2 * v_0, frequency)
+            twice, rate = elliptic.pendulum(tau, 2 * (at.u_0 - lowest), 2 * v_0, frequency)
             return twice / 2 + lowest, rate / 2
 
         (tau,) = integrate("EllipticHoop.exact", lambda tau: 1 / speed(motion(tau)[0]), [0.0], t)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import casadi as ca
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import oscillation
+from liaisons.mechanics import Coordinate, Experiment, Friction, Mechanism, Parameter, Values, closed_form
+from liaisons.models.solutions.linear import oscillation
 
 
 class Flywheel(Mechanism):
@@ -22,15 +21,12 @@ class Flywheel(Mechanism):
     """
 
     inertia = Parameter(1.0, "kg.m2", "moment of inertia about the shaft", above=0)
-    friction = Parameter(0.0, "1/s", "friction coefficient eta of K eq. 61", minimum=0, tunable=True)
+    friction = Friction()
     angle = Coordinate("rad", "angle of the wheel", start_rate=1.0)
-    experiment = Experiment(stop_time=10.0, step_size=0.01, reference={"angle_force": 1.0, "friction": 0.2})
+    experiment = Experiment(reference={"angle_force": 1.0, "friction": 0.2})
 
     def kinetic_energy(self) -> ca.SX:
         return self.inertia / 2 * self.dot(self.angle) ** 2
-
-    def friction_coefficient(self) -> ca.SX:
-        return self.friction
 
     @closed_form("the motion under a constant torque; without it an exponential run-down", t=">= 0")
     @staticmethod

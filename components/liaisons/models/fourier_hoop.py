@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import quad
 
-from liaisons.mechanics import Coordinate, Parameter, calculated, condition
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._integration import integrate
-from liaisons.models._validity import require
+from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition
 from liaisons.models.parametrised_hoop import SAMPLES, ParametrisedHoop
+from liaisons.models.solutions.integration import integrate
+from liaisons.models.solutions.validity import require
 
 
 class FourierHoop(ParametrisedHoop):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import casadi as ca
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import oscillation
+from liaisons.mechanics import Coordinate, Experiment, Friction, Gravity, Mechanism, Parameter
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions.linear import oscillation
 
 
 class FreeParticle(Mechanism):
@@ -25,21 +25,18 @@ class FreeParticle(Mechanism):
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
-    friction = Parameter(0.0, "1/s", "friction coefficient eta of K eq. 61", minimum=0, tunable=True)
+    gravity = Gravity()
+    friction = Friction()
     x = Coordinate("m", "horizontal position", start_rate=1.0)
     y = Coordinate("m", "horizontal position, across x")
     z = Coordinate("m", "height", start_rate=9.81)
-    experiment = Experiment(stop_time=2.0, step_size=0.01)
+    experiment = Experiment(stop_time=2.0)
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})
 
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.z
-
-    def friction_coefficient(self) -> ca.SX:
-        return self.friction
 
     @closed_form("a parabola; with friction the velocity tends to -g/η e_z exponentially", t=">= 0", mass="> 0")
     @staticmethod

@@ -6,14 +6,7 @@ from abc import abstractmethod
 
 import casadi as ca
 
-from liaisons.mechanics import (
-    ActiveCoordinate,
-    Experiment,
-    Mechanism,
-    Parameter,
-    output,
-    point,
-)
+from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Parameter, output, point
 
 
 class Hoop(Mechanism, abstract=True):
@@ -35,7 +28,7 @@ class Hoop(Mechanism, abstract=True):
     mass = Parameter(1.0, "kg", "mass of the bead", above=0)
     hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0)
     beta = ActiveCoordinate("rad", "angle of the axis OA in the fixed frame")
-    experiment = Experiment(stop_time=10.0, step_size=0.01, reference={"beta_dot": 1.0, "beta_ddot": 0.2})
+    experiment = Experiment(reference={"beta_dot": 1.0, "beta_ddot": 0.2})
 
     @abstractmethod
     def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -6,10 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._isokinetic import Orbit
-from liaisons.models._validity import require
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, non_holonomic, output
+from liaisons.models.solutions.isokinetic import Orbit
+from liaisons.models.solutions.validity import require
 
 
 class IsokineticOscillator(Mechanism):

@@ -6,10 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, condition, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._kepler import kepler_motion
-from liaisons.models._validity import require, require_positive
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, condition, output
+from liaisons.models.solutions.kepler import kepler_motion
+from liaisons.models.solutions.validity import require
 
 
 class KeplerOrbit(Mechanism):
@@ -79,6 +78,6 @@ class KeplerOrbit(Mechanism):
     @staticmethod
     def period(at: Values) -> float:
         distance = float(np.hypot(at.x_0, at.y_0))
-        require_positive("KeplerOrbit.period", r_0=distance)
+        require(distance > 0, f"KeplerOrbit.period: r_0 = {distance} must be > 0")
         inverse = 2 / distance - (at.x_dot_0**2 + at.y_dot_0**2) / at.mu  # 1/a
         return float(2 * np.pi / np.sqrt(at.mu * inverse**3)) if inverse > 0 else np.inf

@@ -9,9 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, calculated, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import superposition
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, calculated, closed_form, output
+from liaisons.models.solutions.linear import superposition
 
 
 def _frequencies(m: Any, M: Any, stiffness: Any) -> tuple[Any, Any, Any]:

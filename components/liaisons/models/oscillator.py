@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import oscillation
-from liaisons.models._validity import require
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions.linear import oscillation
+from liaisons.models.solutions.validity import require
 
 
 class Oscillator(Mechanism):
@@ -35,10 +35,10 @@ class Oscillator(Mechanism):
 
     mass = Parameter(1.0, "kg", "mass", above=0)
     stiffness = Parameter(1.0, "N/m", "stiffness of the spring; 0 is a free mass", minimum=0)
-    damping = Parameter(0.0, "1/s", "damping gamma of K eq. 114, on the absolute velocity", minimum=0, tunable=True)
+    damping = Friction("damping gamma of K eq. 114, on the absolute velocity")
     x = Coordinate("m", "position of the mass", start=1.0)
     support = ActiveCoordinate("m", "position of the support, the x_0 of K eq. 114")
-    experiment = Experiment(stop_time=20.0, step_size=0.01)
+    experiment = Experiment(stop_time=20.0)
 
     @output("m", "elongation of the spring, x - support")
     def elongation(self) -> ca.SX:
@@ -49,9 +49,6 @@ class Oscillator(Mechanism):
 
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * self.elongation**2
-
-    def friction_coefficient(self) -> ca.SX:
-        return self.damping
 
     @closed_form("transient and stationary motion (K eq. 129), for any damping, at and off resonance", t=">= 0")
     @staticmethod

@@ -6,9 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Chain, Coordinate, Experiment, Parameter, Size, calculated
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import superposition
+from liaisons.mechanics import Chain, Coordinate, Experiment, Parameter, Size, Values, calculated, closed_form
+from liaisons.models.solutions.linear import superposition
 
 
 class OscillatorChain(Chain):

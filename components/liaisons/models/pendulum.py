@@ -6,12 +6,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, output, point
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models import _elliptic
-from liaisons.models._bessel import lengthening_pendulum
-from liaisons.models._linear import oscillation
-from liaisons.models._validity import require
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Friction, Gravity, Mechanism, Parameter, output, point
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions import elliptic
+from liaisons.models.solutions.bessel import lengthening_pendulum
+from liaisons.models.solutions.linear import oscillation
+from liaisons.models.solutions.validity import require
 
 
 class Pendulum(Mechanism):
@@ -30,13 +30,12 @@ class Pendulum(Mechanism):
     """
 
     mass = Parameter(1.0, "kg", "mass of the bob", above=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
-    friction = Parameter(0.0, "1/s", "friction coefficient eta of K eq. 61", minimum=0, tunable=True)
+    gravity = Gravity()
+    friction = Friction()
     theta = Coordinate("rad", "angle of the rod from the downward vertical", start=0.1)
     length = ActiveCoordinate("m", "distance from the pivot to the bob", start=1.0, above=0)
     pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
     pivot_z = ActiveCoordinate("m", "height of the pivot")
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     @point("m", "the bob")
     def bob(self) -> dict[str, ca.SX]:
@@ -49,9 +48,6 @@ class Pendulum(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.bob["z"]
 
-    def friction_coefficient(self) -> ca.SX:
-        return self.friction
-
     @output("N", "tension of the rod, positive when it pulls the bob towards the pivot")
     def tension(self) -> ca.SX:
         return -self.operator_force(self.length)
@@ -59,14 +55,14 @@ class Pendulum(Mechanism):
     @closed_form("the motion with fixed pivot and length: Jacobi's elliptic functions", gravity="> 0", friction="== 0")
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        theta, theta_dot = _elliptic.pendulum(t, at.theta_0, at.theta_dot_0, np.sqrt(at.gravity / at.length))
+        theta, theta_dot = elliptic.pendulum(t, at.theta_0, at.theta_dot_0, np.sqrt(at.gravity / at.length))
         tension = at.mass * (at.length * theta_dot**2 + at.gravity * np.cos(theta))
         return {"theta": theta, "theta_dot": theta_dot, "tension": tension}
 
     @closed_form("the period [s]: 4 K(k)/Ω of a swing, 2 K(1/k)/kΩ of a full turn, else infinite", gravity="> 0")
     @staticmethod
     def period(at: Values) -> float:
-        return _elliptic.period(at.theta_0, at.theta_dot_0, np.sqrt(at.gravity / at.length))
+        return elliptic.period(at.theta_0, at.theta_dot_0, np.sqrt(at.gravity / at.length))
 
     @closed_form("the motion for sin θ ≈ θ (K Ex. 3, 6), whose period is short by θ²/16", gravity="> 0")
     @staticmethod

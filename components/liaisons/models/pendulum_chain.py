@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import eval_laguerre, roots_laguerre
 
-from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Experiment, Joint, Parameter, Size, point
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import superposition
+from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions.linear import superposition
 
 
 class PendulumChain(Chain):
@@ -33,12 +33,11 @@ class PendulumChain(Chain):
     n = Size(10, "number of links")
     mass = Parameter(1.0, "kg", "mass of each bob", above=0)
     length = Parameter(1.0, "m", "length of each rod", above=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     theta = Coordinate("rad", "angles of the rods from the downward vertical", start=0.1)
     pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
     pivot_z = ActiveCoordinate("m", "height of the pivot")
     joint = Joint("m", "x", "z")
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     @point("m", "the bobs")
     def bob(self) -> dict[str, ca.SX]:

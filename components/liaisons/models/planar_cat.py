@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.mechanics.closed_form import Values, closed_form
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
+from liaisons.mechanics.closed_forms import Values, closed_form
 
 
 @dataclass(frozen=True)
@@ -58,13 +58,13 @@ class PlanarCat(Mechanism):
     hinge = Parameter(0.2, "m", "distance from the trunk's centre of mass to either hinge", minimum=0)
     arm_1 = Parameter(0.15, "m", "distance from hinge 1 to the centre of mass of limb 1", minimum=0)
     arm_2 = Parameter(0.15, "m", "distance from hinge 2 to the centre of mass of limb 2", minimum=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     com_x = Coordinate("m", "position of the centre of mass along the horizontal")
     com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81)
     phi = Coordinate("rad", "direction of the trunk, from the x axis towards z", start_rate=1.0)
     psi_1 = ActiveCoordinate("rad", "angle of limb 1 from the trunk's forward direction")
     psi_2 = ActiveCoordinate("rad", "angle of limb 2 from the trunk's backward direction")
-    experiment = Experiment(stop_time=2.0, step_size=0.01)
+    experiment = Experiment(stop_time=2.0)
 
     @property
     def _total_mass(self) -> ca.SX:

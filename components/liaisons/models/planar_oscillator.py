@@ -5,9 +5,8 @@ from __future__ import annotations
 import casadi as ca
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models._linear import oscillation
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
+from liaisons.models.solutions.linear import oscillation
 
 
 class PlanarOscillator(Mechanism):
@@ -28,7 +27,7 @@ class PlanarOscillator(Mechanism):
     stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
     x = Coordinate("m", "position along x", start=1.0)
     y = Coordinate("m", "position along y", start_rate=0.5)
-    experiment = Experiment(stop_time=20.0, step_size=0.01)
+    experiment = Experiment(stop_time=20.0)
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})

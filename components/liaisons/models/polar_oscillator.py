@@ -6,8 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
-from liaisons.mechanics.closed_form import Values, closed_form
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form
 
 
 class PolarOscillator(Mechanism):
@@ -30,7 +29,7 @@ class PolarOscillator(Mechanism):
     stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
     r = Coordinate("m", "distance from the origin", start=1.0, above=0)
     phi = Coordinate("rad", "polar angle", start_rate=0.5)  # at rest the default would fall into the origin
-    experiment = Experiment(stop_time=20.0, step_size=0.01)
+    experiment = Experiment(stop_time=20.0)
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * (self.dot(self.r) ** 2 + (self.r * self.dot(self.phi)) ** 2)

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models import _rotations
-from liaisons.models._euler_top import euler_top
-from liaisons.models._validity import require
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions import rotations
+from liaisons.models.solutions.euler_top import euler_top
+from liaisons.models.solutions.validity import require
 
 _SIGNS = "minors of different order are compared: only their signs count"
 
@@ -87,7 +87,7 @@ class Satellite(Mechanism):
     @closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        start = _rotations.unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
+        start = rotations.unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
         omega, q = euler_top(t, _tensor("Satellite.exact", at), at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
         return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
 
@@ -107,8 +107,8 @@ class Satellite(Mechanism):
         """
         turns = np.stack(np.broadcast_arrays(*(np.asarray(turn, dtype=float) for turn in (turn_1, turn_2, turn_3))))
         vector = -at.J_wheel * np.tensordot(np.linalg.inv(_tensor("Satellite.slew", at)), turns, 1)
-        before = _rotations.unit(start)[(...,) + (None,) * (turns.ndim - 1)]
-        q = _rotations.product(before, _rotations.exponential(vector))
+        before = rotations.unit(start)[(...,) + (None,) * (turns.ndim - 1)]
+        q = rotations.product(before, rotations.exponential(vector))
         return dict(zip(Orientation.quaternion, q, strict=True))
 
 

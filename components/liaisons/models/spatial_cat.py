@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Orientation, Parameter
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models import _rotations
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions import rotations
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
@@ -42,7 +42,7 @@ class SpatialCat(Mechanism):
     joint_distance = Parameter(
         0.2, "m", "distance from the centre of each half to the joint, along its axis", minimum=0
     )
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     com_x = Coordinate("m", "position of the centre of mass")
     com_y = Coordinate("m", "position of the centre of mass")
     com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81)
@@ -84,9 +84,9 @@ class SpatialCat(Mechanism):
         """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
         chi = np.asarray(azimuth, dtype=float)
         psi = _turn(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
-        start = _rotations.product(_rotations.about(2, azimuth_0), _rotations.about(0, at.bend / 2))
-        back = _rotations.product(_rotations.about(0, -at.bend / 2)[:, None], _rotations.about(2, -chi.ravel()))
-        q = _rotations.product(start[:, None], _rotations.about(2, psi.ravel()), back)
+        start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
+        back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
+        q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)
         height, speed = at.com_z_0 + at.com_z_dot_0 * t - at.gravity * t**2 / 2, at.com_z_dot_0 - at.gravity * t
         attitude = {name: row.reshape(chi.shape) for name, row in zip(Orientation.quaternion, q, strict=True)}
         return {"com_z": height, "com_z_dot": speed, **attitude}

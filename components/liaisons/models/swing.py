@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, condition, output, point
-from liaisons.mechanics.closed_form import Values, closed_form
-from liaisons.models import _elliptic
-from liaisons.models._validity import require
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions import elliptic
+from liaisons.models.solutions.validity import require
 
 
 class Swing(Mechanism):
@@ -32,11 +32,10 @@ class Swing(Mechanism):
     mass_seat = Parameter(20.0, "kg", "mass at the seat: board and legs", above=0)
     mass_torso = Parameter(20.0, "kg", "mass of the torso", minimum=0)
     torso_length = Parameter(0.5, "m", "distance from the seat to the torso's mass", minimum=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     theta = Coordinate("rad", "angle of the rope from the downward vertical", start=0.5)
     rope = ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0)
     lean = ActiveCoordinate("rad", "angle of the torso from the rope's continuation", start=np.pi / 2)
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     @point("m", "the seat")
     def seat(self) -> dict[str, ca.SX]:
@@ -98,5 +97,5 @@ class Swing(Mechanism):
         size = at.mass_seat * abs(seat) + at.mass_torso * abs(torso)
         require(abs(moment) > 1e-15 * size, "Swing.exact: the centre of mass lies on the pivot; change rope or lean")
         offset, frequency = np.angle(moment), np.sqrt(at.gravity * abs(moment) / inertia)
-        theta_com, theta_dot = _elliptic.pendulum(t, at.theta_0 + offset, at.theta_dot_0, frequency)
+        theta_com, theta_dot = elliptic.pendulum(t, at.theta_0 + offset, at.theta_dot_0, frequency)
         return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}

@@ -271,7 +271,7 @@ def _closed_form(model: Model) -> list[str]:
     if not model.closed_form:
         return []
     return [
-        f"<p><code>{escape(model.name)}.exact</code>, which knows nothing of the FMU:</p>",
+        f"<p><code>{escape(model.name)}.exact(t)</code>, which knows nothing of the FMU:</p>",
         *_text(model.closed_form),
     ]
 

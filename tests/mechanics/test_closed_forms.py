@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from liaisons.errors import ValidityError
 from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Joint, Mechanism, Parameter
-from liaisons.mechanics.closed_form import Values, closed_form
+from liaisons.mechanics.closed_forms import Values, closed_form
 
 
 class Slide(Mechanism):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.special import exprel, lambertw
 
-from liaisons.models._validity import require
+from liaisons.models.solutions.validity import require
 
 _NEAREST = 0.04  # smallest r / largest r; the cosine series converge as exp(-2k) of it
 _MODES = 512  # of them, exp(-2 · 512 · 0.04) = 1e-18

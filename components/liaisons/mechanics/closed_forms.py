@@ -105,10 +105,14 @@ class ClosedForm(Generic[R]):
     def __call__(self, *arguments: Any, **given: Any) -> R:
         assert self._owner is not None  # it is an attribute of a component
         label = f"{self._owner.__name__}.{self.__name__}"
-        own = {name: given.pop(name) for name in [*given] if name in self._signature.parameters}
+        wanted = self._signature.parameters
+        own = {name: given.pop(name) for name in [*given] if name in wanted}
         at = Values(label, _settable(self._owner, given), given)
-        named = {"at": at} if "at" in self._signature.parameters else {}
-        call = self._signature.bind(*arguments, **own, **named)
+        own |= {name: value for name, value in (("at", at), ("component", self._owner)) if name in wanted}
+        try:
+            call = self._signature.bind(*arguments, **own)
+        except TypeError as error:
+            raise TypeError(f"{label}: {error}") from None
         call.apply_defaults()
         bound = call.arguments
         if "t" in bound:
@@ -128,7 +132,8 @@ def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], Cl
     """Make a function of a component its closed form.
 
     It takes times ``t`` or what else it needs, and ``at``: :class:`Values` of the component's variables, whose names,
-    start values and domains are those of the declarations.  It returns values by the names of variables::
+    start values and domains are those of the declarations; where it asks for it, also its class as ``component``.
+    It returns values by the names of variables::
 
         @closed_form("the motion with fixed pivot: Jacobi's elliptic functions", gravity="> 0", friction="== 0")
         @staticmethod
