@@ -91,4 +91,4 @@ def test_values_that_a_closed_form_does_not_cover_are_named(call: Callable[[], A
 
 
 def test_docstring_says_what_it_is_and_where_it_holds() -> None:
-    assert Slide.exact.__doc__ == "The motion under a constant force.\n\nFor t >= 0, x_dot_0 < limit."
+    assert Slide.exact.__doc__ == "The motion under a constant force, for t >= 0 and x_dot_0 < limit."

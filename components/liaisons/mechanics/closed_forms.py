@@ -91,13 +91,9 @@ class ClosedForm(Generic[R]):
         self._function, self._text, self._conditions, self._owner = function, text, conditions, owner
         self._signature = inspect.signature(function)
         self.__name__ = function.__name__
-        holds = ", ".join(f"{name} {condition}" for name, condition in conditions.items())
-        paragraphs = (
-            f"{text[:1].upper()}{text[1:]}.",
-            inspect.cleandoc(function.__doc__ or ""),
-            f"For {holds}." if holds else "",
-        )
-        self.__doc__ = "\n\n".join(filter(None, paragraphs))
+        holds = " and ".join(f"{name} {condition.replace('==', '=')}" for name, condition in conditions.items())
+        first = f"{text[:1].upper()}{text[1:]}{', for ' if holds else ''}{holds}."
+        self.__doc__ = "\n\n".join(filter(None, (first, inspect.cleandoc(function.__doc__ or ""))))
 
     def __get__(self, _: object, owner: type[Component]) -> ClosedForm[R]:
         return ClosedForm(self._function, self._text, self._conditions, owner)

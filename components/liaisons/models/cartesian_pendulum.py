@@ -23,15 +23,15 @@ class CartesianPendulum(Mechanism):
         constant l = h:    λ_1 = -m (g (l - z) + r'²) / 2 l²,    λ_2 = 0                 K Ex. 1
         Gauss:             μ_1 = -2 λ_1 = tension / l                                    K Ex. 9, the 2 removed
 
-    m [kg] mass, g [m/s2] gravity, l [m] length of the rod, h [m] height; λ_1 [N/m], λ_2 [N] in K's normalisation,
-    that is, of σ_1 = |d|² - l² and σ_2 = y; the operator's force on the port ``rod`` is 2 l λ_1.  K's multipliers keep
-    what they find and have "no function of regulation"; here an error decays, and every step ends on the constraints.
+    λ_1 [N/m] and λ_2 [N] are in K's normalisation, that is, of σ_1 = |d|² - l² and σ_2 = y; the operator's force on the
+    port ``rod`` is 2 l λ_1.  K's multipliers keep what they find and have "no function of regulation"; here an error
+    decays, and every step ends on the constraints.
 
     Source: K Ex. 1, Ex. 9; M eq. 20-22 for the rod.
     """
 
     mass = Parameter(1.0, "kg", "mass of the bob", above=0)
-    height = Parameter(1.0, "m", "height of the pivot, which is (0, 0, height)")
+    height = Parameter(1.0, "m", "height of the pivot, which is (0, 0, height)", symbol="h")
     gravity = Gravity()
     x = Coordinate("m", "horizontal position in the plane of the motion", start=float(np.sin(_START)))
     y = Coordinate("m", "distance from the plane of the motion")

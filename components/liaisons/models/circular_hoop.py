@@ -22,14 +22,13 @@ class CircularHoop(Hoop):
         K_Y = ½ (I + m b) Y²                                                  M eq. 63
         constant β_dot:    ψ_ddot = -(d/R) β_dot² sin ψ, a pendulum
 
-    ξ [m], θ [rad] polar angle of the bead from OA, β [rad] angle of OA, m [kg] bead, I [kg.m2] hoop about O.
     p_ξ is m times the absolute tangential velocity; I enters the operator's torque alone.
 
     Source: M 8.4, eq. 61-67.
     """
 
     radius = Parameter(1.0, "m", "radius of the hoop", above=0)
-    offset = Parameter(0.5, "m", "distance from O to the centre of the hoop", minimum=0)
+    offset = Parameter(0.5, "m", "distance from O to the centre of the hoop", minimum=0, symbol="d")
     xi = Coordinate("m", "arc length of the bead from A, counter-clockwise", start_rate=1.0)
 
     @condition("O must lie inside the hoop: offset < radius")

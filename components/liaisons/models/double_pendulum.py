@@ -21,9 +21,8 @@ class DoublePendulum(Mechanism):
                         l_2 θ_2'' + l_1 (θ_1'' cos δ - θ_1'² sin δ) = -g sin θ_2
         small angles:  g/Ω² = ½ (l_1 + l_2 ± √((l_1 - l_2)² + 4 l_1 l_2 m_2/(m_1 + m_2)))
 
-    θ_1, θ_2 [rad] angles of the rods from the downward vertical, both absolute; l [m] lengths, m [kg] masses,
-    g [m/s2] gravity.  It is two :class:`Pendulum` s, the second one's pivot at the first one's bob.  Large motions
-    are chaotic: only the energy tells whether they are right.
+    It is two :class:`Pendulum` s, the second one's pivot at the first one's bob; both angles are absolute.  Large
+    motions are chaotic: only the energy tells whether they are right.
 
     Source: the two-pendulum case of K sec. 2.2 (eq. 12, 19) and of the normal modes of K 5.2.
     """
@@ -35,8 +34,8 @@ class DoublePendulum(Mechanism):
     gravity = Gravity()
     theta_1 = Coordinate("rad", "angle of the upper rod from the downward vertical", start=0.5)
     theta_2 = Coordinate("rad", "angle of the lower rod from the downward vertical", start=0.7)
-    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
-    pivot_z = ActiveCoordinate("m", "height of the pivot")
+    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot", symbol="x_p")
+    pivot_z = ActiveCoordinate("m", "height of the pivot", symbol="z_p")
 
     @point("m", "the upper bob")
     def bob_1(self) -> dict[str, ca.SX]:

@@ -22,18 +22,15 @@ class DrivenChain(Chain):
         grip at rest:  Ω_k = 2 √(κ/m) sin(α_k/2),    φ_k(j) = sin(α_k j),    α_k = (2k - 1) π/(2N + 1)
         a wave arrives at mass j about j Δx/c after the grip has moved, c = √(κ/m) Δx
 
-    u_j [m] displacement of mass j; m [kg] mass, κ [N/m] stiffness, Δx [m] spacing, σ [m] position of the grip,
-    λ [N] force of the operator.
-
     Source: K 5.3 with one end prescribed; λ is M eq. 27.
     """
 
     n = Size(10, "number of masses")
     mass = Parameter(1.0, "kg", "mass of each body", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness of each spring", above=0)
-    spacing = Parameter(1.0, "m", "distance of neighbours at rest", above=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of each spring", above=0, symbol="κ")
+    spacing = Parameter(1.0, "m", "distance of neighbours at rest", above=0, symbol="Δx")
     u = Coordinate("m", "displacements from the places at rest")
-    drive = ActiveCoordinate("m", "position of the massless grip")
+    drive = ActiveCoordinate("m", "position of the massless grip", symbol="σ")
     experiment = Experiment(stop_time=20.0, step_size=0.05, reference={"drive_dot": 0.2, "drive_ddot": 0.1})
 
     def base(self) -> dict[str, ca.SX]:

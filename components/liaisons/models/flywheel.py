@@ -16,13 +16,12 @@ class Flywheel(Mechanism):
 
         I φ'' = τ - η I φ'
 
-    φ [rad] angle, I [kg.m2] moment of inertia, τ [N.m] torque on the port of the angle, η [1/s] friction.
-    The simplest case of K eq. 65 and 66: T = I φ'²/2, V = 0.
+    τ is the torque on the port of the angle.  The simplest case of K eq. 65 and 66: T = I φ'²/2, V = 0.
     """
 
     inertia = Parameter(1.0, "kg.m2", "moment of inertia about the shaft", above=0)
     friction = Friction()
-    angle = Coordinate("rad", "angle of the wheel", start_rate=1.0)
+    angle = Coordinate("rad", "angle of the wheel", start_rate=1.0, symbol="φ")
     experiment = Experiment(reference={"angle_force": 1.0, "friction": 0.2})
 
     def kinetic_energy(self) -> ca.SX:

@@ -18,8 +18,7 @@ class FreeParticle(Mechanism):
         L = ½ m (x'² + y'² + z'²) - m g z                     K eq. 20 with V = +m g z
         r'' = -g e_z - η r'                                   K eq. 62
 
-    r = (x, y, z) [m], z upwards; m [kg] mass, g [m/s2] gravity (0 allowed), η [1/s] friction.  A fall from rest
-    through L lasts τ = √(2L/g), so that τ'/τ = √(L'/L), K eq. 59: V is homogeneous of degree h = 1.
+    A fall from rest through L lasts τ = √(2L/g), so that τ'/τ = √(L'/L), K eq. 59: V is homogeneous of degree h = 1.
 
     Source: K Ex. 2; sec. 2.5 (free fall, the sign of its potential corrected); sec. 2.6.
     """

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, non_holonomic, output
-from liaisons.models.solutions.isokinetic import Orbit
+from liaisons.models.solutions.isokinetic import Orbit, isokinetic_motion
 from liaisons.models.solutions.validity import require
 
 
@@ -20,15 +20,14 @@ class IsokineticOscillator(Mechanism):
         (r × r') exp(-V / 3 k_B T) is constant, V = K r²/2: the motion stays in a plane
         r'² = v² (1 - c² exp(a r²) / r²),    a = K / 3 k_B T,    c = |r × r'| exp(-a r²/2) / v
 
-    r = (x, y, z) [m], m [kg] mass, K [N/m] stiffness, k_B T [J] thermal energy, μ [1/s] a friction of either sign.
-    The energy T + V is not conserved.  With μ as printed an error of the constraint grows as exp(2 V / 3 k_B T); with
-    m v² in its place any speed is kept.  The multiplier of ``kinetic`` is -μ.
+    μ is a friction of either sign, so that T + V is not conserved; with μ as printed an error of the constraint grows
+    as exp(2 V / 3 k_B T), with m v² in its place any speed is kept.  The multiplier of ``kinetic`` is -μ.
 
     Source: K Ex. 10, eq. 107-113.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0, symbol="K")
     thermal_energy = Parameter(1.0, "J", "Boltzmann's constant times temperature", above=0)
     x = Coordinate("m", "position along x", start=1.0, start_rate=1.0)
     y = Coordinate("m", "position along y", start_rate=1.0)
@@ -64,20 +63,7 @@ class IsokineticOscillator(Mechanism):
             f"IsokineticOscillator.exact: the start velocity {found:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
         )
         a = at.stiffness / (3 * at.thermal_energy)
-        r_0, moment = float(np.linalg.norm(position)), np.cross(position, velocity)
-        area_rate = float(np.linalg.norm(moment))
-        if at.stiffness == 0 or area_rate == 0:
-            r = position[:, None] + np.multiply.outer(velocity, t.ravel())
-            v = np.broadcast_to(velocity[:, None], r.shape)
-        else:
-            orbit = Orbit.of(speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
-            distance, rate, phi = orbit.at(t.ravel(), orbit.phase(r_0**2, outwards=bool(position @ velocity >= 0)))
-            phi_dot = area_rate * np.exp(a * (distance**2 - r_0**2) / 2) / distance**2
-            radial = position / r_0
-            across = np.cross(moment / area_rate, radial)
-            e_r = np.multiply.outer(radial, np.cos(phi)) + np.multiply.outer(across, np.sin(phi))
-            e_phi = np.multiply.outer(across, np.cos(phi)) - np.multiply.outer(radial, np.sin(phi))
-            r, v = distance * e_r, rate * e_r + distance * phi_dot * e_phi
+        r, v = isokinetic_motion(t.ravel(), position, velocity, speed, a)
         mu = -a * np.sum(r * v, axis=0)
         names = ("x", "y", "z", "x_dot", "y_dot", "z_dot", "mu")
         return {name: row.reshape(t.shape) for name, row in zip(names, (*r, *v, mu), strict=True)}

@@ -22,8 +22,7 @@ class Oscillator(Mechanism):
         m x'' = -K (x - x_0) - m γ x' + F(t)                              K eq. 114
         u'' + γ u' + ω_0² u = F/m,    ω_0² = K/m                          K eq. 115
 
-    x [m] position, x_0 [m] the support, K [N/m] stiffness, γ [1/s] damping on the absolute velocity (friction of
-    K eq. 61), F [N] the force on the port of x.  The stationary motion under F = |F_0| cos ωt is
+    x_0 is the support, F the force on the port of x.  Under F = |F_0| cos ωt the stationary motion is
     |u_0| cos(ωt + φ) with
 
         |u_0| = (|F_0|/m) / √((ω² - ω_0²)² + γ²ω²)                        K eq. 121
@@ -34,8 +33,8 @@ class Oscillator(Mechanism):
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness of the spring; 0 is a free mass", minimum=0)
-    damping = Friction("damping gamma of K eq. 114, on the absolute velocity")
+    stiffness = Parameter(1.0, "N/m", "stiffness of the spring; 0 is a free mass", minimum=0, symbol="K")
+    damping = Friction("damping gamma of K eq. 114, on the absolute velocity", "γ")
     x = Coordinate("m", "position of the mass", start=1.0)
     support = ActiveCoordinate("m", "position of the support, the x_0 of K eq. 114")
     experiment = Experiment(stop_time=20.0)

@@ -20,16 +20,16 @@ class OscillatorChain(Chain):
         Ω_k = 2 √(κ/m) sin(kπ/2N),    φ_k(j) = cos(kπ (j - ½)/N),    k = 0 ... N - 1
         long waves travel at c = √(κ/m) Δx, all others more slowly
 
-    u_j [m] displacement of mass j from its place (j - ½) Δx; m [kg] mass, κ [N/m] stiffness, Δx [m] spacing,
-    N number of masses.  Mode 0 is the uniform motion of the chain, whose total momentum Σ p_j is constant.
+    The place of mass j is (j - ½) Δx.  Mode 0 is the uniform motion of the chain, whose total momentum Σ p_j is
+    constant.
 
     Source: K 5.3, chain of oscillators and its wave limit.
     """
 
     n = Size(10, "number of masses")
     mass = Parameter(1.0, "kg", "mass of each body", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness of each spring", above=0)
-    spacing = Parameter(1.0, "m", "distance of neighbours at rest", above=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of each spring", above=0, symbol="κ")
+    spacing = Parameter(1.0, "m", "distance of neighbours at rest", above=0, symbol="Δx")
     u = Coordinate("m", "displacements from the places at rest", start=(1.0,))
     experiment = Experiment(stop_time=20.0, step_size=0.05)
 

@@ -23,8 +23,7 @@ class Pendulum(Mechanism):
         p_θ = ∂L/∂θ' = m l² θ' + m l (x_p' cos θ + z_p' sin θ)
         fixed pivot:      d/dt (l² θ') = -g l sin θ - η l² θ'
 
-    θ [rad] angle from the downward vertical, l [m] length, m [kg] mass, g [m/s2] gravity, η [1/s] friction on the
-    absolute velocity.  p_θ stays continuous when the operator makes l' jump.
+    Friction η acts on the absolute velocity.  p_θ stays continuous when the operator makes l' jump.
 
     Source: K Ex. 3, Ex. 6 (friction, the intermediate sign corrected), Ex. 8; M 8.1 with one point mass.
     """
@@ -34,8 +33,8 @@ class Pendulum(Mechanism):
     friction = Friction()
     theta = Coordinate("rad", "angle of the rod from the downward vertical", start=0.1)
     length = ActiveCoordinate("m", "distance from the pivot to the bob", start=1.0, above=0)
-    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
-    pivot_z = ActiveCoordinate("m", "height of the pivot")
+    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot", symbol="x_p")
+    pivot_z = ActiveCoordinate("m", "height of the pivot", symbol="z_p")
 
     @point("m", "the bob")
     def bob(self) -> dict[str, ca.SX]:

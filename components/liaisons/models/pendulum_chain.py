@@ -23,9 +23,8 @@ class PendulumChain(Chain):
         T = ½ m Σ |r_j'|²,    V = m g Σ z_j
         small angles:  L_N(Ω² l/g) = 0,    x_j ~ L_(N-j)(Ω² l/g)
 
-    θ_j [rad] angle of rod j from the downward vertical, absolute; m [kg] mass of each bob, l [m] length of each rod,
-    g [m/s2] gravity, N number of links, L_i Laguerre polynomials, x_j [m] horizontal displacements in a normal mode.
-    Large motions are chaotic: only the energy tells whether they are right.
+    L_i are Laguerre polynomials, x_j [m] horizontal displacements in a normal mode; the angles are absolute.  Large
+    motions are chaotic: only the energy tells whether they are right.
 
     Source: K 2.2 (eq. 12, 19) for any number of links; the small motions are those of D. Bernoulli's hanging chain.
     """
@@ -35,8 +34,8 @@ class PendulumChain(Chain):
     length = Parameter(1.0, "m", "length of each rod", above=0)
     gravity = Gravity()
     theta = Coordinate("rad", "angles of the rods from the downward vertical", start=0.1)
-    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
-    pivot_z = ActiveCoordinate("m", "height of the pivot")
+    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot", symbol="x_p")
+    pivot_z = ActiveCoordinate("m", "height of the pivot", symbol="z_p")
     joint = Joint("m", "x", "z")
 
     @point("m", "the bobs")

@@ -17,14 +17,14 @@ class PlanarOscillator(Mechanism):
         L = ½ m (x'² + y'²) - ½ K (x² + y²)                   K eq. 35,  Ω² = K/m
         x'' + Ω² x = 0,    y'' + Ω² y = 0                     K eq. 36, 37
 
-    x, y [m], m [kg] mass, K [N/m] stiffness.  The orbit is an ellipse about the origin.  Energy and angular momentum
-    m (x y' - y x') are constant; the latter is p_φ of :class:`PolarOscillator`, the same motion in r and φ.
+    The orbit is an ellipse about the origin.  Energy and angular momentum m (x y' - y x') are constant; the latter is
+    p_φ of :class:`PolarOscillator`, the same motion in r and φ.
 
     Source: K Ex. 5.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0, symbol="K")
     x = Coordinate("m", "position along x", start=1.0)
     y = Coordinate("m", "position along y", start_rate=0.5)
     experiment = Experiment(stop_time=20.0)

@@ -18,15 +18,14 @@ class PolarOscillator(Mechanism):
         p_φ = m r² φ' = const                                 K eq. 42: φ is cyclic
         r'' - p_φ²/(m² r³) + Ω² r = 0                         K eq. 43, its centrifugal term restored
 
-    r [m] distance from the origin, φ [rad] polar angle, not wrapped, m [kg] mass, K [N/m] stiffness.  The same motion
-    as :class:`PlanarOscillator`'s, but singular at r = 0, which is reached if p_φ = 0 and only then.  φ grows by π in
-    each half period π/Ω.
+    The same motion as :class:`PlanarOscillator`'s, but singular at r = 0, which is reached if p_φ = 0 and only then.
+    φ is not wrapped: it grows by π in each half period π/Ω.
 
     Source: K Ex. 5.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0, symbol="K")
     r = Coordinate("m", "distance from the origin", start=1.0, above=0)
     phi = Coordinate("rad", "polar angle", start_rate=0.5)  # at rest the default would fall into the origin
     experiment = Experiment(stop_time=20.0)

@@ -8,17 +8,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
 from liaisons.mechanics.closed_forms import Values, closed_form
-from liaisons.models.solutions import rotations
 from liaisons.models.solutions.euler_top import euler_top
-from liaisons.models.solutions.validity import require
+from liaisons.models.solutions.rotations import IDENTITY, turned, unit
+from liaisons.models.solutions.validity import positive_definite
 
+_TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
 _SIGNS = "minors of different order are compared: only their signs count"
 
 
 def _least_minor(matrix: ca.SX) -> ca.SX:
     """The smallest leading minor: positive when the symmetric matrix is positive definite (Sylvester)."""
-    two, three = ca.det(matrix[:2, :2]), ca.det(matrix)
-    return ca.fmin(matrix[0, 0], ca.fmin(two, three))
+    return ca.fmin(matrix[0, 0], ca.fmin(ca.det(matrix[:2, :2]), ca.det(matrix)))
 
 
 class Satellite(Mechanism):
@@ -31,9 +31,8 @@ class Satellite(Mechanism):
         J ω' + J_w φ'' = (J ω + J_w φ') × ω,      λ_k = J_w (φ_k'' + ω_k')               M eq. 27
         from rest, H = 0, one wheel after the other or all in proportion: a turn by -J⁻¹ J_w Δφ, for any φ(t)
 
-    J [kg.m2] inertia about the centre of mass with the wheels locked, J_w [kg.m2] inertia of each wheel about its axis;
-    H [kg.m2/s], ω [rad/s], λ [N.m] torques of the motors.  Turns about different axes do not commute: wheels that end
-    where they began leave the satellite turned.
+    The torques of the motors are λ.  Turns about different axes do not commute: wheels that end where they began leave
+    the satellite turned.
 
     Source: M 8.3, with 8.2.
     """
@@ -44,11 +43,11 @@ class Satellite(Mechanism):
     J_xy = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
     J_xz = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
     J_yz = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
-    J_wheel = Parameter(0.1, "kg.m2", "moment of inertia of each wheel about its axis", above=0)
+    J_wheel = Parameter(0.1, "kg.m2", "moment of inertia of each wheel about its axis", above=0, symbol="J_w")
     attitude = Orientation("attitude of the satellite")
-    wheel_1 = ActiveCoordinate("rad", "angle of the wheel along x")
-    wheel_2 = ActiveCoordinate("rad", "angle of the wheel along y")
-    wheel_3 = ActiveCoordinate("rad", "angle of the wheel along z")
+    wheel_1 = ActiveCoordinate("rad", "angle of the wheel along x", symbol="φ_1")
+    wheel_2 = ActiveCoordinate("rad", "angle of the wheel along y", symbol="φ_2")
+    wheel_3 = ActiveCoordinate("rad", "angle of the wheel along z", symbol="φ_3")
     experiment = Experiment(
         stop_time=60.0,
         step_size=0.05,
@@ -57,12 +56,7 @@ class Satellite(Mechanism):
 
     @property
     def _inertia(self) -> ca.SX:
-        rows = (
-            (self.J_xx, self.J_xy, self.J_xz),
-            (self.J_xy, self.J_yy, self.J_yz),
-            (self.J_xz, self.J_yz, self.J_zz),
-        )
-        return ca.vertcat(*(ca.horzcat(*row) for row in rows))
+        return ca.reshape(ca.vertcat(*(self.symbols[name] for name in _TENSOR)), 3, 3)
 
     def kinetic_energy(self) -> ca.SX:
         omega = self.attitude.rate
@@ -87,33 +81,19 @@ class Satellite(Mechanism):
     @closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
     @staticmethod
     def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        start = rotations.unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
-        omega, q = euler_top(t, _tensor("Satellite.exact", at), at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
+        J = positive_definite("Satellite.exact: J", at.array(*_TENSOR).reshape(3, 3))
+        start = unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
+        omega, q = euler_top(t, J, at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
         return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
 
     @closed_form("from rest, the wheels turned in proportion: a rotation by -J⁻¹ J_wheel Δφ")
     @staticmethod
     def slew(
-        turn_1: ArrayLike = 0.0,
-        turn_2: ArrayLike = 0.0,
-        turn_3: ArrayLike = 0.0,
-        *,
-        at: Values,
-        start: ArrayLike = (1.0, 0.0, 0.0, 0.0),
+        turn_1: ArrayLike = 0, turn_2: ArrayLike = 0, turn_3: ArrayLike = 0, *, at: Values, start: ArrayLike = IDENTITY
     ) -> dict[str, NDArray]:
-        """Δφ(t) = (turn_1, turn_2, turn_3) in a fixed direction, at any pace [rad], any shape; ``start`` the attitude.
-
-        The end of one slew is the start of the next one of a sequence.
-        """
-        turns = np.stack(np.broadcast_arrays(*(np.asarray(turn, dtype=float) for turn in (turn_1, turn_2, turn_3))))
-        vector = -at.J_wheel * np.tensordot(np.linalg.inv(_tensor("Satellite.slew", at)), turns, 1)
-        before = rotations.unit(start)[(...,) + (None,) * (turns.ndim - 1)]
-        q = rotations.product(before, rotations.exponential(vector))
+        """Δφ = (turn_1, turn_2, turn_3) [rad], any shape, in one direction at any pace, from the attitude ``start``."""
+        turns = np.stack(np.broadcast_arrays(turn_1, turn_2, turn_3))
+        J = positive_definite("Satellite.slew: J", at.array(*_TENSOR).reshape(3, 3))
+        vector = -at.J_wheel * np.tensordot(np.linalg.inv(J), turns, 1)
+        q = turned(unit(start), vector)
         return dict(zip(Orientation.quaternion, q, strict=True))
-
-
-def _tensor(where: str, at: Values) -> NDArray:
-    rows = (("J_xx", "J_xy", "J_xz"), ("J_xy", "J_yy", "J_yz"), ("J_xz", "J_yz", "J_zz"))
-    tensor = np.array([at.array(*row) for row in rows])
-    require(bool(np.all(np.linalg.eigvalsh(tensor) > 0)), f"{where}: J = {tensor.tolist()} must be positive definite")
-    return tensor

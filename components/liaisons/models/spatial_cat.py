@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
 from liaisons.mechanics.closed_forms import Values, closed_form
 from liaisons.models.solutions import rotations
+from liaisons.models.solutions.linear import free_fall
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
@@ -31,27 +32,27 @@ class SpatialCat(Mechanism):
 
     Going round at constant bend (χ by 2π) the cat has its shape again and is turned by Φ = 2π J c/(I s² + J c²).
 
-    m [kg] each half; I, J [kg.m2] about a transverse axis and about its own; d [m]; κ, χ, τ [rad].
-
     Source: M 8.2, eq. 57-60; the twist-free motion after Rademaker and ter Braak, Kane and Scher.
     """
 
     mass = Parameter(2.0, "kg", "mass of each half", above=0)
-    inertia_transverse = Parameter(0.10, "kg.m2", "of each half, about a transverse axis through its centre", above=0)
-    inertia_axial = Parameter(0.02, "kg.m2", "moment of inertia of each half about its own axis", above=0)
+    inertia_transverse = Parameter(
+        0.10, "kg.m2", "of each half, about a transverse axis through its centre", above=0, symbol="I"
+    )
+    inertia_axial = Parameter(0.02, "kg.m2", "moment of inertia of each half about its own axis", above=0, symbol="J")
     joint_distance = Parameter(
-        0.2, "m", "distance from the centre of each half to the joint, along its axis", minimum=0
+        0.2, "m", "distance from the centre of each half to the joint, along its axis", minimum=0, symbol="d"
     )
     gravity = Gravity()
-    com_x = Coordinate("m", "position of the centre of mass")
-    com_y = Coordinate("m", "position of the centre of mass")
-    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81)
+    com_x = Coordinate("m", "position of the centre of mass", symbol="x_G")
+    com_y = Coordinate("m", "position of the centre of mass", symbol="y_G")
+    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81, symbol="z_G")
     attitude = Orientation("attitude of half A", start="momentum")
-    bend = ActiveCoordinate("rad", "angle between the axes of the two halves")
-    azimuth = ActiveCoordinate("rad", "direction about which half B is bent, from the x axis of half A")
-    twist = ActiveCoordinate("rad", "turn of half B about its own axis")
+    bend = ActiveCoordinate("rad", "angle between the axes of the two halves", symbol="κ")
+    azimuth = ActiveCoordinate("rad", "direction about which half B is bent, from the x axis of half A", symbol="χ")
+    twist = ActiveCoordinate("rad", "turn of half B about its own axis", symbol="τ")
     experiment = Experiment(
-        stop_time=2.0, step_size=0.01, reference={"bend": 0.5, "bend_dot": 0.3, "azimuth_dot": 2.0, "twist_ddot": 1.0}
+        stop_time=2.0, reference={"bend": 0.5, "bend_dot": 0.3, "azimuth_dot": 2.0, "twist_ddot": 1.0}
     )
 
     def _half_B(self) -> tuple[ca.SX, ca.SX]:  # noqa: N802
@@ -64,8 +65,7 @@ class SpatialCat(Mechanism):
         return axis, spin
 
     def kinetic_energy(self) -> ca.SX:
-        omega = self.attitude.rate
-        axis, spin = self._half_B()
+        omega, (axis, spin) = self.attitude.rate, self._half_B()
         fall = self.mass * self.speed_squared({"x": self.com_x, "y": self.com_y, "z": self.com_z})
         apart = self.joint_distance * (_A + axis)
         orbit = self.mass / 4 * ca.sumsqr(self.dot(apart) + ca.cross(omega, apart))
@@ -87,9 +87,7 @@ class SpatialCat(Mechanism):
         start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
         back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
         q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)
-        height, speed = at.com_z_0 + at.com_z_dot_0 * t - at.gravity * t**2 / 2, at.com_z_dot_0 - at.gravity * t
-        attitude = {name: row.reshape(chi.shape) for name, row in zip(Orientation.quaternion, q, strict=True)}
-        return {"com_z": height, "com_z_dot": speed, **attitude}
+        return free_fall(t, at) | dict(zip(Orientation.quaternion, q.reshape(4, *chi.shape), strict=True))
 
     @closed_form("the angle Φ [rad] by which χ turns the cat about a + b, once round at constant bend")
     @staticmethod

@@ -23,19 +23,18 @@ class Swing(Mechanism):
         I = m_1 l² + m_2 (l² + b² + 2 l b cos ψ),  J_l = -m_2 b sin ψ,  J_ψ = m_2 (b² + l b cos ψ)
         D = g |m_1 r_1 + m_2 r_2|                                              M eq. 54, total mass included
 
-    θ [rad] angle of the rope from the downward vertical, θ_com [rad] that of the line to the centre of mass,
-    I [kg.m2], J_l [kg.m], J_ψ [kg.m2], D [N.m].  I, J, D depend on the posture alone, so X_K = 0 (M 8.4).
+    θ_com is the angle of the line to the centre of mass.  I, J, D depend on the posture alone, so X_K = 0 (M 8.4).
 
     Source: M 8.1, eq. 54-56.
     """
 
-    mass_seat = Parameter(20.0, "kg", "mass at the seat: board and legs", above=0)
-    mass_torso = Parameter(20.0, "kg", "mass of the torso", minimum=0)
-    torso_length = Parameter(0.5, "m", "distance from the seat to the torso's mass", minimum=0)
+    mass_seat = Parameter(20.0, "kg", "mass at the seat: board and legs", above=0, symbol="m_1")
+    mass_torso = Parameter(20.0, "kg", "mass of the torso", minimum=0, symbol="m_2")
+    torso_length = Parameter(0.5, "m", "distance from the seat to the torso's mass", minimum=0, symbol="b")
     gravity = Gravity()
     theta = Coordinate("rad", "angle of the rope from the downward vertical", start=0.5)
-    rope = ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0)
-    lean = ActiveCoordinate("rad", "angle of the torso from the rope's continuation", start=np.pi / 2)
+    rope = ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0, symbol="l")
+    lean = ActiveCoordinate("rad", "angle of the torso from the rope's continuation", start=np.pi / 2, symbol="ψ")
 
     @point("m", "the seat")
     def seat(self) -> dict[str, ca.SX]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from liaisons.errors import ValidityError
 
 
@@ -9,3 +12,9 @@ def require(holds: bool, message: str) -> None:
     """Raise a ValidityError with the message unless the condition holds."""
     if not holds:
         raise ValidityError(message)
+
+
+def positive_definite(name: str, matrix: NDArray) -> NDArray:
+    """The symmetric matrix, or a ValidityError that names it."""
+    require(bool(np.all(np.linalg.eigvalsh(matrix) > 0)), f"{name} = {matrix.tolist()} must be positive definite")
+    return matrix
