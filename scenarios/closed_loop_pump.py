@@ -72,17 +72,17 @@ def main(figure: Path) -> list[Verdict]:
 
 
 def draw(figure: Path, results: list[Result], lost: NDArray) -> None:
-    panels = [["angle", "law"], ["length", "law"]]
-    _, axes = plt.subplot_mosaic(panels, figsize=(11, 4), layout="constrained", width_ratios=[2, 1])
+    _, axes = plt.subplot_mosaic("al;bl", figsize=(11, 4), layout="constrained", width_ratios=[2, 1])
+    angle, length, law = (axes[panel] for panel in "abl")
     slow = results[0]
-    axes["angle"].plot(slow.time, np.degrees(slow["swing.theta"]))
-    axes["angle"].set(ylabel="θ [deg]", title=f"the child's filters at {RATES[0]:g} /s")
-    axes["length"].plot(slow.time, slow["child.y"], color="tab:orange")
-    axes["length"].set(xlabel="t [s]", ylabel="length [m]")
-    axes["law"].loglog(RATES, lost, "ko-", markersize=4)
-    axes["law"].set(xlabel="rate of the filters [1/s]", title="growth lost in a half swing: slope -2")
-    axes["law"].set_xticks(RATES, [f"{rate:g}" for rate in RATES])
-    axes["law"].minorticks_off()
+    angle.plot(slow.time, np.degrees(slow["swing.theta"]))
+    angle.set(ylabel="θ [deg]", title=f"the child's filters at {RATES[0]:g} /s")
+    length.plot(slow.time, slow["child.y"], color="tab:orange")
+    length.set(xlabel="t [s]", ylabel="length [m]")
+    law.loglog(RATES, lost, "ko-", markersize=4)
+    law.set(xlabel="rate of the filters [1/s]", title="growth lost in a half swing: slope -2")
+    law.set_xticks(RATES, [f"{rate:g}" for rate in RATES])
+    law.minorticks_off()
     plt.savefig(figure, dpi=150)
 
 

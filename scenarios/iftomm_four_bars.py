@@ -23,7 +23,7 @@ GRAVITY = 9.81
 
 
 def run(component: type[FourBars]) -> Result:
-    fmu = build(component.model(), Path(__file__).parent.parent / "fmus")
+    fmu = build(component.model())
     return simulate(fmu, stop_time=STOP, step_size=STEP, tolerance=TOLERANCE)
 
 

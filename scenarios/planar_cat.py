@@ -109,9 +109,8 @@ def main(figure: Path) -> list[Verdict]:
 
 
 def draw(figure: Path, results: dict[float, Result]) -> None:
-    panels = [["flight", "flight"], ["shapes", "turn"]]
-    _, axes = plt.subplot_mosaic(panels, figsize=(10, 8), layout="constrained")
-    flight, shapes, turn = (axes[name] for name in ("flight", "shapes", "turn"))
+    _, axes = plt.subplot_mosaic("ff;st", figsize=(10, 8), layout="constrained")
+    flight, shapes, turn = (axes[panel] for panel in "fst")
     result = results[FALL]
     com = result["cat.com_x"] + 1j * result["cat.com_z"]
     for i in np.linspace(0, len(result.time) - 1, 10).astype(int):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -106,9 +107,9 @@ def test_a_system_of_names_is_flattened_and_read_again(tmp_path: Path) -> None:
         ("pendulum", "did you mean 'Pendulum'"),
         ("none.py", "none.py: no such file"),
         ("none.fmu", "none.fmu: no such file; check the path, or build it"),
-        (5, "5 is no component; give its name"),
-        (None, "None is no component"),
-        (b"Pendulum", "b'Pendulum' is no component"),
+        (5, "5 is no FMU and no component; give the path of an FMU, or the name"),
+        (None, "None is no FMU and no component"),
+        (b"Pendulum", "b'Pendulum' is no FMU and no component"),
         (int, "the class int is no component; derive one"),
     ],
 )
@@ -121,7 +122,7 @@ def test_what_is_neither_is_one_line(call: Callable[[Any], object], target: Any,
 def test_models_are_built_and_are_no_fmus(folder: Path) -> None:
     model = PendulumChain.model(2)
     assert build(model) == folder / "PendulumChain.fmu"
-    with pytest.raises(ProjectError, match="is no component"):
+    with pytest.raises(ProjectError, match="is no FMU and no component"):
         simulate(model)  # type: ignore[arg-type]
 
 
@@ -153,3 +154,10 @@ def test_two_files_with_one_name_do_not_take_turns(own: Callable[..., Path]) -> 
     own("bead.py", "Bead", mass=3.0)  # an edit is no other component
     assert fmu_path(first).read_bytes() != before
     assert fmu_path(Pendulum) == fmu_path("Pendulum")
+
+
+@pytest.mark.parametrize("function", [simulate, sweep])
+def test_help_says_that_components_are_taken(function: Callable[..., object]) -> None:
+    signature, below = inspect.signature(function), inspect.signature(inspect.unwrap(function))
+    assert "type[Component]" in str(signature)
+    assert list(signature.parameters) == list(below.parameters)

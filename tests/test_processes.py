@@ -45,3 +45,27 @@ def test_process_whose_parent_has_ended_before_ends_at_once() -> None:
     command = [sys.executable, "-c", _CHILD, "1" if os.getpid() != 1 else "2"]
     done = subprocess.run(command, capture_output=True, timeout=30.0, check=False)
     assert (done.returncode, done.stdout) == (1, b"")
+
+
+_ENDING = """
+import os, signal, sys, time
+from liaisons.processes import orderly_end
+with orderly_end():
+    child = os.fork()
+    if child == 0:
+        time.sleep(1000)
+    os.kill(child, signal.SIGTERM)
+    _, status = os.waitpid(child, 0)
+    time.sleep(0.5)  # it would end here
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(1000)
+    finally:
+        sys.stdout.write(f"{os.waitstatus_to_exitcode(status)} released")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_orderly_end_is_that_of_one_process_only() -> None:
+    done = subprocess.run([sys.executable, "-c", _ENDING], capture_output=True, timeout=30.0, check=False)
+    assert (done.returncode, done.stdout) == (143, b"-15 released"), done.stderr

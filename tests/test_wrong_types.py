@@ -33,7 +33,7 @@ from liaisons.models import Constant, Pendulum
 WRONG: list[Any] = [None, 5, b"x", ["x", 1], {"a": None}, {1: 2.0}, object(), np.zeros((2, 2)), lambda: 0, "x y"]
 SPAN: dict[str, Any] = {"stop_time": 0.02, "step_size": 0.01}
 MEMBERS: dict[str, Any] = {"values": {"theta_0": [0.1, 0.2]}, "backend": "numpy", "estimate": False, **SPAN}
-CASES: dict[str, Any] = {"cases": {"theta_0": [0.1]}, "keep": "theta", "workers": 1, **SPAN}
+CASES: dict[str, Any] = {"cases": {"theta_0": [0.1]}, "keep": "theta", **SPAN}
 
 
 class Things(NamedTuple):
@@ -63,6 +63,7 @@ CALLS: dict[str, tuple[Callable[[Things, Any], object], Any]] = {
     "simulate": (lambda _, w: simulate(w), ()),
     "simulate stop_time": (lambda x, w: simulate(x.fmu, stop_time=w, step_size=0.01), NONE),
     "simulate step_size": (lambda x, w: simulate(x.fmu, stop_time=0.02, step_size=w), NONE),
+    "simulate start_time": (lambda x, w: simulate(x.fmu, **SPAN, start_time=w), NONE),
     "simulate times": (lambda x, w: simulate(x.fmu, times=w), type(None)),
     "simulate tolerance": (lambda x, w: simulate(x.fmu, **SPAN, tolerance=w), NONE),
     "simulate record": (lambda x, w: simulate(x.fmu, **SPAN, record=w), type(None)),
@@ -80,6 +81,7 @@ CALLS: dict[str, tuple[Callable[[Things, Any], object], Any]] = {
     "System.simulate start_time": (lambda x, w: x.system.simulate(0.02, 0.01, start_time=w), NONE),
     "System.simulate times": (lambda x, w: x.system.simulate(times=w), ()),
     "System.simulate record": (lambda x, w: x.system.simulate(0.02, 0.01, record=w), type(None)),
+    "System.simulate inputs": (lambda x, w: x.system.simulate(0.02, 0.01, inputs=w), type(None)),
     "System.simulate coupling": (lambda x, w: x.system.simulate(0.02, 0.01, coupling=w), type(None)),
     "System.simulate error_tolerance": (lambda x, w: x.system.simulate(0.02, 0.01, error_tolerance=w), NONE),
     "write_ssp": (lambda x, w: x.system.write_ssp(w), TEXT),
@@ -110,7 +112,7 @@ CALLS: dict[str, tuple[Callable[[Things, Any], object], Any]] = {
             "keep": (),
             "stop_time": NONE,
             "step_size": NONE,
-            "start_time": int,
+            "start_time": NONE,
             "tolerance": NONE,
             "coupling": type(None),
             "starts": type(None),

@@ -5,6 +5,7 @@ Below this storey there are FMU files only.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -27,6 +28,7 @@ def _of_component(function: Callable[Concatenate[Path | str, P], R]) -> Callable
     def call(fmu: Target, /, *arguments: P.args, **options: P.kwargs) -> R:
         return function(fmu_file(fmu), *arguments, **options)
 
+    _announce(call, "Path | str | type[Component]")
     return call
 
 
@@ -40,7 +42,16 @@ def _of_system(
         found = subject if isinstance(subject, cosim.System) else fmu_file(subject)
         return function(found, *arguments, **options)
 
+    _announce(call, "Path | str | type[Component] | System")
     return call
+
+
+def _announce(call: Callable[..., object], annotation: str) -> None:
+    """Have ``help`` show what the first argument may be here."""
+    signature = inspect.signature(call)
+    first, *others = signature.parameters.values()
+    first = first.replace(kind=first.POSITIONAL_ONLY, annotation=annotation)
+    vars(call)["__signature__"] = signature.replace(parameters=[first, *others])
 
 
 simulate = _of_component(cosim.simulate)

@@ -1,4 +1,7 @@
-"""Processes that do not outlive the one that started them; the standard library only, so that they start quickly."""
+"""How processes end: not later than the one that started them, and in good order when they are asked to.
+
+The standard library only, so that they start quickly.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,15 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
 
 _SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
 _SYNCHRONIZE, _INFINITE = 0x0010_0000, 0xFFFF_FFFF
 _PAUSE = 0.2  # [s] between two looks at the parent
+_GRACE = 3.0  # [s] for an orderly end
+_handled: set[int] = set()  # signals that end this process in good order
 
 
 def die_with_parent(parent: int) -> None:
@@ -42,3 +50,69 @@ def _watch(parent: int) -> None:
         while os.getppid() == parent:
             time.sleep(_PAUSE)
     os._exit(1)
+
+
+@contextmanager
+def orderly_end() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end this process as an exception does, so that what it holds is released.
+
+    It exits with status 128 + signal.  Foreign code that does not return within some seconds is not waited for.
+    """
+    usual = signal.SIG_DFL
+    wanted = {getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)}
+    numbers = {int(number) for number in wanted if signal.getsignal(number) is usual}  # not those that nohup ignores
+    if sys.platform == "win32" or _handled or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    before = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    _forget_after_fork()
+    _handled.update(numbers)
+    for number in numbers:
+        signal.signal(number, _end)
+    threading.Thread(target=_end_at_last, args=(read,), daemon=True).start()
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, usual)
+        _handled.clear()
+        signal.set_wakeup_fd(before)
+        os.close(write)
+
+
+def _end(number: int, _frame: object) -> None:
+    raise SystemExit(128 + number)
+
+
+def _end_at_last(pipe: int) -> None:
+    """Wait for one of the signals, whose numbers Python writes even while foreign code runs."""
+    while number := os.read(pipe, 1):
+        if number[0] in _handled:
+            time.sleep(_GRACE)
+            os._exit(128 + number[0])
+    os.close(pipe)
+
+
+@lru_cache(maxsize=1)
+def _forget_after_fork() -> None:
+    """A forked process shares the pipe, so that its signals would end us: it is to have none of all this."""
+    os.register_at_fork(before=_hold, after_in_parent=_let_go, after_in_child=_forget)
+
+
+def _hold() -> None:
+    signal.pthread_sigmask(signal.SIG_BLOCK, _handled)
+
+
+def _let_go() -> None:
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _handled)
+
+
+def _forget() -> None:
+    if _handled:
+        signal.set_wakeup_fd(-1)
+        for number in _handled:
+            signal.signal(number, signal.SIG_DFL)
+        _let_go()
+        _handled.clear()

@@ -12,6 +12,9 @@ from types import ModuleType
 
 from liaisons.errors import LiaisonsError
 
+_SHIPPED = Path(__file__).resolve().parent / "_scenarios"
+"""The scenarios in a wheel; a clone has them in ``scenarios/``."""
+
 
 class ProjectError(LiaisonsError):
     """A file or a name that was asked for is not there, or cannot be used."""
@@ -22,26 +25,41 @@ def fmus_directory() -> Path:
     return Path(os.environ.get("LIAISONS_FMUS") or _root() / "fmus")
 
 
-def scenarios_directory() -> Path:
-    """Where scenarios live: ``scenarios/`` of the clone, else ``scenarios/`` where we are."""
-    return _root() / "scenarios"
+def scenario_files() -> dict[str, Path]:
+    """Scenarios by name: ``scenarios/`` of the clone, or where we are and what came with the package."""
+    found: dict[str, Path] = {}
+    for folder in (_SHIPPED, _root() / "scenarios"):
+        found |= {path.stem: path for path in folder.glob("[!_]*.py")}
+    return dict(sorted(found.items()))
 
 
-def declared_components() -> list[str]:
+def figures_directory(scenario: Path) -> Path:
+    """Where the figure of a scenario goes: ``figures/`` beside it, or where we are if it came with the package."""
+    return Path("figures") if scenario.parent == _SHIPPED else scenario.parent / "figures"
+
+
+def declared_components() -> list[str] | None:
     """What ``liaisons build`` builds when it is given no name: the list ``components`` of ``fmus/fmus.toml``.
 
     Python files are given relative to that file.
 
-    :raises ProjectError: if there is no such file or list.
+    :returns: None if there is no such file.
+    :raises ProjectError: if it has no such list.
     """
     declaration = _root() / "fmus" / "fmus.toml"
     try:
         declared = tomllib.loads(declaration.read_text(encoding="utf-8"))["components"]
         return [str(declaration.parent / name) if name.endswith(".py") else name for name in declared]
     except FileNotFoundError:
-        raise ProjectError(f"{declaration} is not there; name what to build, e.g. 'liaisons build Pendulum'") from None
+        return None
     except (tomllib.TOMLDecodeError, KeyError, AttributeError, TypeError) as error:
         raise ProjectError(f'{declaration}: {error}; write components = ["Pendulum", ...]') from None
+
+
+def from_here(path: Path) -> Path:
+    """A path as one would type it: what lies in the clone, from where we are in it."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(_root()) and path.is_relative_to(here) else path
 
 
 def load_module(path: Path) -> ModuleType:

@@ -5,7 +5,7 @@ A scenario is one Python file::
     \"\"\"A pendulum of small amplitude swings with the period 2π√(l/g).\"\"\"
 
     def main(figure: Path) -> list[Verdict]:
-        result = simulate(fmu_path("Pendulum"), stop_time=10.0, theta_0=1e-4)
+        result = simulate("Pendulum", stop_time=10.0, theta_0=1e-4)
         ...
         return [verdict("period", error=..., tolerance=...)]
 
@@ -26,7 +26,7 @@ from pathlib import Path
 from liaisons.arguments import shown
 from liaisons.check import Verdict, table
 from liaisons.errors import suggestion
-from liaisons.project import ProjectError, load_module, scenarios_directory
+from liaisons.project import ProjectError, figures_directory, from_here, load_module, scenario_files
 
 Main = Callable[[Path], list[Verdict]]
 
@@ -66,7 +66,7 @@ class Outcome:
 
 def names() -> list[str]:
     """Names of the scenarios of this project."""
-    return sorted(path.stem for path in scenarios_directory().glob("[!_]*.py"))
+    return list(scenario_files())
 
 
 def load(target: str) -> Scenario:
@@ -74,9 +74,10 @@ def load(target: str) -> Scenario:
 
     :raises ProjectError: for an unknown name, a file that cannot be loaded, or one without docstring or ``main``.
     """
-    if not target.endswith(".py") and target not in names():
-        raise ProjectError(f"no scenario is called {target!r}{suggestion(target, names())}")
-    path = Path(target) if target.endswith(".py") else scenarios_directory() / f"{target}.py"
+    known = scenario_files()
+    if not target.endswith(".py") and target not in known:
+        raise ProjectError(f"no scenario is called {target!r}{suggestion(target, known)}")
+    path = Path(target) if target.endswith(".py") else known[target]
     module = load_module(path)
     main: Main | None = getattr(module, "main", None)
     if not callable(main):
@@ -87,13 +88,13 @@ def load(target: str) -> Scenario:
 def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = False) -> Outcome:
     """Run a scenario.
 
-    :param figures: directory for the figure; ``figures/`` beside the scenario unless given.
+    :param figures: directory for the figure; :func:`liaisons.project.figures_directory` unless given.
     :param debug: let errors of the scenario through instead of putting them into the outcome.
     """
     import matplotlib.pyplot as plt
 
     plt.switch_backend("Agg")
-    figure = (figures or scenario.path.parent / "figures") / f"{scenario.name}.png"
+    figure = (figures or figures_directory(scenario.path)) / f"{scenario.name}.png"
     figure.parent.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
     verdicts: tuple[Verdict, ...] = ()
@@ -124,7 +125,7 @@ def run_scenario(main: Main) -> int:
     path = Path(inspect.getfile(main))
     outcome = execute(_scenario(main, path, inspect.getdoc(inspect.getmodule(main))), debug=True)
     print(report([outcome]))
-    print(f"figure: {outcome.figure}")
+    print(f"figure: {from_here(outcome.figure)}")
     return 0 if outcome.passed else 1
 
 

@@ -1,6 +1,5 @@
 """The command line as a function: words in, exit status and text out."""
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -8,8 +7,6 @@ from typing import NamedTuple
 import pytest
 
 from liaisons.cli import main
-
-ROOT = Path(__file__).resolve().parents[2]
 
 BEAD = '''\
 """Two components of a user."""
@@ -80,10 +77,3 @@ def bead(tmp_path: Path) -> Path:
 def is_misuse(reply: Reply, *words: str) -> bool:
     """Exit status 2 and one line, without traceback, that holds all the words."""
     return reply.status == 2 and reply.err.count("\n") == 1 and all(word in reply.err for word in words)
-
-
-def blocks(document: str, language: str) -> list[str]:
-    """The fenced blocks of a document in one language."""
-    return re.findall(
-        rf"^```{language}\n(.*?)^```", (ROOT / document).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
-    )

@@ -9,7 +9,7 @@ import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
-from liaisons.library import fmu_path
+from liaisons.library import catalogue, fmu_path
 from liaisons.project import ProjectError, declared_components
 
 from .conftest import Cli, is_misuse
@@ -31,6 +31,23 @@ def test_all_components_of_a_file_go_where_output_says(liaisons: Cli, bead: Path
     assert len(list((tmp_path / "out").rglob("*.fmu"))) == 2
 
 
+def test_many_are_built_on_all_cores_and_named_in_order(
+    liaisons: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    names = ["SmoothStep", "Constant", "Ramp", "Sinusoid"]
+    reply = liaisons("build", *names, "--backend", "python")
+    assert reply.status == 0, reply.err
+    assert [Path(line).stem for line in reply.out.splitlines()] == names
+    (tmp_path / "fmus" / "python" / "Ramp.fmu").unlink()
+    (tmp_path / "fmus" / "python" / "Ramp.fmu").mkdir()  # cannot be written there
+    reply = liaisons("build", *names, "--backend", "python")
+    assert reply.status == 2
+    assert [Path(line).stem for line in reply.out.splitlines()] == names[:2]
+    assert "Ramp.fmu" in reply.err
+    assert reply.err.count("\n") == 1
+
+
 def test_both_versions(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
     reply = liaisons("build", f"{bead}:Bead", "--backend", "native", "--fmi", "both")
     fmus = [tmp_path / "fmus" / "Bead.fmu", tmp_path / "fmus" / "fmi3" / "Bead.fmu"]
@@ -43,11 +60,20 @@ def test_both_versions(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
 def test_no_name_builds_what_is_declared(liaisons: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The declaration file of a project without a clone is ``fmus/fmus.toml`` of the working directory."""
     monkeypatch.setattr("liaisons.project._root", Path)
-    assert is_misuse(liaisons("build"), "fmus.toml", "liaisons build Pendulum")
     (tmp_path / "fmus").mkdir()
     (tmp_path / "fmus" / "fmus.toml").write_text('components = ["Constant", "Flywheel"]')
     assert liaisons("build", "--backend", "python").status == 0
     assert sorted(path.name for path in tmp_path.rglob("*.fmu")) == ["Constant.fmu", "Flywheel.fmu"]
+
+
+def test_without_a_declaration_the_catalogue_is_built(liaisons: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("liaisons.project._root", Path)
+    built: list[str] = []
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # all in this process, where nothing is built
+    monkeypatch.setattr("liaisons.fmu.build", lambda model, *_, **__: built.append(model.name) or Path(model.name))
+    reply = liaisons("build")
+    assert (reply.status, reply.err) == (0, "")
+    assert built == reply.out.split() == list(catalogue())
 
 
 @pytest.mark.parametrize("text", ["components = [", "names = []", "components = 3"])
@@ -60,7 +86,7 @@ def test_a_bad_declaration_file(liaisons: Cli, monkeypatch: pytest.MonkeyPatch, 
 
 def test_this_project_builds_its_whole_catalogue(liaisons: Cli) -> None:
     assert declared_components() == ["all"]
-    assert liaisons("list", *declared_components()).out == liaisons("list").out
+    assert liaisons("list", "all").out == liaisons("list").out
 
 
 def test_a_misspelt_name_costs_no_build(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
@@ -120,3 +146,14 @@ def test_without_a_compiler_the_main_road_is_python_and_one_line_says_how_to_get
     assert (tmp_path / "out" / "python" / "Bead.fmu").is_file()
     assert "pip install ziglang" in done.stdout + done.stderr
     assert (done.stdout + done.stderr).count("\n") == 2
+
+
+def test_a_component_of_ones_own_does_not_take_the_place_of_another(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(bead.read_text().replace("class Bead", "class Constant").replace("class Parabola", "class Square"))
+    assert is_misuse(liaisons("build", own), "own.py:Constant", "the catalogue's component of this name", "rename")
+    other = tmp_path / "other.py"
+    other.write_text(bead.read_text())
+    assert is_misuse(liaisons("build", bead, other, "--output", "out"), "other.py:Bead", "FMU of", "bead.py:Bead")
+    assert list(tmp_path.rglob("*.fmu")) == []
+    assert liaisons("build", f"{own}:Constant", "--backend", "python", "--output", "out").status == 0

@@ -1,6 +1,8 @@
 """``liaisons check``, on our FMUs and on those of another tool."""
 
+import re
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 from pythonfmu.builder import FmuBuilder
@@ -52,7 +54,7 @@ def test_our_fmus_of_fmi_3_hold(liaisons: Cli, tmp_path: Path) -> None:
     reply = liaisons("check", path)
     assert reply.status == 0, reply.out + reply.err
     assert verdicts(reply.out) == dict.fromkeys(
-        ("fmpy's validator", "all signals", "communication steps", "energy =", "a step"), "pass"
+        ("fmpy's validator", "no prescribed", "all signals", "communication steps", "energy =", "a step"), "pass"
     )
 
 
@@ -74,6 +76,22 @@ def test_what_does_not_hold_is_named(liaisons: Cli, tmp_path: Path, name: str, s
     assert {claim for claim, word in found.items() if word == "FAIL"} == failing
 
 
+def test_default_experiment_that_cannot_be_simulated_is_named(liaisons: Cli, tmp_path: Path) -> None:
+    """The schema lets a step of 0 pass; so did FMUs of ours."""
+    with ZipFile(build(Oscillator.model(), tmp_path / "built")) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    description = members["modelDescription.xml"]
+    members["modelDescription.xml"] = re.sub(rb' stepSize="[^"]*"', b' stepSize="0.0"', description)
+    assert members["modelDescription.xml"] != description
+    with ZipFile(tmp_path / "Still.fmu", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    reply = liaisons("check", "Still.fmu")
+    assert reply.status == 1
+    assert "DefaultExperiment: stepSize = 0: it must be a number > 0" in reply.out
+    assert {claim for claim, word in verdicts(reply.out).items() if word == "FAIL"} == {"fmpy's validator"}
+
+
 def test_a_file_that_is_no_fmu(liaisons: Cli, tmp_path: Path) -> None:
     (tmp_path / "text.fmu").write_text("no archive")
-    assert is_misuse(liaisons("check", "text.fmu"), "text.fmu", "no FMU at all")
+    assert is_misuse(liaisons("check", "text.fmu"), "text.fmu", "no archive at all")

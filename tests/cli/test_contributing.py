@@ -1,10 +1,14 @@
 """The component that CONTRIBUTING takes a newcomer through builds, runs and holds as printed."""
 
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
-from .conftest import Cli, blocks
+import pytest
+
+from .conftest import Cli
+from .documents import blocks
 
 
 def test_the_component_of_the_contributing_guide(liaisons: Cli, tmp_path: Path) -> None:
@@ -15,8 +19,12 @@ def test_the_component_of_the_contributing_guide(liaisons: Cli, tmp_path: Path) 
 
     (commands,) = [block for block in blocks("CONTRIBUTING.md", "console") if "turning_parabola" in block]
     for line in commands.splitlines():
-        reply = liaisons(*line.removeprefix("$ liaisons ").split())
+        reply = liaisons(*shlex.split(line.removeprefix("$ liaisons ")))
         assert reply.status == 0, reply.out + reply.err
+        if "simulate" in line:  # the prescribed motion is a whole one: an angle that grows as its rate says
+            shown = {row.split()[0]: row.split()[1:] for row in reply.out.splitlines()}
+            angle, rate = (float(shown[name][2]) for name in ("turn", "turn_dot"))
+            assert angle == pytest.approx(4 * rate, rel=1e-5)  # six digits are printed
     assert (tmp_path / "TurningParabola.png").is_file()
 
     done = subprocess.run(

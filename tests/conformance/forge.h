@@ -10,7 +10,7 @@
 enum { CHECKSUM = 24, GUID = 32, HEADER = 72, INTEGERS = HEADER + 4 * 8, VECTORS = INTEGERS + 8 * 4, WORD = 8 };
 
 typedef struct {
-    unsigned long tried, taken;
+    unsigned long taken, refused;
 } Tally;
 
 /* Without a right checksum none is taken; with one some are, and the instance has to behave. */
@@ -121,11 +121,25 @@ static Offer some_bytes(void) {
     return offer;
 }
 
+/* Whether there are but finite numbers among the vectors, and the time is one. */
+static int finite_in(const char *bytes, size_t size) {
+    int finite = isfinite(time_in(bytes));
+    for (size_t i = VECTORS; i + WORD <= size; i += WORD) {
+        double number;
+        memcpy(&number, bytes + i, WORD);
+        finite &= isfinite(number) != 0;
+    }
+    return finite;
+}
+
 /* Note what became of them; `target` has got the state if they were taken. */
 static int offered(Offer offer, int status, Saved *target) {
+    /* Before it runs, states of an instance follow from its parameters, whatever the bytes say. */
+    if (status == 0 && offer.as.phase & (RUNNING | TERMINATED) && !finite_in(offer.bytes, offer.size))
+        now.fault = "a state with a number that is not finite is taken";
     if (offer.tally) {
-        offer.tally->tried++;
         offer.tally->taken += status == 0;
+        offer.tally->refused += status != 0;
     }
     if (status == 0) *target = (Saved){target->state, offer.as.phase, offer.as.time, offer.as.wild, offer.as.forged};
     return status;

@@ -52,7 +52,7 @@ static struct {
     unsigned phase;
     double time;
     int wild;  /* values were set with which calculations may well fail */
-    int quiet; /* some messages are switched off */
+    double discarded, discarded_size; /* the last step that was, since anything else was done; NAN: none */
     Saved pool[POOL];
     Group all; /* reals */
 } it;
@@ -195,9 +195,10 @@ static double next_time(void) { /* of model exchange */
 }
 
 static double step_time(void) {
+    static const double REFUSED[] = {NAN, INFINITY, -INFINITY, 1e300, -DBL_MAX};
     if (!one_in(60)) return it.time;
     expect(FAILS);
-    return one_in(4) ? NAN : it.time + (one_in(2) ? 1 : -1) * it.library->plan.step * 3;
+    return one_in(2) ? REFUSED[below(5)] : it.time + (one_in(2) ? 1 : -1) * it.library->plan.step * 3;
 }
 
 static double step_size(void) {
@@ -207,7 +208,11 @@ static double step_size(void) {
         expect(FAILS);
         return REFUSED[below(5)];
     }
-    if (one_in(100)) return step * 1e-200;
+    if (one_in(100)) { /* that leads nowhere, unless from 0 */
+        if (it.time != 0) expect(FAILS);
+        return step * 1e-200;
+    }
+    if (one_in(2000)) return one_in(2) ? 1e300 : DBL_MAX;
     return one_in(300) ? 100 * step : step * (0.1 + fraction());
 }
 
@@ -238,11 +243,16 @@ static Experiment some_experiment(void) {
         if (it_is.tolerance_given) expect(FAILS);
     }
     if (one_in(20)) {
-        it_is.start = one_in(2) ? NAN : INFINITY;
+        static const double STARTS[] = {NAN, INFINITY, -INFINITY};
+        it_is.start = STARTS[below(3)];
         expect(FAILS);
     } else if (one_in(20)) {
-        it_is.stop = one_in(2) ? it_is.start - 1 : NAN;
+        const double stops[] = {it_is.start - 1, NAN, INFINITY, -INFINITY};
+        it_is.stop = stops[below(4)];
         if (it_is.stop_given) expect(FAILS);
+    } else if (one_in(30)) { /* from where no step leads on */
+        it_is.start = it_is.stop = one_in(2) ? 1e300 : -DBL_MAX;
+        now.wild = 1; /* functions of time overflow there */
     }
     return it_is;
 }
@@ -292,9 +302,29 @@ static int *first_orders(size_t n) {
     return orders;
 }
 
+/* ---- results ----------------------------------------------------------------------------------------------------- */
+
+/* The status of a call that has read numbers, which must be finite. */
+static int finite(int status, const double *values, size_t n) {
+    for (size_t i = 0; status == 0 && i < n; i++)
+        if (!isfinite(values[i])) now.fault = "a number that is not finite is read with status OK";
+    return status;
+}
+
+/* The status of a step: Discard at most once from the same time, unless the next one is shorter. */
+static int stepped(int status, double size) {
+    if (status == 0) it.discarded = NAN;
+    if (status != 2) return status;
+    if (it.discarded == it.time && size >= it.discarded_size) now.fault = "the same step is discarded again";
+    it.discarded = it.time;
+    it.discarded_size = size;
+    return status;
+}
+
 /* ---- lives and saved states ------------------------------------------------------------------------------------ */
 
 static void begin_anew(void) {
+    it.discarded = NAN;
     now.phase = INSTANTIATED;
     now.time = 0;
     now.wild = 0;
@@ -307,7 +337,7 @@ static void new_instance(void) {
 
 static void replace_instance(void) {
     fmu_free(&it.fmu);
-    it.quiet = 0;
+    it.discarded = NAN;
     new_instance();
     begin_anew();
 }
@@ -319,6 +349,7 @@ static void *some_state(void) {
     const Saved *chosen = saved();
     if (chosen->state == NULL) expect(FAILS);
     if (chosen->forged) expect(MAY_FAIL); /* it may be one of another kind of instance */
+    it.discarded = NAN;
     now.phase = chosen->phase;
     now.time = chosen->time;
     now.wild = chosen->wild;

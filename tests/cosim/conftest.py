@@ -118,6 +118,15 @@ CRASHING_LATER = Source(
 )
 CRASHING_AT_ONCE = replace(CRASHING_LATER, exit_initialization="", step="", instantiate="raise(SIGSEGV);")
 
+# never returns from the step that begins at this time, and says which process that is; slow before
+HANGING = Source(
+    (V("first", "parameter", start=0, kind="Integer"), V("x", "output")),
+    outputs="x = t;",
+    code="#include <unistd.h>",
+    step='usleep(10000); if (t >= first) { FILE *mark = fopen(getenv("HANGS"), "w"); fprintf(mark, "%d.", getpid()); '
+    "fclose(mark); for (;;) pause(); }",
+)
+
 UNFED = Source((V("u", "input"), V("x", "output", needs=("u",))), outputs="x = u;")
 
 # an FMU of another make: what it is given, and what its last step began with
@@ -149,6 +158,14 @@ FAULTY = Source(
     step='if (t + h > time_of_failure) { say(m, status, "%s %g is beyond", "time", t + h); return status; }',
     exit_initialization='if (limit < 0) { say(m, 3, "limit = %g must be >= 0", limit); return 3; }',
     options="",
+)
+
+# refuses long steps, and can go back
+HASTY = Source(
+    (V("longest", "parameter", "", 0.1), V("status", "parameter", start="2", kind="Integer"), V("x", "output")),
+    outputs="x = t;",
+    step='if (h > longest) { say(m, status, "%g s are too long", h); return status; }',
+    options=GOES_BACK,
 )
 
 # names only: two points in the plane, and an array

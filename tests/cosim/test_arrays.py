@@ -163,4 +163,4 @@ def test_arrays_survive_files_and_are_drawn_as_one(tmp_path: Path) -> None:
     np.testing.assert_array_equal(Result.from_csv(tmp_path / "row.csv")["x"], result["x"])
     (axes,) = result.plot(path=tmp_path / "row.png").axes
     assert len(axes.lines) == 3
-    assert axes.get_legend_handles_labels()[1] == ["x", "y"]
+    assert axes.get_legend_handles_labels()[1] == ["x (2)", "y"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -217,6 +218,68 @@ def test_adapted_steps_shorten_where_something_happens(component: Components) ->
 def test_adapted_steps_that_cannot_be(component: Components, arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(SimulationError, match=words):
         _double(component).simulate(1.0, 0.1, **arguments)
+
+
+@pytest.mark.parametrize("status", [2, 3])
+def test_refused_steps_are_tried_again_shorter(fmu: FmuPaths, status: int) -> None:
+    """After Discard and after Error an FMU may go on from a saved state."""
+    system = System("hasty")
+    system.add("hasty", fmu("Hasty"), longest=0.1, status=status)
+    result = system.simulate(1.0, 0.5, error_tolerance=1e-3)
+    assert result.time[-1] == 1.0
+    assert np.diff(result.time).max() <= 0.1
+
+
+_NO_STEP = r"no step from t = 0 s is small enough: "
+
+
+@pytest.mark.parametrize(
+    ("status", "words"),
+    [
+        (2, _NO_STEP + r"hasty: fmi2DoStep from t = 0 s .* returned Discard: \S+ s are too long"),
+        (3, _NO_STEP + r"hasty: fmi2DoStep from t = 0 s .* returned Error: \S+ s are too long"),
+        (4, r"hasty: fmi2DoStep from t = 0 s to t = 0\.5 s returned Fatal: 0\.5 s are too long"),
+    ],
+)
+def test_steps_that_are_refused_for_ever_end_with_the_words_of_the_last(
+    fmu: FmuPaths, trace: Trace, status: int, words: str
+) -> None:
+    system = System("hasty")
+    system.add("hasty", fmu("Hasty"), longest=0.0, status=status)
+    with pytest.raises(IncompleteError) as caught:
+        system.simulate(1.0, 0.5, error_tolerance=1e-3)
+    assert re.fullmatch(words, str(caught.value))
+    assert 1 <= len([line for line in trace() if line.startswith("hasty step")]) <= 20
+
+
+def test_step_in_which_an_input_leaves_its_domain_is_shortened(component: Components) -> None:
+    """A parabola through l = 1.5 m cos 3t is below 0 after 0.8 s."""
+    system = System("extrapolated")
+    motor = system.add(
+        "motor", component("Sinusoid"), offset=1.0, amplitude=0.5, angular_frequency=3.0, phase=math.pi / 2
+    )
+    swing = system.add("swing", component("Pendulum"), input_reconstruction=1)
+    system.connect(motor["y"], swing["length"])
+    with pytest.raises(
+        IncompleteError, match=r"swing: fmi2DoStep from t = 0 s to t = 2 s returned Discard: length = -"
+    ):
+        system.simulate(4.0, 2.0, coupling="jacobi")
+    assert system.simulate(4.0, 2.0, error_tolerance=1e-4).time[-1] == 4.0
+
+
+def test_input_that_leaves_its_domain_for_good_ends_with_the_words_of_the_fmu(component: Components) -> None:
+    system = System("shrinking")
+    motor = system.add("motor", component("Ramp"), offset=1.0, rate=-1.0)
+    swing = system.add("swing", component("Pendulum"))
+    system.connect(motor["y"], swing["length"])
+    with pytest.raises(IncompleteError) as caught:
+        system.simulate(2.0, 0.3, error_tolerance=1e-2)
+    assert re.fullmatch(
+        r"no step from t = \S+ s is small enough: swing: fmi2DoStep [^;]* returned (Discard|Error): length = [^;]*; "
+        "the step from t = [^;]* is taken back",
+        str(caught.value),
+    )
+    assert caught.value.result.time[-1] == pytest.approx(1.0, abs=0.1)
 
 
 # ---- FMUs of other makes --------------------------------------------------------------------------------------------

@@ -94,7 +94,7 @@ def test_its_source_is_clean() -> None:
 
 
 def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr(loop, "_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path / "cache")
     assert loop.compiled.__wrapped__() is not None
     (library,) = (tmp_path / "cache").iterdir()
     monkeypatch.setattr(loop, "compile_library", lambda *_: pytest.fail("compiled again"))
@@ -105,7 +105,7 @@ def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
 
 def test_where_nothing_can_be_kept(monkeypatch, tmp_path) -> None:
     (tmp_path / "cache").write_text("a file, where a folder is wanted", encoding="utf-8")
-    monkeypatch.setattr(loop, "_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path / "cache")
     assert loop.compiled.__wrapped__() is not None
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
@@ -114,7 +114,7 @@ def test_without_a_compiler(monkeypatch, tmp_path, caplog) -> None:
     def refuse(*_: object) -> bytes:
         raise BuildError("no C compiler is found")
 
-    monkeypatch.setattr(loop, "_cache", lambda: tmp_path)
+    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path)
     monkeypatch.setattr(loop, "compile_library", refuse)
     with caplog.at_level(logging.INFO, "liaisons.cosim"):
         assert loop.compiled.__wrapped__() is None

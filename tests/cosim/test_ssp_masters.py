@@ -14,7 +14,7 @@ from schemas import validated
 
 from liaisons.cosim import System
 from liaisons.cosim.ssp import Form
-from liaisons.project import load_module, scenarios_directory
+from liaisons.project import load_module, scenario_files
 from liaisons.scenario import names
 
 H, STEPS = 0.01, 20
@@ -105,7 +105,7 @@ def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) 
         raise _FoundError(system)
 
     def find(name: str) -> System:
-        module = load_module(scenarios_directory() / f"{name}.py")
+        module = load_module(scenario_files()[name])
         with monkeypatch.context() as patch:
             patch.setattr(System, "simulate", stop)
             patch.setattr(module, "sweep", stop, raising=False)
@@ -122,7 +122,7 @@ QUICK = {"coupled_pendulums", "driven_hoop", "hoop_and_flywheel"}
 SCENARIOS = [
     pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow])
     for name in names()
-    if "System(" in (scenarios_directory() / f"{name}.py").read_text(encoding="utf-8")
+    if "System(" in (scenario_files()[name]).read_text(encoding="utf-8")
 ]
 # the length of a pendulum is connected there, and has to be > 0
 NOT_FROM_ZERO = {"adiabatic_swing", "closed_loop_pump", "closed_loop_swing", "pumped_swing"}

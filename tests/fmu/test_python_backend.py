@@ -513,6 +513,10 @@ def test_singularity_inside_a_step(instance: Callable[..., Instance]) -> None:
         (0.1, np.inf, ["step size = inf"]),
         (0.3, 0.1, ["step from t = 0.3", "the instance is at t = 0.1"]),
         (np.nan, 0.1, ["step from t = nan"]),
+        (np.inf, 0.1, ["step from t = inf: it must be finite"]),
+        (-np.inf, 0.1, ["step from t = -inf: it must be finite"]),
+        (1e308, 1.0, ["step from t = 1e+308: the instance is at t = 0.1"]),
+        (0.1, 1e-18, ["step from t = 0.1 of size 1e-18: it must end later"]),
     ],
 )
 def test_bad_step(instance: Callable[..., Instance], t: float, size: float, words: list[str]) -> None:
@@ -524,6 +528,28 @@ def test_bad_step(instance: Callable[..., Instance], t: float, size: float, word
     item.message(*words)
     assert item.everything() == before
     item.step(0.1, 0.1)
+
+
+def test_the_same_step_is_an_error_in_the_log_the_second_time(instance: Callable[..., Instance]) -> None:
+    """The wrapper knows Discard only."""
+    item = instance().initialize(length=0.2, length_dot=-3.0)
+    for size, expected in ((0.1, 2), (0.1, 3), (0.08, 2)):
+        with pytest.raises(FMICallException, match="discard"):
+            item.step(0.0, size)
+        assert [entry[0] for entry in item.logged] == [expected]
+        item.message("length = ", "it must be > 0")
+    item.step(0.0, 0.05)
+
+
+def test_numbers_that_are_not_finite_stop_the_next_step(instance: Callable[..., Instance]) -> None:
+    item = instance().initialize(length_dot=10.0, length_ddot=1e308)
+    assert np.isfinite(item.get("theta", "energy")).all()
+    assert not item.logged
+    item.get("theta", "power")
+    item.message("power = inf at t = 0: it must be finite")
+    with pytest.raises(FMICallException, match="discard"):
+        item.step(0.0, 0.1)
+    item.message("power = inf at t = 0")
 
 
 def test_step_before_initialization(instance: Callable[..., Instance]) -> None:

@@ -95,7 +95,8 @@ def evaluated(model: Model, values: Mapping[str, Mapping[str, float]], name_of: 
     y = [values["y"][name_of(state.name)] for state in model.states]
     u = [values["u"][name_of(v.name)] for v in model.inputs]
     k = [values["k"][name_of(v.name)] for v in model.parameters]
-    z = model.outputs_function(0, y, u, k, [0.1, 0.2]).full().ravel()
+    m = [0.1, 0.2, *[0.3] * (len(model.memory) - 2)]
+    z = model.outputs_function(0, y, u, k, m).full().ravel()
     found = {name_of(v.name): value for v, value in zip(model.outputs, z, strict=True)}
     start, memory = model.start(0, u, k)
     found |= {f"start of {name_of(s.name)}": value for s, value in zip(model.states, start.full().ravel(), strict=True)}
@@ -143,7 +144,7 @@ def test_power_is_the_rate_of_the_energy(component: type[Chain]) -> None:
     rng = np.random.default_rng(5)
     for _ in range(4):
         k_0 = [rng.uniform(0.5, 1.5) for _ in flat.parameters]
-        rate, power = balance(0, rng.normal(size=y.shape[0]), rng.normal(size=u.shape[0]), k_0, [0, 0])
+        rate, power = balance(0, rng.normal(size=y.shape[0]), rng.normal(size=u.shape[0]), k_0, np.zeros(m.shape[0]))
         assert float(rate) == pytest.approx(float(power), rel=ROUNDING * 10, abs=ROUNDING * 10)
         assert abs(float(power)) > 1e-3  # there is something to compare
 

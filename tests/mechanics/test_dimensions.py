@@ -96,6 +96,7 @@ RIGHT: dict[str, Formula] = {
     "zero is of any unit": lambda m: m.stiffness / 2 * ca.fmax(m.z, 0) ** 2 + 0,
     "truth values guard": lambda m: m.stiffness * m.z**4 / (m.z**2 + (m.z**2 == 0)),
     "branches": lambda m: ca.if_else(m.z > 0, m.stiffness * m.z**2, 0) + ca.if_else(m.x > m.z, m.stiffness, 0) * m.x**2,
+    "truth values": lambda m: m.stiffness * m.z**2 + (m.z != m.x) + (m.z < m.x) + ca.logic_not(m.z <= m.x),
     "ratios": lambda m: m.stiffness * m.scale**2 * (m.z / m.scale) ** m.exponent * ca.exp(-m.x / m.scale),
     "roots of squares": lambda m: m.mass * m.gravity * ca.sqrt(m.z**2 + m.x**2),
     "hypot and atan2": lambda m: m.mass * m.gravity * ca.hypot(m.z, m.x) * ca.sin(ca.atan2(m.z, m.x)),

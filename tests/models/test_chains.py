@@ -122,7 +122,13 @@ def test_pendulum_chain_obeys_newtons_law(n: int) -> None:
         k = [mass, length, gravity, *rng.normal(size=2 * n)]
         y, _ = model.start(0, list(u.values()), k)
         names = [v.name for v in model.outputs]
-        z = dict(zip(names, model.outputs_function(0, y, list(u.values()), k, [0, 0]).full().ravel(), strict=True))
+        z = dict(
+            zip(
+                names,
+                model.outputs_function(0, y, list(u.values()), k, [0] * len(model.memory)).full().ravel(),
+                strict=True,
+            )
+        )
         theta, rate = np.array(k[3 : 3 + n]), np.array(k[3 + n :])
         along = np.stack([-np.sin(theta), np.cos(theta)], axis=1)  # from bob j to the one above
         across = np.stack([np.cos(theta), np.sin(theta)], axis=1)

@@ -192,6 +192,15 @@ class Egg(ParametrisedHoop):
         return r * ca.cos(u), r * ca.sin(u)
 
 
+class Shifted(Egg):
+    """A circle off O."""
+
+    offset = Parameter(0.3, "m", "distance of its centre from O")
+
+    def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return self.offset + self.radius * ca.cos(u), self.radius * ca.sin(u)
+
+
 def test_a_curve_alone_makes_a_hoop(states) -> None:
     u = np.linspace(-10, 10, 101)
     names = ("xi", "hoop_length", "hoop_area")
@@ -212,10 +221,9 @@ def test_a_curve_that_is_not_star_shaped_is_refused() -> None:
     margin = ca.Function("margin", [(m := Egg()).radius, m.bulge], [m.star_shaped])
     assert float(margin(1, 0.9)) > 0
     assert float(margin(1, -0.9)) > 0
-    shifted = type("Shifted", (Egg,), {"curve": lambda self, u: (3 * self.radius + ca.cos(u), ca.sin(u))})
-    outside = ca.Function("margin", [(s := shifted()).radius], [s.star_shaped])
-    assert float(outside(0.1)) > 0  # O inside the unit circle
-    assert float(outside(1)) < 0  # and outside of it
+    outside = ca.Function("margin", [(s := Shifted()).radius, s.offset], [s.star_shaped])
+    assert float(outside(1, 0.3)) > 0  # O inside the circle
+    assert float(outside(1, 3)) < 0  # and outside of it
 
 
 # ---- M eq. 61-67 with r, θ as functions of the arc length --------------------------------------------------------

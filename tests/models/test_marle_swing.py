@@ -15,7 +15,7 @@ from liaisons.errors import ComponentError, SimulationError, ValidityError
 from liaisons.mechanics import ActiveCoordinate, derive
 from liaisons.models import Pendulum, Swing
 from liaisons.models.general_swing import GeneralSwing
-from liaisons.models.marle_swing import marle_swing
+from liaisons.models.shaped_swing import marle_swing
 
 GRAVITY, SEAT, TORSO, B = 9.81, 20.0, 15.0, 0.5
 SHAPE = {

@@ -8,7 +8,7 @@ import pytest
 
 from liaisons.cosim import System, simulate
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Input, InternalState, Operator
+from liaisons.mechanics import Input, InternalState, Operator, Parameter
 from liaisons.models import Pendulum, SwingPump
 
 RATE, LOW, HIGH = 30.0, 0.95, 1.05
@@ -52,10 +52,11 @@ def test_an_operator_whose_signal_jumps_with_an_input_is_refused() -> None:
 
         class Hasty(Operator):
             angle = Input("rad", "angle")
-            x = InternalState("1", "follows the angle")
+            x = InternalState("rad", "follows the angle")
+            rate = Parameter(1.0, "1/s", "how fast")
 
             def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - the signature of the base class
                 return self.x
 
             def internal_rates(self) -> dict[str, ca.SX]:
-                return {"x": self.angle - self.x}
+                return {"x": self.rate * (self.angle - self.x)}

@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from liaisons import __version__
+from liaisons.cli._encoding import tolerate_encodings
 from liaisons.errors import LiaisonsError, suggestion
+from liaisons.processes import orderly_end
 
 _EXAMPLES = """\
 examples:
@@ -32,10 +34,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command.
 
     :param argv: the words after ``liaisons``; those of the process unless given.
-    :returns: exit status: 0 done, 1 a claim or check failed, 2 it could not be done, 130 interrupted.
+    :returns: exit status: 0 done, 1 a claim or check failed, 2 it could not be done, 130 interrupted, 143 terminated.
     """
+    tolerate_encodings()
     try:
-        return _perform(_parser().parse_args(argv))
+        with orderly_end():
+            return _perform(_parser().parse_args(argv))
     except KeyboardInterrupt:
         print("liaisons: interrupted", file=sys.stderr)
         return 130

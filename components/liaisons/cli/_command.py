@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
+
+from liaisons.errors import LiaisonsError
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - it has no public name
@@ -33,3 +36,26 @@ def command(
     )
     parser.set_defaults(action=action)
     return parser
+
+
+def add_unpacked_limit(parser: argparse.ArgumentParser) -> None:
+    """Add the option that allows larger archives."""
+    parser.add_argument(
+        "--unpacked-limit",
+        action=_Limit,
+        metavar="BYTES",
+        help="so much an FMU or SSP archive may take unpacked (default: 1 GiB, or $LIAISONS_UNPACKED_LIMIT)",
+    )
+
+
+class _Limit(argparse.Action):
+    """Allow it in this process and in those that it starts."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: object, value: object, *__: object) -> None:
+        from liaisons.cosim.archive import LIMIT_VARIABLE, unpacked_limit
+
+        os.environ[LIMIT_VARIABLE] = str(value)
+        try:
+            unpacked_limit()
+        except LiaisonsError as error:
+            parser.error(str(error).replace(LIMIT_VARIABLE, "--unpacked-limit"))

@@ -6,14 +6,14 @@ import argparse
 from collections.abc import Iterator
 from ctypes import c_double
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from liaisons.check import Verdict, table, verdict
-from liaisons.cli._command import command
+from liaisons.cli._command import add_unpacked_limit, command
 from liaisons.cli._mismatch import mismatches
+from liaisons.folders import passing_folder
 from liaisons.library import fmu_file
 
 if TYPE_CHECKING:
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from liaisons.cosim.calls import Call
     from liaisons.cosim.description import Fmu
     from liaisons.cosim.messages import Action
+
+_MOST_VALIDATED = 2**23
+"""Bytes of a model description; its validator takes some fifty times as many."""
 
 
 def register(commands: Commands) -> None:
@@ -34,21 +37,45 @@ def register(commands: Commands) -> None:
         "liaisons check fmus/Pendulum.fmu\nliaisons check fmus/fmi3/Pendulum.fmu\nliaisons check Pendulum",
     )
     parser.add_argument("fmu", metavar="FMU|NAME|FILE.py", help="a file, or a component, which is built if need be")
+    add_unpacked_limit(parser)
 
 
 def _check(arguments: argparse.Namespace) -> int:
     from fmpy.validation import validate_fmu
 
-    from liaisons.cosim.description import read
+    from liaisons.cosim.archive import Archive
+    from liaisons.cosim.description import DESCRIPTION, read
 
     path = fmu_file(arguments.fmu)
     fmu = read(path)
-    problems = validate_fmu(str(path))
-    for problem in problems:
-        print(problem)
-    verdicts = [verdict("fmpy's validator finds no problem", error=len(problems), tolerance=0), *_runs(fmu)]
+    verdicts = []
+    with Archive(path) as archive:
+        size = archive.size_of(DESCRIPTION)
+    if size > _MOST_VALIDATED:
+        print(f"{DESCRIPTION} has {size} bytes; fmpy's validator would need too much memory and is left out")
+    else:
+        problems = [*validate_fmu(str(path)), *_experiment_problems(path)]
+        for problem in problems:
+            print(problem)
+        claim = "fmpy's validator finds no problem, and the default experiment can be simulated"
+        verdicts.append(verdict(claim, error=len(problems), tolerance=0))
+    verdicts += _runs(fmu)
     print(table(verdicts))
     return 0 if all(v.passed for v in verdicts) else 1
+
+
+def _experiment_problems(path: Path) -> Iterator[str]:
+    """What of a default experiment no importer can simulate, which the schema of FMI allows."""
+    import fmpy
+
+    experiment = fmpy.read_model_description(str(path), validate=False).defaultExperiment
+    given = {name: getattr(experiment, name, None) for name in ("startTime", "stopTime", "stepSize", "tolerance")}
+    values = {name: float(text) for name, text in given.items() if text is not None}
+    begin = values.pop("startTime", 0.0)
+    for name, value in values.items():
+        least = begin if name == "stopTime" else 0.0
+        if not least < value < float("inf"):
+            yield f"DefaultExperiment: {name} = {value:g}: it must be a number > {least:g}"
 
 
 def _runs(fmu: Fmu) -> Iterator[Verdict]:
@@ -105,9 +132,7 @@ def _relative_difference(coarse: Result, fine: Result) -> float:
 
 def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     """Largest difference between two steps and their repetition; None if the FMU cannot restore its state."""
-    import fmpy
-
-    from liaisons.cosim.instances import make
+    from liaisons.cosim.instances import extract, make
     from liaisons.cosim.messages import WARNING
 
     outputs = [fmu.variables[name] for name in fmu.reals("output")]
@@ -116,9 +141,9 @@ def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     seen = (c_double * len(outputs))()
     time, size = c_double(0.0), c_double(step_size)
     results = []
-    with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-        fmpy.extract(fmu.path, folder)
-        with make(fmu.path.stem, fmu, Path(folder)) as instance:
+    with passing_folder() as folder:
+        extract(fmu.path, folder)
+        with make(fmu.path.stem, fmu, folder) as instance:
             instance.setup(tolerance, 0.0, 3 * step_size)
             instance.enter_initialization()
             instance.exit_initialization()

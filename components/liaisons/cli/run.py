@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from liaisons.cli._command import command
-from liaisons.project import ProjectError
+from liaisons.project import ProjectError, from_here
 from liaisons.scenario import execute, load, names, report
 
 if TYPE_CHECKING:
@@ -25,7 +25,12 @@ def register(commands: Commands) -> None:
     )
     parser.add_argument("targets", nargs="*", metavar="NAME|FILE.py", help=f"one of: {', '.join(names())}; or a file")
     parser.add_argument("--all", action="store_true", help="run every scenario of this project")
-    parser.add_argument("--figures", type=Path, metavar="DIR", help="where figures go (default: beside the scenario)")
+    parser.add_argument(
+        "--figures",
+        type=Path,
+        metavar="DIR",
+        help="where figures go (default: figures/ beside the scenario, or here for those that came with the package)",
+    )
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -36,7 +41,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for scenario in [load(target) for target in targets]:
         print(f"{scenario.name}: {scenario.claim}", flush=True)
         outcome = execute(scenario, arguments.figures, debug=arguments.debug)
-        print(f"figure: {outcome.figure}" if outcome.verdicts else f"error: {outcome.error}", flush=True)
+        print(f"figure: {from_here(outcome.figure)}" if outcome.verdicts else f"error: {outcome.error}", flush=True)
         outcomes.append(outcome)
     print(f"\n{report(outcomes)}")
     return 0 if all(outcome.passed for outcome in outcomes) else 1

@@ -182,12 +182,13 @@ def _subject(arguments: argparse.Namespace) -> dict[str, Any]:
         archive = ssp.read(arguments.subject, System, starts)
         return {
             "subject": archive.system,
-            "start_time": archive.experiment.start_time,
+            "start_time": archive.experiment.start_time if arguments.start is None else arguments.start,
             "stop_time": archive.experiment.stop_time if stop_time is None else stop_time,
             "step_size": archive.experiment.step_size if step_size is None else step_size,
         }
     subject = found if isinstance(found, System) else fmu_file(arguments.subject)
-    return {"subject": subject, "stop_time": stop_time, "step_size": step_size, "starts": starts}
+    span = {"start_time": arguments.start, "stop_time": stop_time, "step_size": step_size}
+    return {"subject": subject, **span, "starts": starts}
 
 
 def _cases(arguments: argparse.Namespace) -> Cases:

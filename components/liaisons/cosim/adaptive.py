@@ -19,7 +19,6 @@ from liaisons.cosim.coupling.member import Judge
 from liaisons.cosim.coupling.signals import Signals
 from liaisons.cosim.instances import AnyInstance
 from liaisons.cosim.refusal import RefusedError
-from liaisons.errors import SimulationError
 
 _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
 _SHORTEST = 1e-12
@@ -58,7 +57,10 @@ class Adaptive:
         states = {name: instance.states() for name, instance in instances.items()}
         self._saves: dict[str, Call] = {name: save for name, (save, _) in states.items()}
         self._restores: dict[str, Call] = {name: restore for name, (_, restore) in states.items()}
-        units = [components[name].fmu.variables[variable].unit for name, variable in bus.index]
+        units = [  # a function of time is compared with nothing but itself
+            components[name].fmu.variables[variable].unit if name in components else variable
+            for name, variable in bus.index
+        ]
         numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
         self._units = np.array([numbers[unit] for unit in units], dtype=np.intp)
         self._sizes = np.zeros(len(numbers))
@@ -68,7 +70,7 @@ class Adaptive:
         """Communication points after the begin [s], and what stands on the bus there.
 
         :param size: of the first attempt [s].
-        :raises SimulationError: if even the smallest step fails, or its error is too large.
+        :raises RefusedError: if even the smallest step fails, or its error is too large.
         """
         shortest = _SHORTEST * (end - now)
         last = size = min(size, end - now)
@@ -98,7 +100,7 @@ class Adaptive:
             elif size > shortest:
                 self._restore()
             else:
-                raise SimulationError(f"no step from t = {now:.10g} s is small enough: {reason}")
+                raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
 
     def _error(self, whole: NDArray[np.float64]) -> float:
         """Of the two steps, in parts of the tolerance."""

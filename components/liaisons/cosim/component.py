@@ -50,7 +50,10 @@ class Component:
         variable = self.fmu.variables.get(INPUT_RECONSTRUCTION)
         if variable is None or variable.type != "Integer":
             return None
-        return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
+        try:
+            return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
+        except ValueError:  # of another make after all
+            return None
 
     @property
     def interpolates(self) -> bool:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import final
-from zipfile import BadZipFile, ZipFile
 
 import fmpy
 
+from liaisons.cosim.archive import Archive, plain_file
 from liaisons.cosim.model_description import Description, Table, Unit, parse
 from liaisons.cosim.variables import Array, Shape, Variables, split
 from liaisons.errors import SimulationError, suggestion
@@ -19,17 +19,19 @@ from liaisons.errors import SimulationError, suggestion
 LONGEST = 1000
 """Arrays with more elements are recorded only on request: the default must not fill the memory."""
 
-_DESCRIPTION = "modelDescription.xml"
+DESCRIPTION = "modelDescription.xml"
+"""What makes an archive an FMU."""
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """The default experiment [s, s, 1]; None where the FMU gives none."""
+    """The default experiment [s, s, 1, s]; None where the FMU gives none."""
 
     stop_time: float | None
     step_size: float | None
     tolerance: float | None
+    start_time: float | None = None
 
 
 @final
@@ -47,7 +49,7 @@ class Fmu:
     :param inside_inputs: whether it says that inputs can be set at times inside a step (FMI 3.0 only).
     :param output_derivative_order: up to which order derivatives of outputs can be read.
     :param only_one: whether a process can have one instance of it only.
-    :param tool: what has made it; empty where it does not say.
+    :param unpacked: bytes that its files take unpacked.
     """
 
     path: Path
@@ -63,7 +65,7 @@ class Fmu:
     inside_inputs: bool
     output_derivative_order: int
     only_one: bool
-    tool: str
+    unpacked: int
     log_categories: tuple[str, ...]
     experiment: Experiment
     variables: Variables
@@ -132,38 +134,29 @@ class Fmu:
 def read(path: Path | str) -> Fmu:
     """Read the description inside an FMU file; a file that has not changed is read once.
 
-    :raises SimulationError: if the file is missing, truncated, no FMU, of another FMI version or kind, or has no
-        binary for this platform.
+    :raises SimulationError: if the file is missing, truncated, too big, no FMU, of another FMI version or kind, has
+        no binary for this platform, or a model description that contradicts itself.
     """
     path = Path(path)
-    if not path.is_file():
-        what = "is a directory, not an FMU" if path.is_dir() else "no such file"
-        raise SimulationError(f"{path}: {what}; check the path, or build it with 'liaisons build'")
-    status = path.stat()
+    status = plain_file(path)
     return _read(path, status.st_mtime_ns, status.st_size, status.st_ino)
 
 
 @lru_cache(maxsize=64)
 def _read(path: Path, *_identity: int) -> Fmu:
-    try:
-        with ZipFile(path) as archive:
-            files = archive.namelist()
-            if _DESCRIPTION not in files:
-                raise SimulationError(f"{path}: has no {_DESCRIPTION} inside, so it is no FMU")
-            with archive.open(_DESCRIPTION) as file:
+    with Archive(path) as archive:
+        if DESCRIPTION not in archive.names:
+            raise SimulationError(f"{path}: has no {DESCRIPTION} inside, so it is no FMU")
+        with archive.open(DESCRIPTION) as file:
+            try:
                 description = parse(file)
-    except BadZipFile as error:
-        damage = f"damaged ({error})" if "CRC" in str(error) else "truncated, or no FMU at all (no zip archive)"
-        raise SimulationError(f"{path}: {damage}; build or copy it again") from None
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: {reason}") from error
-    except OSError as error:
-        raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
-    return _fmu(path, files, description)
+                return _fmu(path, archive, description)
+            except ValueError as error:
+                reason = " ".join(str(error).split())
+                raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: {reason}") from error
 
 
-def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
+def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
     root, kind = description.root, description.co_simulation
     version = root["fmiVersion"]
     if version[:2] not in {"2.", "3."}:
@@ -174,9 +167,9 @@ def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
     needed = ("modelName", "guid" if two else "instantiationToken")
     for name in needed:
         if name not in root:
-            raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: fmiModelDescription has no {name!r}")
+            raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: fmiModelDescription has no {name!r}")
     if "modelIdentifier" not in kind:
-        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: CoSimulation has no 'modelIdentifier'")
+        raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: CoSimulation has no 'modelIdentifier'")
     initial = description.outputs | description.initial_unknowns
     initial |= dict.fromkeys(description.exact, frozenset[int]())
     return Fmu(
@@ -185,7 +178,7 @@ def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
         guid=root[needed[1]],
-        binary=_binary(path, files, kind["modelIdentifier"], two=two),
+        binary=_binary(path, archive.names, kind["modelIdentifier"], two=two),
         variable_step=_true(kind, "canHandleVariableCommunicationStepSize"),
         restores=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
         differentiates=_true(kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"),
@@ -193,7 +186,7 @@ def _fmu(path: Path, files: list[str], description: Description) -> Fmu:
         inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=int(kind.get("maxOutputDerivativeOrder", 0)),
         only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
-        tool=root.get("generationTool", ""),
+        unpacked=archive.size,
         log_categories=tuple(description.log_categories),
         experiment=_experiment(path, description.experiment),
         variables=description.variables,
@@ -209,10 +202,31 @@ def _true(attributes: Mapping[str, str], name: str) -> bool:
 
 def _experiment(path: Path, attributes: Mapping[str, str]) -> Experiment:
     try:
-        texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance"))
-        return Experiment(*(None if text is None else float(text) for text in texts))
+        texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance", "startTime"))
+        given = Experiment(*(None if text is None else float(text) for text in texts))
     except ValueError as error:
-        raise SimulationError(f"{path}: its {_DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
+        raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
+    start = given.start_time if given.start_time and math.isfinite(given.start_time) else None
+    stop_time, step_size = usable(start or 0.0, given.stop_time, given.step_size)
+    tolerance = given.tolerance if given.tolerance and 0 < given.tolerance < math.inf else None
+    return Experiment(stop_time, step_size, tolerance, start)
+
+
+def usable(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
+    """Stop time and step size of a default experiment; None for those with which nothing can be simulated.
+
+    Its maker may have left them at whatever they were; whoever simulates gives others then.
+    """
+    if step is not None and not 0 < step < math.inf:
+        step = None
+    if stop is not None and not start < stop < math.inf:
+        stop = None
+    if stop is not None and step is not None and not (stop - start) / step <= _MOST_STEPS:
+        return None, None
+    return stop, step
+
+
+_MOST_STEPS = 1e12
 
 
 def _binary(path: Path, files: list[str], identifier: str, *, two: bool) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim.schedule import Place
-from liaisons.errors import SimulationError
+from liaisons.errors import LiaisonsError, SimulationError
 
 SIGNALS = ""
 """Stands for the functions of time, where the name of a component is expected."""
@@ -56,4 +56,5 @@ def evaluate(function: Function, name: str, t: float) -> NDArray[np.float64]:
     try:
         return np.asarray(function(t), dtype=float)
     except Exception as error:
-        raise SimulationError(f"input {name!r}: its function fails at t = {t:.10g} s: {error!r}") from error
+        reason = error if isinstance(error, LiaisonsError) else repr(error)
+        raise SimulationError(f"input {name!r}: its function fails at t = {t:.10g} s: {reason}") from error

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import final
 
@@ -30,11 +29,12 @@ from liaisons.cosim.drive import SIGNALS, Signal
 from liaisons.cosim.explicit import Explicit
 from liaisons.cosim.instances import AnyInstance, extract, make
 from liaisons.cosim.loop import Loop
-from liaisons.cosim.messages import DISCARD, WARNING, Action
+from liaisons.cosim.messages import DISCARD, ERROR, WARNING, Action
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.progress import deferred_interrupts, progress_bar
 from liaisons.cosim.refusal import RefusedError
 from liaisons.cosim.schedule import Coupling, Feeds, Place
+from liaisons.folders import passing_folder
 
 _PORTION = 0.02  # [s] between two looks at the keyboard, about
 
@@ -115,7 +115,7 @@ class Execution:
         :raises KeyboardInterrupt: if it is asked for, at the end of the communication step.
         """
         with ExitStack() as stack:
-            directory = Path(stack.enter_context(TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)))
+            directory = stack.enter_context(passing_folder())
             folders: dict[Path, Path] = {}
             for name, component in self._components.items():
                 path = component.fmu.path
@@ -168,6 +168,7 @@ class Execution:
             self._instances,
             self._feeds,
             self._bus,
+            drives=self._signals,
             newton=self._settings.coupling == "implicit",
             depends=self._depends,
             depends_initially=self._depends_initially,
@@ -175,10 +176,10 @@ class Execution:
             judge=self._fail,
             clock=self._clock,
         )
-        coupled.settle(begin, initial=True)
+        coupled.settle(begin, self._planned[1], initial=True)
         for instance in self._instances.values():
             instance.exit_initialization()
-        coupled.settle(begin, initial=False)
+        coupled.settle(begin, self._planned[1], initial=False)
         others = [call for name in self._components for call in self._other_readings(name)]
         self._perform(others)
         return [coupled.step, *others]
@@ -254,7 +255,8 @@ class Execution:
 
     def _fail(self, name: str, action: Action, status: int) -> None:
         error = self._instances[name].failure(action, status, self._clock.when(action))
-        raise RefusedError(str(error)) if status == DISCARD else error
+        # after both an instance may go on from a saved state, and the inputs of a shorter step may be better ones
+        raise RefusedError(str(error)) if status in {DISCARD, ERROR} else error
 
     def _depends(self, output: Place, input_: Place) -> bool:
         return self._components[output[0]].fmu.depends(output[1], input_[1])

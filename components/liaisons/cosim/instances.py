@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import fmpy
-
+from liaisons.cosim.archive import Archive
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.instance import Instance
 from liaisons.cosim.instance3 import Instance3
-from liaisons.errors import SimulationError
 
 AnyInstance = Instance | Instance3
 
@@ -17,13 +15,10 @@ AnyInstance = Instance | Instance3
 def extract(path: Path, folder: Path) -> Path:
     """Extract what a run of an FMU needs; returns the folder.
 
-    :raises SimulationError: if the file is damaged.
+    :raises SimulationError: if the file is damaged or too big; see :class:`liaisons.cosim.archive.Archive`.
     """
-    try:
-        fmpy.extract(path, folder, include=lambda name: not name.startswith(("sources/", "documentation/")))
-    except Exception as error:  # fmpy raises the base class; zipfile and zlib their own
-        raise SimulationError(f"{path}: cannot be extracted: {error}; build or copy it again") from error
-    return folder
+    with Archive(path) as archive:
+        return archive.extract(folder, without=("sources/", "documentation/"))
 
 
 def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> AnyInstance:

@@ -7,26 +7,27 @@ in part), or there is no C compiler, Python makes them.
 
 from __future__ import annotations
 
-import os
-import sys
+import atexit
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from ctypes import CDLL, POINTER, Structure, byref, c_double, c_int, c_size_t, c_void_p, pointer
 from functools import lru_cache
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons import cache
 from liaisons.compiler import FLAGS, compile_library, host
 from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.calls import Call, Prepared, Record
 from liaisons.cosim.files import replacing
 from liaisons.cosim.messages import logger
 from liaisons.errors import BuildError, SimulationError
+from liaisons.folders import passing_folder
 
 
 @final
@@ -147,24 +148,13 @@ def compiled() -> CDLL | None:
     try:
         target = host()
         key = sha256(repr((source, target, FLAGS)).encode()).hexdigest()[:16]
-        path = _cache() / f"loop-{key}{target.extension}"
+        path = cache.folder() / f"loop-{key}{target.extension}"
         if not path.exists():
             path = _written(path, compile_library({"loop.c": source}, target))
         return CDLL(str(path))
     except (BuildError, OSError) as error:
         logger.info("communication steps are made by Python: %s", error)
         return None
-
-
-def _cache() -> Path:
-    """Where this system wants what can be made again."""
-    if sys.platform == "win32":
-        root = os.environ.get("LOCALAPPDATA")
-    elif sys.platform == "darwin":
-        root = "~/Library/Caches"
-    else:
-        root = os.environ.get("XDG_CACHE_HOME")
-    return Path(root or "~/.cache").expanduser() / "liaisons"
 
 
 def _written(path: Path, content: bytes) -> Path:
@@ -174,11 +164,13 @@ def _written(path: Path, content: bytes) -> Path:
         with replacing(path) as part:
             part.write_bytes(content)
     except (OSError, SimulationError):
-        path = Path(_passing().name, path.name)
+        path = _passing() / path.name
         path.write_bytes(content)
     return path
 
 
 @lru_cache(maxsize=1)
-def _passing() -> TemporaryDirectory[str]:
-    return TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)
+def _passing() -> Path:
+    stack = ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(passing_folder())

@@ -50,4 +50,7 @@ class Messages:
         """The error for a status that is none of OK and Warning."""
         self.worst = max(self.worst, status)
         label = _STATUS[status] if status in range(len(_STATUS)) else str(status)
-        return StatusError(f"{self._name}: {function}{about} returned {label}{self.words()}", status)
+        words = self.words()
+        # if the run goes on from a saved state, the next failure has words of its own
+        self._messages = deque((entry for entry in self._messages if entry[0] < DISCARD), maxlen=20)
+        return StatusError(f"{self._name}: {function}{about} returned {label}{words}", status)

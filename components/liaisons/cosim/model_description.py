@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import IO, final
-from xml.etree.ElementTree import ParseError, XMLParser
 
+from liaisons.cosim import documents
 from liaisons.cosim.variables import Array, Shape, Variable, Variables, VariableType, complete, split
 
 Attributes = Mapping[str, str]
+
+MOST_ELEMENTS = 10_000_000
+"""An array that is declared larger is refused."""
+
+_MOST_MEMORY = 2**28  # bytes
+_BYTES_OF_TAG, _BYTES_OF_VARIABLE, _BYTES_OF_INDEX = 20, 400, 150  # as measured, about
+_MOST_REFERENCE = 2**32 - 1
 
 _BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _FMI_2: dict[str, VariableType] = {
@@ -41,6 +49,17 @@ class Unit:
     offset: float
 
 
+def scale(name: str, attributes: Attributes) -> tuple[float, float]:
+    """Factor and offset of a unit.
+
+    :raises ValueError: if they are no numbers, or no value can be converted with them.
+    """
+    factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
+    if factor == 0 or not (math.isfinite(factor) and math.isfinite(offset)):
+        raise ValueError(f"the unit {name!r} has the factor {factor!r} and the offset {offset!r}")
+    return factor, offset
+
+
 Table = dict[int, frozenset[int] | None]
 """Index of an unknown -> indices of the inputs that it depends on directly; None: not said, so possibly all."""
 
@@ -65,20 +84,11 @@ class Description:
 def parse(file: IO[bytes]) -> Description:
     """Read a model description.
 
-    :raises ValueError: if it is no well-formed XML, misses an attribute, or has a number that is none.
+    :raises ValueError: if it is no well-formed XML, misses an attribute, has a number that is none or that cannot be,
+        refers to what is not there, or has more in it than fits into memory.
     """
     reader = _Reader()
-    parser = XMLParser(target=reader)
-    try:
-        while chunk := file.read(1 << 16):
-            parser.feed(chunk)
-        parser.close()
-    except ParseError as error:
-        raise ValueError(str(error)) from None
-    except KeyError as error:
-        raise ValueError(f"an element has no attribute {error}") from None
-    except OverflowError as error:
-        raise ValueError(f"a number is out of range: {error}") from None
+    documents.parse(file, reader)
     return reader.finished()
 
 
@@ -135,6 +145,7 @@ class _Reader:
         self._inputs: set[int] = set()
         self._index: dict[int, int] = {}  # FMI 3.0: value reference -> index
         self._known: dict[str, frozenset[int]] = {}  # the same words again and again
+        self._memory = 0
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "fmiModelDescription": self._root,
             "CoSimulation": self._co_simulation,
@@ -151,6 +162,16 @@ class _Reader:
         handler = self._handlers.get(tag)
         if handler is not None:
             handler(attributes)
+            self._take(_BYTES_OF_TAG)
+
+    def end(self, tag: str) -> None:
+        """Called by the parser."""
+
+    def _take(self, size: int) -> None:
+        """Count memory, in bytes, about."""
+        self._memory += size
+        if self._memory > _MOST_MEMORY:
+            raise ValueError(f"what it says takes more than {_MOST_MEMORY} bytes of memory; put variables into arrays")
 
     def finished(self) -> Description:
         """Everything, after the last tag."""
@@ -181,8 +202,7 @@ class _Reader:
 
     def _base_unit(self, attributes: Attributes) -> None:
         exponents = tuple(int(attributes.get(base, 0)) for base in _BASE_UNITS)
-        factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
-        self.description.units[self._unit] = Unit(exponents, factor, offset)
+        self.description.units[self._unit] = Unit(exponents, *scale(self._unit, attributes))
 
     def _open_type(self, attributes: Attributes) -> None:
         self._type = attributes["name"]
@@ -224,12 +244,16 @@ class _Reader:
             self._index[variable.reference] = variable.index
             self._pending = _Pending(variable)
             self._entries[variable.name] = self._pending
+            self._take(_BYTES_OF_VARIABLE)
 
         return handle
 
     def _variable(self, kind: VariableType, base: str, attributes: Attributes, typed: Attributes) -> Variable:
         index = self._count
         self._count += 1
+        reference = int(attributes["valueReference"])
+        if not 0 <= reference <= _MOST_REFERENCE:
+            raise ValueError(f"{attributes['name']!r} has the value reference {reference}, which has no 32 bits")
         causality = attributes.get("causality", "local")
         initial, start = attributes.get("initial"), typed.get("start")
         if causality == "input":
@@ -241,7 +265,7 @@ class _Reader:
         free = causality in {"parameter", "input"} or initial in {"exact", "approx"}
         return Variable(
             name=attributes["name"],
-            reference=int(attributes["valueReference"]),
+            reference=reference,
             type=kind,
             base=base,
             causality=causality,
@@ -257,10 +281,12 @@ class _Reader:
             group = self._entries.get(f"{base}[")  # no variable has such a name
             if group is None:
                 group = self._entries[f"{base}["] = _Elements(replace(variable, name=base))
+                self._take(_BYTES_OF_VARIABLE)
             if isinstance(group, _Elements) and _alike(group.like, variable):
                 group.add(variable, index)
                 return
         self._entries[variable.name] = variable
+        self._take(_BYTES_OF_VARIABLE)
 
     def _dimension(self, attributes: Attributes) -> None:
         if self._pending is not None:
@@ -275,6 +301,7 @@ class _Reader:
             self._entries[attributes["name"]] = replace(
                 self._pending, variable=replace(self._pending.variable, name=attributes["name"])
             )
+            self._take(_BYTES_OF_VARIABLE)
 
     # ---- structure
 
@@ -320,7 +347,8 @@ class _Reader:
 
     def _inputs_of(self, words: str) -> frozenset[int]:
         if words not in self._known:
-            numbers = map(int, words.split())
+            numbers = list(map(int, words.split()))
+            self._take(_BYTES_OF_INDEX * len(numbers))
             places = (self._index.get(n, -1) for n in numbers) if self._index else (n - 1 for n in numbers)
             self._known[words] = frozenset(place for place in places if place in self._inputs)
         return self._known[words]
@@ -339,10 +367,21 @@ class _Pending:
         starts = self.starts or ([] if variable.start is None else variable.start.split())
         if not self.dimensions:
             return replace(variable, start=starts[0]) if self.starts else variable
-        shape = tuple(
-            int(start) if start is not None else sizes[int(reference or 0)] for start, reference in self.dimensions
-        )
+        shape = tuple(self._size(start, reference, sizes) for start, reference in self.dimensions)
+        if math.prod(shape) > MOST_ELEMENTS:
+            raise ValueError(f"the array {variable.name!r} has {math.prod(shape)} elements, more than {MOST_ELEMENTS}")
         return Array(variable, shape, (variable.reference,), starts, (variable.index,), whole=True)
+
+    def _size(self, start: str | None, reference: str | None, sizes: Mapping[int, int]) -> int:
+        if start is None and int(reference or -1) not in sizes:
+            raise ValueError(
+                f"a dimension of {self.variable.name!r} is that of value reference {reference}, which is no structural "
+                "parameter"
+            )
+        size = sizes[int(reference or 0)] if start is None else int(start)
+        if size < 0:
+            raise ValueError(f"a dimension of {self.variable.name!r} is {size}")
+        return size
 
 
 def _alike(one: Variable, other: Variable) -> bool:

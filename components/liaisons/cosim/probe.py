@@ -9,10 +9,12 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 from weakref import WeakSet
 
+from liaisons import cache
 from liaisons.cosim.component import Component
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.trial import Task
@@ -23,21 +25,36 @@ _known: WeakSet[Fmu] = WeakSet()
 
 
 def try_to_start(component: Component, directory: Path, times: Sequence[float]) -> None:
-    """Load, instantiate, initialize and step an FMU of another make in a process of its own, once a file.
+    """Load, instantiate, initialize and step an FMU in a process of its own, once a file.
 
-    Its inputs have their start values there, so a later crash is still possible.
+    Its inputs have their start values there, so a later crash is still possible.  FMUs that we have built on this
+    machine are not tried (by their digests: what a file says of its maker anybody can write), nor are those that were
+    tried with the same start values before.
 
     :param directory: where the FMU was extracted.
     :param times: begin and first communication point of the simulation [s], at least.
     :raises SimulationError: if that process crashes; what the FMU refuses is left to its own message.
     """
     fmu = component.fmu
-    if fmu in _known or fmu.tool.startswith("liaisons"):
+    if fmu in _known:
+        return
+    try:
+        digest = cache.digest(fmu.path)
+    except OSError as error:
+        raise SimulationError(f"{fmu.path}: cannot be read: {error.strerror}") from None
+    if cache.knows(digest):
+        _known.add(fmu)
         return
     library, resources = (directory / fmu.binary).resolve(), directory.resolve() / "resources"
     place = resources.as_uri() if fmu.version == 2 else f"{resources}/"
     starts = [_start(component, name) for name in component.starts]
+    settings = (fmu.binary, times[0], times[1] - times[0], starts, sys.version)
+    key = sha256(repr((digest, *settings)).encode()).hexdigest()
+    if cache.knows(key):
+        _known.add(fmu)
+        return
     task: Task = {
+        "parent": os.getpid(),
         "version": fmu.version,
         "library": str(library),
         "name": component.name,
@@ -51,13 +68,16 @@ def try_to_start(component: Component, directory: Path, times: Sequence[float]) 
         Path(__file__).with_name("trial.py").read_text(encoding="utf-8")
     )  # not run as a file: its folder is no path
     done = subprocess.run(
-        [sys.executable, "-c", script, json.dumps(task)],
+        [sys.executable, "-P", "-c", script],  # -P: what lies beside the library is no module
         cwd=library.parent,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},  # FMUs in Python look there
+        input=json.dumps(task).encode(),
         capture_output=True,
         check=False,
     )
-    if done.returncode not in {0, 1}:  # 1: an exception of Python
+    if done.returncode == 0:
+        cache.remember(key)
+    elif done.returncode != 1:  # 1: an exception of Python
         stages = re.findall(r"^STAGE (\w+)$", done.stdout.decode(errors="replace"), re.MULTILINE)
         status = done.returncode
         reason = signal.Signals(-status).name if status < 0 else f"status {status:#x}"

@@ -14,6 +14,7 @@ from liaisons.cosim import checks
 from liaisons.cosim.component import Component, component
 from liaisons.cosim.drive import Function, Signal, evaluate
 from liaisons.cosim.execution import Execution, Settings
+from liaisons.cosim.memory import check_memory
 from liaisons.cosim.ports import Link
 from liaisons.cosim.result import IncompleteError, Interrupted, Result
 from liaisons.cosim.schedule import Coupling, Place
@@ -31,7 +32,7 @@ def simulate(
     *,
     stop_time: float | None = None,
     step_size: float | None = None,
-    start_time: float = 0.0,
+    start_time: float | None = None,
     times: ArrayLike | None = None,
     tolerance: float | None = None,
     record: str | Iterable[str] | None = None,
@@ -58,19 +59,25 @@ def simulate(
     single = component(path.stem, path, starts)
     experiment = single.fmu.experiment
     if times is None:
+        start_time = experiment.start_time if start_time is None else start_time
         stop_time = experiment.stop_time if stop_time is None else stop_time
         step_size = experiment.step_size if step_size is None else step_size
         if stop_time is None or step_size is None:
             missing = "stop_time" if stop_time is None else "step_size"
             raise SimulationError(f"{path.name} has no default {missing}: give simulate() one")
-    points = communication_points(start_time, stop_time, step_size, times)
     names = single.fmu.recorded() if record is None else listed("record", record)
+    recorded = {element: place for name in names for element, place in reals(single, name).items()}
+    points = communication_points(
+        0.0 if start_time is None else start_time, stop_time, step_size, times, signals=len(recorded)
+    )
+    given = named("inputs", {} if inputs is None else inputs)
+    driven = {(path.stem, name): function for name, function in given.items()}
     return run(
         path.stem,
         {path.stem: single},
-        recorded={element: place for name in names for element, place in reals(single, name).items()},
+        recorded=recorded,
         times=points,
-        signals=_signals(single, named("inputs", {} if inputs is None else inputs), points[0]),
+        signals=signals({path.stem: single}, driven, points[0]),
         tolerance=experiment.tolerance if tolerance is None else tolerance,
     )
 
@@ -98,7 +105,11 @@ def run(
     chosen = checks.coupling(components, links, coupling)
     components = checks.prepared(components, feeds, chosen)
     checks.steps(components, feeds, times, chosen, adaptive=error_tolerance is not None)
-    checks.inputs(components, feeds, [place for s in signals for place in s.inputs])
+    driven = [place for s in signals for place in s.inputs]
+    for place in driven:
+        if place in feeds:
+            raise SimulationError(f"inputs: {'.'.join(place)} is connected with {'.'.join(feeds[place])} already")
+    checks.inputs(components, feeds, driven)
     execution = Execution(
         components,
         feeds,
@@ -131,17 +142,39 @@ def run(
 
 
 def communication_points(
-    start_time: float, stop_time: float | None, step_size: float | None, times: ArrayLike | None = None
+    start_time: float,
+    stop_time: float | None,
+    step_size: float | None,
+    times: ArrayLike | None = None,
+    *,
+    signals: int = 1,
 ) -> list[float]:
     """t_i = start_time + i * step_size, and stop_time [s]; or the given times, where these are not evenly spaced.
 
     A rest of less than a millionth of a step is taken for rounding and makes no step of its own.
 
+    :param signals: how many are recorded at each.
     :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time; or if ``times`` do not
-        increase, or come together with the others.
+        increase, or come together with the others; or if the recording is larger than the memory.
     """
     if times is not None:
         return _given(times, start_time, stop_time, step_size)
+    stop_time, step_size = _span(start_time, stop_time, step_size)
+    check_memory(start_time, stop_time, step_size, signals)
+    steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
+    return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
+
+
+def first_points(start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
+    """The begin, the end of the first step, and the end of all [s], where steps choose their sizes.
+
+    :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time.
+    """
+    stop_time, step_size = _span(start_time, stop_time, step_size)
+    return [float(start_time), float(min(start_time + step_size, stop_time)), float(stop_time)]
+
+
+def _span(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
     if stop_time is None or step_size is None:
         raise SimulationError("give stop_time and step_size, or the communication points themselves as times")
     for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
@@ -150,8 +183,9 @@ def communication_points(
         raise SimulationError(f"step_size = {step_size!r}: must be > 0")
     if stop_time <= start_time:
         raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
-    steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
-    return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
+    if stop_time - step_size == stop_time or start_time + step_size == start_time:
+        raise SimulationError(f"step_size = {step_size!r}: smaller than the rounding of times up to {stop_time!r} s")
+    return stop_time, step_size
 
 
 def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
@@ -189,9 +223,14 @@ def real(owner: Component, name: str) -> Place:
     return owner.name, name
 
 
-def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float) -> list[Signal]:
-    signals: list[Signal] = []
-    for name, function in inputs.items():
+def signals(components: Mapping[str, Component], inputs: Mapping[Place, Function], start_time: float) -> list[Signal]:
+    """The functions of time that drive inputs.
+
+    :raises SimulationError: if there is no such input, it is driven twice, or what drives it is no function.
+    """
+    found: list[Signal] = []
+    for (owner_name, name), function in inputs.items():
+        owner = components[owner_name]
         place = real(owner, name)
         causality = owner.fmu.variables[name].causality
         if causality != "input":
@@ -202,12 +241,12 @@ def _signals(owner: Component, inputs: Mapping[str, Function], start_time: float
             )
         port = owner[name].port()
         whole = port is not None and evaluate(function, name, start_time).ndim > 0
-        signals.append(Signal(function, tuple(end.place for end in port) if port and whole else (place,)))
-    driven = [place for source in signals for place in source.inputs]
-    for _, variable in driven:
-        if driven.count((owner.name, variable)) > 1:
-            raise SimulationError(f"inputs: {owner.name}.{variable} is driven twice, by itself and by its port")
-    return signals
+        found.append(Signal(function, tuple(end.place for end in port) if port and whole else (place,)))
+    driven = [place for source in found for place in source.inputs]
+    for place in driven:
+        if driven.count(place) > 1:
+            raise SimulationError(f"inputs: {'.'.join(place)} is driven twice, by itself and by its port")
+    return found
 
 
 def check_positive(name: str, value: float | None) -> None:

@@ -81,7 +81,10 @@ def _own_starts(entry: Array) -> Any:
     """The start values of an array in the model description, 0 where it gives none."""
     texts = [text or "0" for text in entry.starts] or ["0"]
     read_as = {"Real": float, "Integer": int, "Enumeration": int, "Boolean": lambda text: text in {"true", "1"}}
-    own = [read_as.get(entry.like.type, str)(text) for text in texts]
+    try:
+        own = [read_as.get(entry.like.type, str)(text) for text in texts]
+    except ValueError as error:
+        raise SimulationError(f"{entry.like.name}: a start value in the model description is none: {error}") from None
     return own[0] if len(own) == 1 else np.reshape(own, entry.shape)
 
 

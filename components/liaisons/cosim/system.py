@@ -18,13 +18,14 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, finite, listed, shown
+from liaisons.arguments import as_path, finite, listed, named, shown
 from liaisons.cosim import ssp
 from liaisons.cosim.component import Component, End, component
+from liaisons.cosim.drive import Function
 from liaisons.cosim.ports import Link, links
 from liaisons.cosim.result import Result
 from liaisons.cosim.schedule import Coupling, Place
-from liaisons.cosim.simulation import communication_points, reals, run
+from liaisons.cosim.simulation import communication_points, first_points, reals, run, signals
 from liaisons.errors import ConnectionError, SimulationError, suggestion  # noqa: A004 - the field's word for it
 
 
@@ -149,6 +150,7 @@ class System:
         coupling: Coupling | None = None,
         error_tolerance: float | None = None,
         record: str | Iterable[str] | None = None,
+        inputs: Mapping[str, Function] | None = None,
         progress: bool = False,
     ) -> Result:
         """Simulate from the start.
@@ -170,24 +172,31 @@ class System:
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
             has the points that were chosen.
         :param record: a name ``"component.variable"`` or several; all real outputs and inputs if None.
+        :param inputs: ``"component.variable"`` -> function of time [s] that returns its value, or that of an active
+            coordinate and its two rates, as for :func:`simulate`.
         :param progress: show a progress bar on stderr.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized; after that
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
         self._check_filled()
-        points = communication_points(start_time, stop_time, step_size, times)
-        if error_tolerance is not None:
-            if times is not None:
-                raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
-            points = [points[0], points[1], points[-1]]
+        recorded = self._recorded(record)
+        given = named("inputs", {} if inputs is None else inputs)
+        driven = {self._place("input", name): function for name, function in given.items()}
+        if error_tolerance is None:
+            points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
+        elif times is None:
+            points = first_points(start_time, stop_time, step_size)
+        else:
+            raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
         self._last = ssp.Experiment(points[0], points[-1], points[1] - points[0] if step_size is None else step_size)
         return run(
             self.name,
             self._components,
-            recorded=self._recorded(record),
+            recorded=recorded,
             times=points,
             links=list(self._links.values()),
+            signals=signals(self._components, driven, points[0]),
             tolerance=tolerance,
             coupling=coupling,
             error_tolerance=error_tolerance,
@@ -222,8 +231,12 @@ class System:
         return {full: place for name in listed("record", record) for full, place in self._places(name).items()}
 
     def _places(self, name: str) -> dict[str, Place]:
+        owner, variable = self._place("record", name)
+        return {f"{owner}.{element}": place for element, place in reals(self._components[owner], variable).items()}
+
+    def _place(self, what: str, name: str) -> Place:
         owner, _, variable = name.partition(".")
         if owner not in self._components:
             hint = suggestion(owner, self._components)
-            raise SimulationError(f"record {name!r}: {self.name} has no component {owner!r}{hint}")
-        return {f"{owner}.{element}": place for element, place in reals(self._components[owner], variable).items()}
+            raise SimulationError(f"{what} {name!r}: {self.name} has no component {owner!r}{hint}")
+        return owner, variable

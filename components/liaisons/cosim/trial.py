@@ -1,7 +1,7 @@
 """Starts an FMU in a process of its own, for :mod:`liaisons.cosim.probe`; says on stdout what comes next.
 
-Needs nothing but the standard library, so that it takes some hundredths of a second.  Statuses do not matter: what an
-FMU refuses it will refuse again, with a message.  ``sys.argv[1]`` holds a JSON object; see :class:`Task`.
+Needs little but the standard library, so that it takes some hundredths of a second.  Statuses do not matter: what an
+FMU refuses it will refuse again, with a message.  Its stdin is a JSON object; see :class:`Task`.
 """
 
 import ctypes as c
@@ -9,6 +9,8 @@ import json
 import os
 import sys
 from typing import Any, TypedDict
+
+from liaisons.processes import die_with_parent
 
 _NUMBERS = {
     "Real": c.c_double,
@@ -41,6 +43,7 @@ class _Callbacks2(c.Structure):
 class Task(TypedDict):
     """What is tried: resources are a URI for FMI 2.0, a path for FMI 3.0; starts are types, references, values."""
 
+    parent: int
     version: int
     library: str
     name: str
@@ -53,7 +56,8 @@ class Task(TypedDict):
 
 def main() -> None:
     """Load, instantiate, initialize, step once."""
-    task: Task = json.loads(sys.argv[1])
+    task: Task = json.load(sys.stdin)
+    die_with_parent(task["parent"])
     _say("loaded")
     functions = c.CDLL(task["library"])
     _say("instantiated")

@@ -19,6 +19,8 @@ Shape = tuple[int, ...]
 
 _T = TypeVar("_T")
 
+_DIGITS = 20  # no index has more
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -135,7 +137,9 @@ def split(name: str) -> tuple[str, Shape | None]:
         return name, None
     base, bracket, index = name[:-1].rpartition("[")
     numbers = index.split(",")
-    if not (base and bracket and all(n.isascii() and n.isdigit() and str(int(n)) == n for n in numbers)):
+    if not (
+        base and bracket and all(n.isascii() and n.isdigit() and len(n) < _DIGITS and str(int(n)) == n for n in numbers)
+    ):
         return name, None
     return base, tuple(map(int, numbers))
 

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from liaisons import cache
 from liaisons.errors import BuildError
 
 _EARLIEST = (1980, 1, 1, 0, 0, 0)  # the first date that a zip archive can hold
@@ -14,6 +15,8 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)  # the first date that a zip archive can hold
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     """Write an archive beside its final place and move it there in one go; folders are made as needed.
+
+    Simulations need not try it in a process of its own.
 
     :param path: the file to write or replace.
     :param members: contents by name inside the archive, with ``/``.
@@ -26,11 +29,13 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
             with zipfile.ZipFile(partial, "x", zipfile.ZIP_DEFLATED) as archive:
                 for name in sorted(members, key=lambda name: (name != "modelDescription.xml", name)):
                     archive.writestr(_entry(name), members[name])
+            digest = cache.digest(partial)
             partial.replace(path)
         finally:  # an interrupt leaves nothing behind either
             partial.unlink(missing_ok=True)
     except OSError as error:
         raise BuildError(f"{path} cannot be written: {error.strerror}; choose another folder with output=") from error
+    cache.remember(digest)
 
 
 def read_member(path: Path, name: str) -> bytes | None:

@@ -8,12 +8,12 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import get_ident
 from typing import Any, final
 from uuid import uuid4
 
 from liaisons.arguments import shown
+from liaisons.folders import passing_folder
 from liaisons.sweeps.child import Child
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import Failure, Outcome, failure
@@ -200,7 +200,7 @@ def _begin(key: str, plan: Plan, files: Mapping[Path, bytes]) -> None:
     for place in [place for place in _mine if place[1] == get_ident()]:  # of a sweep that could not say that it ended
         _mine.pop(place)[1].close()
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)))
+        folder = stack.enter_context(passing_folder())
         here = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
         for path, content in files.items():
             here[path].write_bytes(content)

@@ -40,7 +40,7 @@ def sweep(
     *,
     stop_time: float | None = None,
     step_size: float | None = None,
-    start_time: float = 0.0,
+    start_time: float | None = None,
     times: ArrayLike | None = None,
     tolerance: float | None = None,
     coupling: Coupling | None = None,
@@ -151,7 +151,7 @@ def _plan(
     cases: Cases,
     keep: Mapping[str, Measure],
     *,
-    span: tuple[float, float | None, float | None, ArrayLike | None],
+    span: tuple[float | None, float | None, float | None, ArrayLike | None],
     tolerance: float | None,
     coupling: Coupling | None,
     starts: Mapping[str, float | bool | str],
@@ -176,9 +176,10 @@ def _plan(
         experiment = components[title].fmu.experiment
         tolerance = experiment.tolerance if tolerance is None else tolerance
         if times is None:
+            start_time = experiment.start_time if start_time is None else start_time
             stop_time = experiment.stop_time if stop_time is None else stop_time
             step_size = experiment.step_size if step_size is None else step_size
-    points = communication_points(start_time, stop_time, step_size, times)
+    points = communication_points(0.0 if start_time is None else start_time, stop_time, step_size, times)
     check_positive("tolerance", tolerance)
     wanted = signals(keep) if record is None else listed("record", record)
     if wanted is None:

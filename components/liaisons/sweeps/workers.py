@@ -17,11 +17,10 @@ from collections.abc import Callable, Iterable, Mapping, MutableSequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import final
 
 from liaisons.cosim import loop
+from liaisons.folders import passing_folder
 from liaisons.processes import die_with_parent
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
@@ -49,8 +48,8 @@ def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver, tim
     :param time_limit: of a case [s].
     """
     loop.compiled()  # before there are processes, each of which would compile it
-    with TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-        task = plan, extract_all(plan, Path(folder)), folder
+    with passing_folder() as folder:
+        task = plan, extract_all(plan, folder), str(folder)
         pool = _Pool(task, deque(cases), count, deliver, time_limit=time_limit)
         try:
             pool.run()

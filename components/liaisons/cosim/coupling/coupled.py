@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from liaisons.cosim import schedule
 from liaisons.cosim.bus import Bus, Clock
@@ -11,6 +14,7 @@ from liaisons.cosim.component import Component
 from liaisons.cosim.coupling.group import Group
 from liaisons.cosim.coupling.member import Judge, Member
 from liaisons.cosim.coupling.signals import Signals
+from liaisons.cosim.drive import SIGNALS, Signal
 from liaisons.cosim.instances import AnyInstance
 from liaisons.cosim.schedule import Depends, Feeds
 
@@ -19,6 +23,7 @@ from liaisons.cosim.schedule import Depends, Feeds
 class Coupled:
     """All groups of a system.
 
+    :param drives: functions of time that feed further inputs.
     :param tolerance: how well signals have to fit, relative to their size.
     """
 
@@ -29,6 +34,7 @@ class Coupled:
         feeds: Feeds,
         bus: Bus,
         *,
+        drives: Sequence[Signal],
         newton: bool,
         depends: Depends,
         depends_initially: Depends,
@@ -37,9 +43,11 @@ class Coupled:
         clock: Clock,
     ) -> None:
         self._clock = clock
-        places = [place for name in components for place in bus.outputs(name, every=False)]
+        places = [place for name in (SIGNALS, *components) for place in bus.outputs(name, every=False)]
         self.signals = Signals(components, feeds, places)
+        self._drives = [(drive, [self.signals.index[place] for place in drive.places]) for drive in drives]
         self._groups: list[Group] = []
+        feeds = {target: source for target, source in feeds.items() if source[0] != SIGNALS}
         own = {target for (target, _), (source, _) in feeds.items() if target == source}
         for names in schedule.groups(components, feeds):
             cyclic = len(names) > 1 or names[0] in own
@@ -64,8 +72,9 @@ class Coupled:
         """Order of the error in H: that of the coarsest polynomial."""
         return min((group.order for group in self._groups), default=6)
 
-    def settle(self, time: float, *, initial: bool) -> None:
-        """Make everything fit at the begin [s]."""
+    def settle(self, time: float, following: float, *, initial: bool) -> None:
+        """Make everything fit at the begin [s]; ``following`` is the end of the first step."""
+        self._drive(time, following)
         for group in self._groups:
             group.settle(time, initial=initial)
             self.signals.measure()
@@ -75,6 +84,23 @@ class Coupled:
         """One step, of the size and from the instant that the clock shows."""
         end, size = self._clock.end, self._clock.size.value
         self.signals.predict(size)
+        self._drive(end, end - size)
         for group in self._groups:
             group.advance(end, size)
         self.signals.accept(size)
+
+    def _drive(self, time: float, other: float) -> None:
+        """Values of the functions of time, and the slope of an acceleration, by the other end of the step [s]."""
+        for drive, indices in self._drives:
+            values = drive(time)
+            self.signals.now[indices] = values
+            if len(values) == 3:
+                self.signals.now[self.signals.slope(self.signals.places[indices[2]])] = _jerk(
+                    values, drive(other), time - other
+                )
+
+
+def _jerk(here: NDArray[np.float64], there: NDArray[np.float64], size: float) -> float:
+    """Third derivative, here, of the quintic with these values, rates and accelerations; there is ``size`` before."""
+    change = (60 * (here[0] - there[0]) / size - 36 * here[1] - 24 * there[1]) / size
+    return float((change + 9 * here[2] - 3 * there[2]) / size)

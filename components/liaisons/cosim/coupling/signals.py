@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim.component import Component, End
+from liaisons.cosim.drive import SIGNALS
 from liaisons.cosim.schedule import Feeds, Place
 
 Vector = NDArray[np.float64]
@@ -19,14 +20,27 @@ Snapshot = tuple[Vector, Vector, float]
 
 def watched(components: Mapping[str, Component], feeds: Feeds) -> list[Place]:
     """Outputs that are read besides the connected ones, since these are derivatives, or have them, in one port."""
-    ports = (curve(components, source)[0] for source in feeds.values())
+    ports = (curve(components, feeds, source)[0] for source in feeds.values())
     return [place for port in ports for place in port]
 
 
-def curve(components: Mapping[str, Component], source: Place) -> tuple[list[Place], int]:
-    """The outputs of the port that an output is a part of, and which derivative it is; of another output, itself."""
+def curve(components: Mapping[str, Component], feeds: Feeds, source: Place) -> tuple[list[Place], int]:
+    """The outputs of the port that an output is a part of, and which derivative it is; of another output, itself.
+
+    A function of time that drives a whole port is a port as well.
+    """
+    if source[0] == SIGNALS:
+        port, order = End(components[(target := driven(feeds, source))[0]], target[1]).curve()
+        sources = [feeds.get(end.place, ("?", "")) for end in port or ()]
+        whole = port is not None and all(name == SIGNALS for name, _ in sources)
+        return (sources, order) if whole else ([source], 0)
     port, order = End(components[source[0]], source[1]).curve()
     return ([end.place for end in port], order) if port else ([source], 0)
+
+
+def driven(feeds: Feeds, source: Place) -> Place:
+    """The input that a function of time drives."""
+    return next(target for target, other in feeds.items() if other == source)
 
 
 _SMALLEST = 1e-3
@@ -81,13 +95,17 @@ class Signals:
         self._sizes = np.zeros(int(self._kinds.max(initial=-1)) + 1)
 
     def slope(self, place: Place) -> int:
-        """Index of the slope of an output; that of the zero if there is none."""
-        return self.count + self.index[place] if place[0] in self.sloped else self.zero
+        """Index of the slope of an output; that of the zero if there is none.
+
+        Of what functions of time give, the acceleration of a port has one: its motion is known at both ends of a step.
+        """
+        whole = place[0] == SIGNALS and len(curve(self._components, self._feeds, place)[0]) == 3
+        return self.count + self.index[place] if whole or place[0] in self.sloped else self.zero
 
     def curve(self, input_: Place) -> Curve:
         """What an input follows."""
         source = self._feeds[input_]
-        port, order = curve(self._components, source)
+        port, order = curve(self._components, self._feeds, source)
         data = [self.index[place] for place in port]
         if len(data) == 1 and source[0] in self.sloped:
             data.append(self.slope(source))
@@ -95,11 +113,11 @@ class Signals:
 
     def port(self, index: int) -> list[int]:
         """Value, rate and acceleration, if this is the index of an acceleration."""
-        port, order = curve(self._components, self.places[index])
+        port, order = curve(self._components, self._feeds, self.places[index])
         return [self.index[place] for place in port] if order == 2 and all(p in self.index for p in port) else []
 
     def _rate(self, source: Place) -> int:
-        port, order = curve(self._components, source)
+        port, order = curve(self._components, self._feeds, source)
         return self.index[port[order + 1]] if order + 1 < len(port) else self.slope(source)
 
     def _find_sloped(self) -> frozenset[str]:
@@ -116,7 +134,8 @@ class Signals:
 
     def _units(self) -> NDArray[np.intp]:
         """Outputs of one unit share one size."""
-        units = [self._components[name].fmu.variables[variable].unit for name, variable in self.places]
+        owners = [driven(self._feeds, place) if place[0] == SIGNALS else place for place in self.places]
+        units = [self._components[name].fmu.variables[variable].unit for name, variable in owners]
         numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
         return np.array([numbers[unit] for unit in units], dtype=np.intp)
 

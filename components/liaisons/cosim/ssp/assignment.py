@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.model_description import Unit
+from liaisons.cosim.model_description import Unit, scale
 from liaisons.cosim.ssp.xml import BASE_UNITS, path, tag
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
@@ -121,5 +121,6 @@ def _units(parameter_set: Element) -> Mapping[str, Unit]:
         base = unit.find(tag("ssc:BaseUnit"))
         if base is not None:
             exponents = tuple(int(base.get(name, 0)) for name in BASE_UNITS)
-            found[unit.get("name", "")] = Unit(exponents, float(base.get("factor", 1)), float(base.get("offset", 0)))
+            name = unit.get("name", "")
+            found[name] = Unit(exponents, *scale(name, base.attrib))
     return found

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import final
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.cosim.component import Component
+from liaisons.cosim.description import usable
 from liaisons.cosim.ssp.xml import path, tag
 
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself
@@ -83,11 +85,9 @@ def read_experiment(root: Element) -> Experiment:
         for found in root.iter(tag(name))
         if (step := found.get(attribute)) is not None
     ]
-    return Experiment(
-        0.0 if element is None else float(element.get("startTime", 0.0)),
-        None if stop is None else float(stop),
-        float(steps[0]) if steps else None,
-    )
+    start = 0.0 if element is None else float(element.get("startTime", 0.0))
+    span = usable(start, None if stop is None else float(stop), float(steps[0]) if steps else None)
+    return Experiment(start if math.isfinite(start) else 0.0, *span)
 
 
 def _annotation(parent: Element, kind: str) -> Element:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import weakref
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, final
 from urllib.parse import unquote
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
-from zipfile import BadZipFile, ZipFile
 
+from liaisons.cosim.archive import Archive as Zip
+from liaisons.cosim.archive import too_big, unpacked_limit
 from liaisons.cosim.component import Component, End
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.description import read as read_fmu
+from liaisons.cosim.documents import tree
 from liaisons.cosim.messages import logger
 from liaisons.cosim.ports import Link, links
 from liaisons.cosim.ssp.assignment import Parameter, fitted, mapped, parameters
@@ -25,6 +25,7 @@ from liaisons.cosim.ssp.structure import Node, Structure, read_structure
 from liaisons.cosim.ssp.structure import Path as Place
 from liaisons.cosim.ssp.xml import STRUCTURE, path, tag
 from liaisons.errors import ConnectionError, LiaisonsError, SimulationError, suggestion  # noqa: A004 - the field's word for it
+from liaisons.folders import passing_folder
 
 if TYPE_CHECKING:
     from liaisons.cosim.system import System
@@ -51,56 +52,52 @@ def read(file: Path | str, system: Callable[[str], System], starts: Mapping[str,
     :raises ConnectionError: if a connection does not fit.
     """
     file = Path(file)
-    if not file.is_file():
-        raise SimulationError(f"{file}: {'is a directory' if file.is_dir() else 'no such file'}; check the path")
-    directory = Path(tempfile.mkdtemp(prefix="liaisons-"))
-    try:
-        with ZipFile(file) as archive:
-            made = _read(_Files(file, archive), directory, system, starts or {})
-    except BaseException as error:
-        shutil.rmtree(directory, ignore_errors=True)
-        if isinstance(error, BadZipFile):
-            raise SimulationError(f"{file}: truncated or damaged ({error}); copy it again") from None
-        if isinstance(error, LiaisonsError) and str(file) not in str(error):
-            raise type(error)(f"{file}: {error}") from error
-        raise
-    weakref.finalize(made.system, shutil.rmtree, directory, ignore_errors=True)
+    with ExitStack() as stack:
+        directory = stack.enter_context(passing_folder())
+        try:
+            with Zip(file) as archive:
+                made = _read(_Files(archive), directory, system, starts or {})
+        except LiaisonsError as error:
+            if str(file) not in str(error):
+                raise type(error)(f"{file}: {error}") from error
+            raise
+        weakref.finalize(made.system, stack.pop_all().close)
     return made
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class _Files:
-    """The files of an archive."""
+    """The files of an archive, by their relative URIs."""
 
-    path: Path
-    archive: ZipFile
+    archive: Zip
 
-    def member(self, source: str, owner: str) -> bytes:
-        """A file by its relative URI.
+    def name(self, source: str, owner: str) -> str:
+        """The file that a URI names.
 
         :param owner: what names it, for messages.
         """
-        if ":" in source or source.startswith("/") or ".." in PurePosixPath(source).parts:
+        if ":" in source or source.startswith("/") or ".." in PurePosixPath(unquote(source)).parts:
             raise SimulationError(f"{owner} lies at {source!r}, outside the archive; put it inside")
         name = str(PurePosixPath(unquote(source)))
-        if name not in self.archive.namelist():
+        if name not in self.archive.names:
             raise SimulationError(f"{owner} is to be in {name!r}, but the archive lacks that file")
-        return self.archive.read(name)
+        return name
 
     def xml(self, source: str, owner: str, root: str) -> Element:
         """An XML file with this root."""
-        try:
-            element = ElementTree.fromstring(self.member(source, owner))
-        except ElementTree.ParseError as error:
-            raise SimulationError(f"{source} cannot be read: {error}") from None
+        with self.archive.open(self.name(source, owner)) as file:
+            try:
+                element = tree(file)
+            except ValueError as error:
+                raise SimulationError(f"{source} cannot be read: {error}") from None
         if element.tag != tag(root):
             raise SimulationError(f"{source} has the root {element.tag!r}, expected {root}")
         return element
 
 
 def _read(files: _Files, directory: Path, make: Callable[[str], System], further: Mapping[str, object]) -> Archive:
-    if STRUCTURE not in files.archive.namelist():  # half an archive can end in a whole one, that of an FMU inside
+    if STRUCTURE not in files.archive.names:  # half an archive can end in a whole one, that of an FMU inside
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
     root = files.xml(STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
     if root.get("version") not in _VERSIONS:
@@ -131,14 +128,21 @@ def _name(place: Place) -> str:
 
 
 def _unpacked(files: _Files, structure: Structure, directory: Path) -> dict[Place, Fmu]:
-    paths: dict[str, Path] = {}
+    fmus: dict[str, Fmu] = {}
+    size = files.archive.size
     for place, source in structure.sources.items():
-        if source not in paths:
-            content = files.member(source, f"the FMU of component {'.'.join(place)}")
-            paths[source] = directory / str(len(paths)) / PurePosixPath(unquote(source)).name
-            paths[source].parent.mkdir()
-            paths[source].write_bytes(content)
-    return {place: read_fmu(paths[source]) for place, source in structure.sources.items()}
+        if source not in fmus:
+            name = files.name(source, f"the FMU of component {'.'.join(place)}")
+            path = directory / str(len(fmus)) / PurePosixPath(name).name
+            files.archive.copy(name, path)
+            try:
+                fmus[source] = read_fmu(path)
+            except SimulationError as error:  # it names a file that nobody has seen
+                raise SimulationError(str(error).replace(str(path), name)) from error
+            size += fmus[source].unpacked
+            if size > unpacked_limit():
+                raise too_big(f"{files.archive.path} with its FMUs", size)
+    return {place: fmus[source] for place, source in structure.sources.items()}
 
 
 def _starts(files: _Files, structure: Structure, fmus: dict[Place, Fmu]) -> dict[Place, dict[str, Any]]:
@@ -147,14 +151,14 @@ def _starts(files: _Files, structure: Structure, fmus: dict[Place, Fmu]) -> dict
         for parameter in _bound(files, element, binding):
             meant = structure.meant(element, parameter.name)
             if not meant:
-                logger.warning("%s: parameter %s fits nothing and is ignored", files.path, parameter.name)
+                logger.warning("%s: parameter %s fits nothing and is ignored", files.archive.path, parameter.name)
             for place, variable in meant:
                 fmu = fmus[place]
                 if variable in fmu.arrays or variable in fmu.variables:
                     starts[place].pop(variable, None)  # what is named later counts
                     starts[place][variable] = fitted(_name(place), fmu, variable, parameter)
                 else:
-                    logger.warning("%s: %s; the parameter is ignored", files.path, fmu.unknown(variable))
+                    logger.warning("%s: %s; the parameter is ignored", files.archive.path, fmu.unknown(variable))
     return starts
 
 
@@ -175,7 +179,10 @@ def _bound(files: _Files, element: Place, binding: Element) -> Iterable[Paramete
         if source is not None:
             inner = files.xml(source, f"the mapping of {owner}", "ssm:ParameterMapping")
         entries += [] if inner is None else inner.findall(tag("ssm:MappingEntry"))
-    return mapped(parameters(values), entries, prefix=binding.get("prefix", ""))
+    try:
+        return list(mapped(parameters(values), entries, prefix=binding.get("prefix", "")))
+    except (ValueError, OverflowError) as error:
+        raise SimulationError(f"{owner} cannot be read: {error}") from None
 
 
 def _links(structure: Structure, components: dict[Place, Component]) -> list[Link]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
@@ -15,6 +16,7 @@ Path = tuple[str, ...]
 """Names of elements from the outermost system, which is (), inwards."""
 
 _FMU = "application/x-fmu-sharedlibrary"
+_MOST_COMPONENTS, _LONGEST_WAY = 10_000, 1000  # beyond that reading would take minutes
 
 
 class Node(NamedTuple):
@@ -72,21 +74,50 @@ class Structure:
             node = start if end.indices or start.indices else start._replace(indices=node.indices)
             if node in seen:
                 raise SimulationError(f"the connections of {node} go round in a circle without a component")
+            if len(seen) > _LONGEST_WAY:
+                raise SimulationError(f"the connections to {node} lead through more than {_LONGEST_WAY} connectors")
             seen.add(node)
         return node
 
     def meant(self, system: Path, name: str) -> list[tuple[Path, str]]:
         """Components and variables that a parameter of an element stands for; none if it fits nothing."""
-        if system in self.sources:
-            return [(system, name)]
-        if (system, name) in self.shown:
-            ends = [end for start, end in self.edges if (start.element, start.connector) == (system, name)]
-            return [place for end in ends for place in self.meant(end.element, end.connector)]
-        known = {p[: len(system) + 1] for p in self.sources if p[: len(system)] == system and p != system}
-        for child in sorted(known, key=lambda child: -len(child[-1])):
-            if name.startswith(f"{child[-1]}."):
-                return self.meant(child, name[len(child[-1]) + 1 :])
+        found: dict[tuple[Path, str], None] = {}
+        seen: set[tuple[Path, str]] = set()
+        waiting = [(system, name)]
+        while waiting:
+            place = waiting.pop()
+            if place in seen:
+                continue
+            seen.add(place)
+            if place[0] in self.sources:
+                found[place] = None
+            elif place in self.shown:
+                waiting += [(end.element, end.connector) for end in reversed(self._shows[place])]
+            else:
+                waiting += self._inside(*place)
+        return list(found)
+
+    def _inside(self, system: Path, name: str) -> list[tuple[Path, str]]:
+        """The element of a system that a name with a dot begins with, and the rest of the name."""
+        dot = len(name)
+        while (dot := name.rfind(".", 0, dot)) > 0:  # the longest name of an element counts
+            child = (*system, name[:dot])
+            if child in self._parents:
+                return [(child, name[dot + 1 :])]
         return []
+
+    @cached_property
+    def _shows(self) -> Mapping[tuple[Path, str], list[Node]]:
+        """What the connectors of systems are connected with."""
+        found: dict[tuple[Path, str], list[Node]] = {place: [] for place in self.shown}
+        for start, end in self.edges:
+            found.get((start.element, start.connector), []).append(end)
+        return found
+
+    @cached_property
+    def _parents(self) -> set[Path]:
+        """The components, and the systems around them."""
+        return {place[:depth] for place in self.sources for depth in range(1, len(place) + 1)}
 
 
 def read_structure(root: Element) -> Structure:
@@ -116,6 +147,8 @@ def _read_system(system: Element, here: Path, structure: Structure, dictionaries
         inside[name] = (*here, name)
         if element.tag == tag("ssd:Component"):
             structure.sources[inside[name]] = _source(element, inside[name])
+            if len(structure.sources) > _MOST_COMPONENTS:
+                raise SimulationError(f"its structure has more than {_MOST_COMPONENTS} components; divide it")
             structure.bindings.extend((inside[name], binding) for binding in _bindings(element))
         elif element.tag == tag("ssd:System"):
             _read_system(element, inside[name], structure, dictionaries)

@@ -5,7 +5,8 @@ Outputs are evaluated when they are read, once per change.
 
 pythonfmu's wrapper knows three answers: OK; Discard, from ``do_step`` alone; Fatal, when a method raises, after
 which it goes on with freed objects.  So nothing here raises: what is refused is logged at once, changes nothing,
-and makes the next step Discard with the same message.
+and makes the next step Discard with the same message.  The wrapper answers Discard with the wish to terminate, so that
+importers end there; the log has a step that is refused once more, as long or longer, as an error.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ class Slave(Fmi2Slave):
         self._jumped = False  # something was set since then: the energy may have jumped
         self._evaluated = False  # the outputs belong to all the rest
         self._unusable = ""  # why initialization failed
-        self._refused: dict[int, str] = {}  # by value reference: set calls that the next step answers for
+        self._refused: dict[int, str] = {}  # by value reference: calls that the next step answers for
+        self._discarded = math.nan, math.nan  # from when and how long the last step was that was refused
 
         f = table.functions
         # by value reference; those below the first belong to no Real variable
@@ -84,12 +86,13 @@ class Slave(Fmi2Slave):
 
     # ---- initialization ---------------------------------------------------------------------------------------
 
-    def setup_experiment(
-        self,
-        start_time: float,
-        stop_time: float | None,  # noqa: ARG002
-        tolerance: float | None,
-    ) -> None:
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        self._unusable = ""
+        for word, time in (("start", start_time), ("stop", stop_time or 0.0)):
+            if not math.isfinite(time):
+                self._unusable = f"{word} time = {time:g}: it must be finite"
+                self.log(self._unusable, Fmi2Status.error)
+                return
         self._t[0] = start_time
         self._started = self._evaluated = False
         if tolerance is not None:
@@ -99,6 +102,9 @@ class Slave(Fmi2Slave):
                 self.log(text, Fmi2Status.warning)
 
     def exit_initialization_mode(self) -> None:
+        if self._unusable:  # times that are not finite
+            self._enter(stepping=True)
+            return
         self._initialize()
         self._measure.run()
         self._size[~((self._size > 0) & np.isfinite(self._size))] = 1.0
@@ -132,7 +138,8 @@ class Slave(Fmi2Slave):
                 return entry.violation(value, t)
         if not np.isfinite(self._y).all():
             return "the initial state is not finite"
-        return self._table.failed_condition(t, self._y, self._u, self._k, 0.0, start=True)
+        failed = self._table.failed_condition(t, self._y, self._u, self._k, 0.0, start=True)
+        return failed or ("" if np.isfinite(self._m).all() else "the initial energy is not finite")
 
     def _enter(self, *, stepping: bool) -> None:
         """Enter the phase before the end of initialization, where all can be set, or the one after it."""
@@ -155,10 +162,14 @@ class Slave(Fmi2Slave):
         except BaseException as reason:  # noqa: BLE001 - an interrupt, say; see above
             problem = f"broken off by {reason!r}; the step from t = {current_time:.9g} is taken back"
         if not problem:
+            self._discarded = math.nan, math.nan
             return True
         now[:] = memoryview(before).cast("d")
         self._past[:], self._m[:] = past, memory
-        self.log(problem, Fmi2Status.discard)
+        begin, size = self._discarded
+        again = begin == now[0] and step_size > size * (1 - 1e-9)
+        self._discarded = now[0], step_size
+        self.log(problem, Fmi2Status.error if again else Fmi2Status.discard)
         return False
 
     def _attempt(self, t: float, H: float) -> str:
@@ -170,10 +181,9 @@ class Slave(Fmi2Slave):
             problem = "; ".join(self._refused.values())
             self._refused.clear()
             return problem
-        if not 0 < H < math.inf:
-            return f"step size = {H:g}: it must be > 0 and finite"
-        if not abs(t - now[0]) <= 1e-6 * H + 1e-12 * abs(t):  # rounding of the importer's clock
-            return f"step from t = {t:.15g}: the instance is at t = {now[0]:.15g}"
+        wrong = self._wrong_times(t, H)
+        if wrong:
+            return wrong
         self._warn()
         now[0], self._H_view[0] = t, H
         if self._mode != INTERPOLATE:
@@ -193,6 +203,19 @@ class Slave(Fmi2Slave):
             self._project.run()
             self._y[:] = self._y_jumped
         self._remembered = self._jumped = self._evaluated = False
+        return ""
+
+    def _wrong_times(self, t: float, H: float) -> str:
+        """Why there is no step from t to t + H; empty if there is."""
+        here = self._t[0]
+        if not 0 < H < math.inf:
+            return f"step size = {H:g}: it must be > 0 and finite"
+        if not math.isfinite(t):
+            return f"step from t = {t:g}: it must be finite"
+        if not abs(t - here) <= 1e-6 * H + 1e-12 * abs(t):  # rounding of the importer's clock
+            return f"step from t = {t:.15g}: the instance is at t = {here:.15g}"
+        if not t < t + H < math.inf:
+            return f"step from t = {t:.15g} of size {H:g}: it must end later, at a finite time"
         return ""
 
     def _at_instant(self, end: float) -> float:
@@ -224,11 +247,26 @@ class Slave(Fmi2Slave):
         number = self._number
         try:
             if min(vrs, default=self._first) >= self._first:  # a negative one would be taken from the end
-                return [number[vr] for vr in vrs]
+                values = [number[vr] for vr in vrs]
+                if not math.isfinite(sum(values)):
+                    self._report_infinite(vrs, values)
+                return values
         except IndexError:
             pass
         self.log(f"of the value references {vrs} some belong to no Real variable", Fmi2Status.error)
         return [math.nan] * len(vrs)
+
+    def _report_infinite(self, vrs: list[int], values: list[float]) -> None:
+        """Log the first number that is not finite, if one is; once initialized, the next step answers for it."""
+        found = next(((vr, value) for vr, value in zip(vrs, values, strict=True) if not math.isfinite(value)), None)
+        if found is None or self._unusable:
+            return
+        vr, value = found
+        name = self._table.variables[vr - self._first].name
+        problem = f"{name} = {value:g} at t = {self._t[0]:.9g}: it must be finite; choose other start values or inputs"
+        self.log(problem, Fmi2Status.error)
+        if self._step is not None:
+            self._refused[vr] = problem
 
     def _evaluate(self) -> None:
         self._initialize()
@@ -311,6 +349,7 @@ class Slave(Fmi2Slave):
         for name in _ARRAYS:
             getattr(self, name)[:] = state[name]
         self._refused.clear()
+        self._discarded = math.nan, math.nan
         self._remembered, self._evaluated = True, False
         self._started &= state["stepping"]
         self._enter(stepping=state["stepping"])

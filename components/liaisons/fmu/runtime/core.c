@@ -71,10 +71,23 @@ static void start(Instance *self) {
     self->s->unstarted = 0;
 }
 
-void core_remember(Instance *self) {
+int core_remember(Instance *self) {
     evaluate(self, self->model->remember, self->s->time, self->y, self->dm);
+    if (!all_finite(self->dm, self->model->memory)) return 0;
     memcpy(self->m, self->dm, self->model->memory * sizeof *self->m);
     self->s->jumped = 0;
+    return 1;
+}
+
+int core_because_infinite(Instance *self) {
+    const size_t first = self->model->parameters + self->model->inputs;
+    self->current = 0;
+    evaluate(self, self->model->calculate, self->s->time, self->y, self->z);
+    for (size_t i = 0; i < self->model->outputs; i++)
+        if (!isfinite(self->z[i]))
+            return core_because(self, "%s = %s at t = %.9g: it must be finite", core_name(self, first + i),
+                                core_spelled(self->z[i]), self->s->time);
+    return core_because(self, "an energy at t = %.9g is not finite", self->s->time);
 }
 
 void core_jump(Instance *self) {
@@ -140,6 +153,7 @@ static size_t place_of_state(const Model *model, size_t i, int derivative) {
 }
 
 int core_check_finite(Instance *self, const double *values, int derivatives, double t) {
+    if (all_finite(values, self->model->states)) return 1;
     for (size_t i = 0; i < self->model->states; i++)
         if (!isfinite(values[i]))
             return core_because(self, "%s = %s at t = %.9g: the motion ends there",
@@ -252,6 +266,7 @@ void core_reset(Instance *self) {
     memcpy(self->u, self->set, model->inputs * sizeof *self->u);
     memset(self->warned, 0, model->active_rows);
     self->current = self->apart = self->allowed = 0;
+    self->discarded_from = NAN;
 }
 
 Phase core_phase(const Instance *self) { return (Phase)self->s->phase; }
@@ -260,9 +275,13 @@ Use core_use(const Instance *self) { return self->options.use; }
 
 double core_time(const Instance *self) { return self->s->time; }
 
-Status core_setup(Instance *self, double start_time, double tolerance) {
+Status core_setup(Instance *self, double start_time, const double *stop_time, double tolerance) {
     if (!isfinite(start_time))
         return core_report(self, ERROR, "start time = %s: it must be finite", core_spelled(start_time));
+    if (stop_time != NULL && !isfinite(*stop_time))
+        return core_report(self, ERROR, "stop time = %s: it must be finite", core_spelled(*stop_time));
+    if (stop_time != NULL && *stop_time < start_time)
+        return core_report(self, ERROR, "stop time = %g lies before start time = %g", *stop_time, start_time);
     if (!(tolerance >= 0 && isfinite(tolerance)))
         return core_report(self, ERROR, "tolerance = %g: it must be > 0 and finite", tolerance);
     self->s->time = start_time;
@@ -291,7 +310,8 @@ Status core_exit_initialization(Instance *self) {
     start(self);
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->y, 0, t)
-        || !core_check_conditions(self, t, self->y, self->model->start_conditions))
+        || !core_check_conditions(self, t, self->y, self->model->start_conditions)
+        || (!all_finite(self->m, self->model->memory) && !core_because_infinite(self)))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->text);
     measure(self);
     core_follow(self);
@@ -341,6 +361,24 @@ static int next_run(const Instance *self, Rest *rest, Span *run) {
     return 1;
 }
 
+Status core_refuse_infinite(Instance *self, const unsigned references[], const double *values, size_t count,
+                            const char *what) {
+    const double t = self->s->time;
+    size_t i = 0;
+    while (i + 1 < count && isfinite(values[i])) i++;
+    const double value = values[i];
+    for (; i >= span_of(self, *references).count; references++) i -= span_of(self, *references).count;
+    /* Solvers of importers are told what the standard has for them: they may try a shorter step. */
+    const Status status = self->options.use == USE_MODEL_EXCHANGE ? DISCARD : ERROR;
+    const int unusable = self->s->phase < EVENT
+                         && !(core_check_domains(self, t)
+                              && core_check_conditions(self, t, self->y, self->model->start_conditions));
+    const char *name = core_name(self, span_of(self, *references).first + i);
+    if (unusable) return core_report(self, status, "%s; %s%s = %s", self->text, what, name, core_spelled(value));
+    return core_report(self, status, "%s%s = %s at t = %.9g: it must be finite; choose other start values or inputs",
+                       what, name, core_spelled(value), t);
+}
+
 static void copy(double *to, const double *from, size_t n) {
     if (n == 1) *to = *from; /* less than a call */
     else memcpy(to, from, n * sizeof *to);
@@ -357,15 +395,16 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
             if (place >= self->references) return core_check_references(self, references, n, count);
             if (i < count) values[i] = self->k[place];
         }
-        return n == count ? SUCCESS : core_check_references(self, references, n, count);
+        if (n != count) return core_check_references(self, references, n, count);
+        return all_finite(values, n) ? SUCCESS : core_refuse_infinite(self, references, values, n, "");
     }
-    while (rest.n > 0) {
+    for (double *value = values; rest.n > 0; value += run.count) {
         if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
         if (run.first + run.count > calculated) core_update(self);
-        copy(values, &self->k[run.first], run.count);
-        values += run.count;
+        copy(value, &self->k[run.first], run.count);
     }
-    return rest.count == 0 ? SUCCESS : core_check_references(self, references, n, count);
+    if (rest.count > 0) return core_check_references(self, references, n, count);
+    return all_finite(values, count) ? SUCCESS : core_refuse_infinite(self, references, values, count, "");
 }
 
 static const char FIXED[] = "it is a fixed parameter; set it before initialization ends";
@@ -391,15 +430,6 @@ static Status refuse(const Instance *self, size_t place, Kind kind, double value
 static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
 
 static size_t smaller(size_t a, size_t b) { return a < b ? a : b; }
-
-/* Four at a time, for that is as fast as they can be read: x - x is 0 for finite numbers only. */
-static int all_finite(const double *v, size_t n) {
-    for (; n >= 4; n -= 4, v += 4)
-        if (!(((v[0] - v[0]) + (v[1] - v[1])) + ((v[2] - v[2]) + (v[3] - v[3])) == 0)) return 0;
-    for (; n > 0; n--, v++)
-        if (!isfinite(*v)) return 0;
-    return 1;
-}
 
 static Status check_setting(Instance *self, Span run, const double values[]) {
     const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
@@ -582,9 +612,11 @@ Status core_set_states(Instance *self, const double y[]) {
     return SUCCESS;
 }
 
-void core_get_states(Instance *self, double y[]) {
+Status core_get_states(Instance *self, double y[]) {
     start(self);
+    if (!core_check_finite(self, self->y, 0, self->s->time)) return core_report(self, DISCARD, "%s", self->text);
     memcpy(y, self->y, self->model->states * sizeof *y);
+    return SUCCESS;
 }
 
 Status core_get_derivatives(Instance *self, double f[]) {
@@ -617,20 +649,25 @@ void core_enter_event_mode(Instance *self) {
     self->current = 0;
 }
 
-int core_update_discrete_states(Instance *self, double *next) {
-    const size_t size = self->model->states * sizeof *self->y;
-    int changed = 0;
+Status core_update_discrete_states(Instance *self, int *changed, double *next) {
+    const char *before = (const char *)self->backup + ((const char *)self->y - (const char *)self->s);
+    *changed = 0;
     if (self->s->jumped) {
-        memcpy(self->backup, self->y, size); /* which is long enough, and not in use here */
+        memcpy(self->backup, self->s, self->moving_size);
         core_compare(self);
         core_jump(self);
-        core_remember(self);
+        if (!core_check_finite(self, self->y, 0, self->s->time)
+            || (!core_remember(self) && !core_because_infinite(self))) {
+            memcpy(self->s, self->backup, self->moving_size);
+            self->current = 0;
+            return core_report(self, DISCARD, "%s; set other inputs or states", self->text);
+        }
         core_follow(self);
-        changed = memcmp(self->backup, self->y, size) != 0;
+        *changed = memcmp(before, self->y, self->model->states * sizeof *self->y) != 0;
         self->current = 0;
     }
     *next = core_next_instant(self, self->s->time);
-    return changed;
+    return SUCCESS;
 }
 
 void core_enter_continuous_mode(Instance *self) {

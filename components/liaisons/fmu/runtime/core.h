@@ -145,15 +145,16 @@ void core_reset(Instance *);
 Phase core_phase(const Instance *);
 Use core_use(const Instance *);
 double core_time(const Instance *);
-/* Tolerances from 1e-14 to 1e-2 are kept; 0: the component's own. */
-Status core_setup(Instance *, double start_time, double tolerance);
+/* Without a stop time NULL.  Tolerances from 1e-14 to 1e-2 are kept; 0: the component's own. */
+Status core_setup(Instance *, double start_time, const double *stop_time, double tolerance);
 void core_enter_configuration(Instance *);
 void core_exit_configuration(Instance *);
 void core_enter_initialization(Instance *);
 Status core_exit_initialization(Instance *);
 void core_terminate(Instance *);
 
-/* `count` values of n variables; ERROR if they have more or less numbers. */
+/* `count` values of n variables; ERROR if they have more or less numbers.  What is read has to be finite: a number that
+ * is not is an ERROR, in model exchange DISCARD, and so it is with derivatives. */
 Status core_get(Instance *, const unsigned references[], size_t n, double values[], size_t count);
 Status core_set(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
 /* Settings are "input_reconstruction", where there are inputs, and "symplectic_steps", where there are states. */
@@ -181,21 +182,23 @@ Status core_set_input_derivatives(Instance *, const unsigned references[], size_
 Status core_output_derivatives(Instance *, const unsigned references[], size_t n, double values[], size_t count);
 /* What inputs are at the time that is asked for; an input that is given at all of these follows their polynomial. */
 Status core_give(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
+/* A step that is refused is taken back: DISCARD if a shorter one would not be, and is not one that was discarded just
+ * before from the same time as long or shorter; else ERROR.  So an importer that tries the same again comes to an end. */
 Status core_step(Instance *, double time, double size, Arrival *arrival);
 void core_enter_step_mode(Instance *);
 
 /* model exchange */
 Status core_set_time(Instance *, double time);
 Status core_set_states(Instance *, const double y[]);
-void core_get_states(Instance *, double y[]);
+Status core_get_states(Instance *, double y[]);
 Status core_get_derivatives(Instance *, double f[]);
 void core_get_nominals(Instance *, double sizes[]);
 void core_enter_continuous_mode(Instance *);
 
 /* both, where events are used */
 void core_enter_event_mode(Instance *);
-/* Book what a jump of the inputs brought in; returns whether states changed.  *next: next time event, or INFINITY. */
-int core_update_discrete_states(Instance *, double *next);
+/* Book what a jump of the inputs brought in, if it is finite; *changed: states have.  *next: time event, or INFINITY. */
+Status core_update_discrete_states(Instance *, int *changed, double *next);
 
 /* saved states: plain bytes, valid in any process */
 size_t core_state_size(const Instance *);

@@ -94,12 +94,6 @@ static int calculated(const Instance *self, size_t place) {
     return place >= self->model->parameters + self->model->inputs && place < self->places;
 }
 
-static int all_finite(const double *values, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(values[i])) return 0;
-    return 1;
-}
-
 static Status check(Instance *self, const unsigned unknowns[], size_t unknown_count, size_t unknown_numbers,
                     const unsigned knowns[], size_t known_count, size_t known_numbers) {
     if (core_check_references(self, knowns, known_count, known_numbers) != SUCCESS
@@ -138,12 +132,14 @@ Status core_directional_derivative(Instance *self, const unsigned unknowns[], si
         direction += span.count;
     }
     forward(self, self->s->phase == CONTINUOUS);
+    double *next = result;
     for (size_t i = 0; i < unknown_count; i++) {
         const Span span = span_of(self, unknowns[i]);
-        memcpy(result, unknown(self, span.first), span.count * sizeof *result);
-        result += span.count;
+        memcpy(next, unknown(self, span.first), span.count * sizeof *next);
+        next += span.count;
     }
-    return SUCCESS;
+    if (all_finite(result, result_count)) return SUCCESS;
+    return core_refuse_infinite(self, unknowns, result, result_count, "derivative of ");
 }
 
 Status core_adjoint_derivative(Instance *self, const unsigned unknowns[], size_t unknown_count, const unsigned knowns[],
@@ -159,12 +155,14 @@ Status core_adjoint_derivative(Instance *self, const unsigned unknowns[], size_t
         weights += span.count;
     }
     backward(self, self->s->phase == CONTINUOUS);
+    double *next = result;
     for (size_t i = 0; i < known_count; i++) {
         const Span span = span_of(self, knowns[i]);
-        memcpy(result, known(self, knowns[i]), span.count * sizeof *result);
-        result += span.count;
+        memcpy(next, known(self, knowns[i]), span.count * sizeof *next);
+        next += span.count;
     }
-    return SUCCESS;
+    if (all_finite(result, result_count)) return SUCCESS;
+    return core_refuse_infinite(self, knowns, result, result_count, "derivative by ");
 }
 
 /* ---- rates of the outputs ---------------------------------------------------------------------------------- */
@@ -187,10 +185,12 @@ Status core_output_derivatives(Instance *self, const unsigned references[], size
     for (size_t i = 0; i < model->inputs && self->s->expanded; i++)
         if (self->taylor[i * COEFFICIENTS] != 0) self->du[i] = self->taylor[i * COEFFICIENTS + 1];
     forward(self, 1);
+    double *next = values;
     for (size_t i = 0; i < n; i++) {
         const Span span = span_of(self, references[i]);
-        memcpy(values, unknown(self, span.first), span.count * sizeof *values);
-        values += span.count;
+        memcpy(next, unknown(self, span.first), span.count * sizeof *next);
+        next += span.count;
     }
-    return SUCCESS;
+    if (all_finite(values, count)) return SUCCESS;
+    return core_refuse_infinite(self, references, values, count, "derivative by time of ");
 }

@@ -18,7 +18,8 @@ struct Face { /* the first member of what an importer's handle points to */
     int has_starts;          /* the file must be there: this is a copy of the FMU that is known by them */
 };
 
-enum { REFUSALS = 1 << ERROR, EVERYTHING = 1 << WARNING | 1 << DISCARD | 1 << ERROR };
+/* What was refused is always said: the status alone tells nobody what to change. */
+enum { REFUSALS = 1 << DISCARD | 1 << ERROR, EVERYTHING = 1 << WARNING | 1 << DISCARD | 1 << ERROR };
 
 /* A copy of a handle, which is `size` bytes from `face` on, with a new instance.  NULL if that cannot be had, which is
  * reported.  `resources` is the path of the directory with the FMU's resources, or NULL. */

@@ -65,7 +65,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                  .environment = functions->componentEnvironment,
                  .write = functions->logger ? write : NULL,
                  .marks = "%#", /* some importers print the text with printf, and references #r1# are replaced */
-                 .always = 1 << DISCARD | 1 << ERROR, /* what was refused is always said */
+                 .always = REFUSALS,
                  .logged = logging ? EVERYTHING : 0},
         .logger = functions->logger,
     };
@@ -84,9 +84,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean logging, siz
 fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
                                fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop) {
     ENTER(INSTANTIATED);
-    if (stop_defined && !(stop >= start))
-        return (fmi2Status)core_report(core, ERROR, "stop time = %g lies before start time = %g", stop, start);
-    return (fmi2Status)core_setup(core, start, tolerance_defined ? tolerance : 0);
+    return (fmi2Status)core_setup(core, start, stop_defined ? &stop : NULL, tolerance_defined ? tolerance : 0);
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component component) {
@@ -328,14 +326,16 @@ fmi2Status fmi2EnterEventMode(fmi2Component component) {
 fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info) {
     ENTER(EVENT);
     NEED(info);
-    double next;
+    double next = INFINITY;
+    int changed = 0;
+    const Status status = core_update_discrete_states(core, &changed, &next);
     info->newDiscreteStatesNeeded = fmi2False;
     info->terminateSimulation = fmi2False;
     info->nominalsOfContinuousStatesChanged = fmi2False;
-    info->valuesOfContinuousStatesChanged = core_update_discrete_states(core, &next) ? fmi2True : fmi2False;
+    info->valuesOfContinuousStatesChanged = changed ? fmi2True : fmi2False;
     info->nextEventTimeDefined = next < INFINITY ? fmi2True : fmi2False;
     info->nextEventTime = next;
-    return fmi2OK;
+    return (fmi2Status)status;
 }
 
 fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component) {
@@ -373,8 +373,7 @@ fmi2Status fmi2GetContinuousStates(fmi2Component component, fmi2Real states[], s
     if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi2Error;
     if (n == 0) return fmi2OK;
     NEED(states);
-    core_get_states(core, states);
-    return fmi2OK;
+    return (fmi2Status)core_get_states(core, states);
 }
 
 fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real derivatives[], size_t n) {

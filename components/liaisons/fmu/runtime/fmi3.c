@@ -172,9 +172,8 @@ fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
     ENTER(INSTANTIATED);
-    if (stop_defined && !(stop >= start))
-        return (fmi3Status)core_report(core, ERROR, "stop time = %g lies before start time = %g", stop, start);
-    if (core_setup(core, start, tolerance_defined ? tolerance : 0) != SUCCESS) return fmi3Error;
+    if (core_setup(core, start, stop_defined ? &stop : NULL, tolerance_defined ? tolerance : 0) != SUCCESS)
+        return fmi3Error;
     fmu->stop = stop_defined ? stop : INFINITY;
     core_enter_initialization(core);
     return fmi3OK;
@@ -205,9 +204,12 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *need_upd
     *need_update = fmi3False;
     *terminate = fmi3False;
     *nominals_changed = fmi3False;
-    *states_changed = core_update_discrete_states(core, next_time) != 0;
+    int changed = 0;
+    *next_time = INFINITY;
+    const Status status = core_update_discrete_states(core, &changed, next_time);
+    *states_changed = changed != 0;
     *time_defined = *next_time < INFINITY;
-    return fmi3OK;
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
@@ -572,8 +574,7 @@ fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], 
     if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(states);
-    core_get_states(core, states);
-    return fmi3OK;
+    return (fmi3Status)core_get_states(core, states);
 }
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t n) {

@@ -89,6 +89,9 @@ struct Instance {
     size_t prescribed_count;
     char *warned;
     char text[TEXT];          /* why the present call fails */
+    int curable;              /* the present step fails, and a shorter one would not */
+    /* The last step that was discarded; from NAN there was none since a step, a reset, a saved state led elsewhere. */
+    double discarded_from, discarded_size;
     char *name;               /* of a number that is named in a message */
 
     double dt, *dy, *du, *dk, *dm, *dz; /* directions or weights */
@@ -135,6 +138,22 @@ int core_check_conditions(Instance *, double t, const double *y, size_t count);
 /* States, or with `derivatives` those. */
 int core_check_finite(Instance *, const double *values, int derivatives, double t);
 
+/* Four at a time, for that is as fast as they can be read: x - x is 0 for finite numbers only. */
+static inline int all_finite(const double *v, size_t n) {
+    for (; n >= 4; n -= 4, v += 4)
+        if (!(((v[0] - v[0]) + (v[1] - v[1])) + ((v[2] - v[2]) + (v[3] - v[3])) == 0)) return 0;
+    for (; n > 0; n--, v++)
+        if (!isfinite(*v)) return 0;
+    return 1;
+}
+
+/* Report the first of these variables whose number is not finite; `what` it is of them. */
+Status core_refuse_infinite(Instance *, const unsigned references[], const double *values, size_t count,
+                            const char *what);
+
+/* 0: the first of the calculated variables that is not finite. */
+int core_because_infinite(Instance *);
+
 /* A number that is not finite, alike on all platforms. */
 const char *core_spelled(double value);
 
@@ -152,7 +171,8 @@ void core_leap(Instance *);         /* move the states along with jumps */
 /* ---- generated functions ---- */
 
 void core_update(Instance *);   /* z at the present time */
-void core_remember(Instance *); /* m */
+/* m; 0 if it would not be finite, which leaves it. */
+int core_remember(Instance *);
 void core_jump(Instance *);     /* the inputs have jumped: states that an impulse changes, say the work done */
 /* The first instant after t at which the component is not smooth. */
 double core_next_instant(Instance *, double t);

@@ -24,7 +24,7 @@ void core_find_prescribed(Instance *self) {
         for (size_t i = 0; i < at->count; i++, p++)
             *p = (Prescribed){at->value + i, at->rate + i, at->acceleration + i,
                               at->mismatch == NO_MISMATCH ? NULL : &self->m[(size_t)at->mismatch + i],
-                              &self->past[p - self->prescribed], &self->warned[at - model->active]};
+                              &self->past[p - self->prescribed], &self->warned[at - model->active], 0, 0, 0};
 }
 
 /* ---- from one communication point to the next -------------------------------------------------------------- */

@@ -186,5 +186,6 @@ Status core_restore(Instance *self, const void *bytes, size_t size) {
     if (self->s->phase < EVENT) self->s->unstarted = 1; /* states and memory that were not checked are not used */
     self->current = self->allowed = 0;
     self->apart = 1;
+    self->discarded_from = NAN;
     return SUCCESS;
 }

@@ -96,7 +96,8 @@ static void reconstruct(Instance *self, double H) {
         if (set[i] != u[i]) polynomial(self, i)[1] = set[i] - u[i];
     for (const Active *at = model->active; at < model->active + model->active_rows && mode != HOLD; at++)
         for (size_t i = 0; i < at->count; i++)
-            reconstruct_active(self, (Active){at->value + i, at->rate + i, at->acceleration + i, 1}, H);
+            reconstruct_active(self, (Active){at->value + i, at->rate + i, at->acceleration + i, 1, NO_MISMATCH},
+                               H);
     for (size_t i = 0; i < model->inputs && mode != INTERPOLATE && self->s->expanded; i++) {
         const double *taylor = &self->taylor[i * COEFFICIENTS];
         if (taylor[0] == 0) continue;
@@ -175,12 +176,18 @@ static void ask(Instance *self, double time, double H) {
     }
 }
 
+/* What an input is when the part x of the step has passed. */
+static inline double input_at(const Mover *mover, double x) {
+    double value = mover->c[mover->degree];
+    for (int j = mover->degree - 1; j >= 0; j--) value = mover->c[j] + x * value;
+    return value;
+}
+
 /* u at a time inside the step; 0 if one leaves its domain. */
 static int move_inputs(Instance *self, double t) {
     const double x = t / self->step_size;
     for (const Mover *mover = self->movers; mover < self->movers + self->moving; mover++) {
-        double value = mover->c[mover->degree];
-        for (int j = mover->degree - 1; j >= 0; j--) value = mover->c[j] + x * value;
+        const double value = input_at(mover, x);
         self->u[mover->place] = value;
         if (!allows(mover->variable, value))
             return core_outside(self, self->model->parameters + mover->place, value, self->step_start + t);
@@ -249,6 +256,10 @@ static int explain_stuck(Instance *self, double t) {
         if (self->condition[i] < 1e-3) /* distances from a singularity, of order 1 elsewhere */
             return core_because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], time,
                                 self->condition[i]);
+    /* A number that overflows as soon as the states move. */
+    for (size_t i = 0; i < model->states; i++) self->work[i] = self->y[i] + 1e-9 * self->step_size * self->dy[i];
+    evaluate(self, derivatives_of(model), time, self->work, self->ey);
+    if (!core_check_finite(self, self->ey, 1, time)) return 0;
     /* An input that is about to leave its domain, where a singularity lies as a rule. */
     for (double ahead = 1e-12; ahead < 1e-2; ahead *= 10)
         if (!move_inputs(self, t + ahead * self->step_size)) return 0;
@@ -269,6 +280,37 @@ static void pass_instant(Instance *self, double time) {
     memcpy(self->y, self->dy, model->states * sizeof *self->y);
 }
 
+/* From t to the end, in a communication step of a size. */
+static Outcome solve(Instance *self, const Problem *problem, double *t, double end, double size) {
+    if (self->s->symplectic_steps == 0)
+        return solver_advance(problem, t, end, self->y, self->low, &self->s->step, self->work);
+    return symplectic_advance(problem, t, end, size / self->s->symplectic_steps, self->y, self->low, self->history,
+                              &self->s->known, self->work);
+}
+
+static Signal accept_all(void *context, double t, double y[]) {
+    (void)context;
+    (void)t;
+    (void)y;
+    return GO_ON;
+}
+
+/* Whether a step that is much shorter leads anywhere, where this one has led nowhere; spoils the states. */
+static int shorter_leads_on(Instance *self, const Problem *problem) {
+    Problem trial = *problem;
+    char reason[TEXT];
+    double t = 0;
+    memcpy(reason, self->text, sizeof reason);
+    trial.accept = accept_all; /* the importer is not told */
+    for (double size = 1e-3 * self->step_size; t == 0 && size > 1e-13 * self->step_size; size *= 1e-3) {
+        self->s->step = 0;
+        self->s->known = 0;
+        solve(self, &trial, &t, size, size);
+    }
+    memcpy(self->text, reason, sizeof reason);
+    return t > 0;
+}
+
 /* The states from the start of the step to where it leads, event by event. */
 static int move_states(Instance *self) {
     const double start = self->step_start;
@@ -280,20 +322,25 @@ static int move_states(Instance *self) {
         if (t == end) event = core_next_instant(self, event);
         self->s->limit = event;
         end = event < start + self->reach ? event - start : self->reach;
-        switch (self->s->symplectic_steps == 0
-                    ? solver_advance(&problem, &t, end, self->y, self->low, &self->s->step, self->work)
-                    : symplectic_advance(&problem, &t, end, self->step_size / self->s->symplectic_steps, self->y,
-                                         self->low, self->history, &self->s->known, self->work)) {
+        switch (solve(self, &problem, &t, end, self->step_size)) {
         case STOPPED:
-            if (!self->returning) return 0;
+            if (!self->returning) {
+                self->curable = t > 0 || shorter_leads_on(self, &problem);
+                return 0;
+            }
             self->returning = 0;
             break;
-        case STUCK: return explain_stuck(self, t);
+        case STUCK:
+            explain_stuck(self, t);
+            self->curable = t > 0 || shorter_leads_on(self, &problem);
+            return 0;
         case EXHAUSTED:
+            self->curable = t > 0;
             return core_because(self, "%d solver steps lead no further than t = %.9g: something moves very fast",
                                 MOST_STEPS, start + t);
         case REACHED:
             if (t == self->reach) break;
+            self->curable = 1;
             if (!move_inputs(self, t)) return 0;
             pass_instant(self, event);
             break;
@@ -307,6 +354,23 @@ static int move_states(Instance *self) {
 /* A time, moved onto an instant that it means and misses by rounding: 3 * 0.3 is not 0.9. */
 static double snapped(double instant, double t) { return fabs(instant - t) <= 1e-12 * (1 + fabs(t)) ? instant : t; }
 
+/* Whether inputs that move stay in their domains for a while. */
+static int movers_begin_well(const Instance *self) {
+    for (const Mover *mover = self->movers; mover < self->movers + self->moving; mover++)
+        if (!allows(mover->variable, input_at(mover, 1e-9))) return 0;
+    return 1;
+}
+
+/* Whether parameters, and inputs as they are now, are in their domains. */
+static int begins_well(const Instance *self) {
+    const Model *model = self->model;
+    const size_t first = model->parameters, end = first + model->inputs;
+    for (const Variable *variable = model->variables; variable->first < end; variable++)
+        for (size_t i = variable->first; i < variable->first + variable->count && *variable->domain != '\0'; i++)
+            if (!allows(variable, i < first ? self->k[i] : self->u[i - first])) return 0;
+    return 1;
+}
+
 static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
@@ -318,14 +382,21 @@ static int advance(Instance *self, double time, double size) {
     self->returning = 0;
     self->s->time = time;
     self->s->limit = INFINITY;
-    if (!core_check_domains(self, interpolating ? end : time)) return 0;
+    self->curable = 0;
+    if (!core_check_domains(self, interpolating ? end : time)) {
+        self->curable = interpolating && begins_well(self); /* values nearer to the present ones may do */
+        return 0;
+    }
     if (!interpolating && self->apart && memcmp(self->u, self->set, inputs_size) != 0) {
         memcpy(self->u, self->set, inputs_size);
         self->s->jumped = 1;
     }
     if (interpolating) core_compare_ends(self);
     else core_compare(self);
-    if (self->s->jumped) core_jump(self);
+    if (self->s->jumped) {
+        core_jump(self);
+        if (!core_check_finite(self, self->y, 0, time)) return 0;
+    }
     core_depart(self);
     reconstruct(self, size);
     if (self->options.ask != NULL) ask(self, time, size);
@@ -335,11 +406,10 @@ static int advance(Instance *self, double time, double size) {
     if (self->model->states > 0 && !move_states(self)) return 0;
     if (interpolating && self->reach == size)
         memcpy(self->u, self->set, inputs_size);
-    else if (!move_inputs(self, self->reach))
+    else if (!move_inputs(self, self->reach)) {
+        self->curable = movers_begin_well(self);
         return 0;
-    if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
-    self->s->expanded = 0;
-    self->apart = self->moving > 0;
+    }
     self->s->time = snapped(instant, self->reach == size ? end : time + self->reach);
     /* At an event that the importer handles, all is taken from its left until it does. */
     self->s->limit = with_events && self->s->time == instant ? instant : INFINITY;
@@ -347,23 +417,40 @@ static int advance(Instance *self, double time, double size) {
         && core_next_instant(self, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
     core_arrive(self);
-    core_remember(self);
+    self->curable = self->model->states > 0;
+    if (!core_check_finite(self, self->y, 0, self->s->time)) return 0;
+    if (!core_remember(self)) return core_because_infinite(self);
+    if (self->s->expanded) memset(self->taylor, 0, COEFFICIENTS * inputs_size);
+    self->s->expanded = 0;
+    self->apart = self->moving > 0;
     return 1;
 }
 
 Status core_step(Instance *self, double time, double size, Arrival *arrival) {
     if (!(size > 0 && isfinite(size)))
         return core_report(self, ERROR, "step size = %g: it must be > 0 and finite", size);
+    if (!isfinite(time)) return core_report(self, ERROR, "step from t = %s: it must be finite", core_spelled(time));
+    if (!isfinite(time + size))
+        return core_report(self, ERROR, "step from t = %.15g of size %g: it must end at a finite time", time, size);
     if (!(fabs(time - self->s->time) <= 1e-6 * size + 1e-12 * fabs(time))) /* rounding of the importer's clock */
         return core_report(self, ERROR, "step from t = %.15g: the instance is at t = %.15g", time, self->s->time);
+    if (!(time + size > time))
+        return core_report(self, ERROR, "step size = %g: it is too small to lead on from t = %.15g", size, time);
     core_warn(self);
     memcpy(self->backup, self->s, self->moving_size);
     if (advance(self, time, size)) {
         self->current = 0;
+        self->discarded_from = NAN;
         *arrival = (Arrival){self->s->time, self->reach < size, self->s->time == self->s->limit};
         return SUCCESS;
     }
     memcpy(self->s, self->backup, self->moving_size);
     self->current = 0;
-    return core_report(self, DISCARD, "%s; the step from t = %.9g is taken back", self->text, time);
+    const int again = self->s->time == self->discarded_from && size > self->discarded_size * (1 - 1e-9);
+    const Status status = self->curable && !again ? DISCARD : ERROR;
+    if (status == DISCARD) {
+        self->discarded_from = self->s->time;
+        self->discarded_size = size;
+    }
+    return core_report(self, status, "%s; the step from t = %.9g is taken back", self->text, time);
 }

@@ -1,0 +1,91 @@
+"""Text for terminals and pipes of any encoding: what they cannot show is written in ASCII."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import sys
+import unicodedata
+
+_HANDLER = "liaisons.ascii"
+_USUAL = {"strict", "surrogateescape", "backslashreplace"}
+"""What Python does unless the user has asked for something else, as in ``PYTHONIOENCODING=cp1252:replace``."""
+
+_SIGNS = {
+    "·": "*",
+    "×": "x",
+    "√": "sqrt",
+    "∂": "d",
+    "∇": "grad",
+    "Σ": "sum",
+    "∑": "sum",
+    "∫": "int",
+    "∮": "int",
+    "∞": "inf",
+    "→": "->",
+    "←": "<-",
+    "↔": "<->",
+    "⇒": "=>",
+    "≤": "<=",
+    "≥": ">=",
+    "≠": "!=",
+    "≈": "~",
+    "∝": "~",
+    "±": "+-",
+    "∓": "-+",
+    "≪": "<<",
+    "≫": ">>",
+    "⁄": "/",
+    "−": "-",
+    "–": "-",
+    "—": "-",
+    "‘": "'",
+    "’": "'",
+    "′": "'",
+    "“": '"',
+    "”": '"',
+    "∧": "^",
+    "⊗": "x",
+    "°": " deg",
+    "λ": "lambda",  # Unicode says lamda
+    "Λ": "Lambda",
+    "ς": "sigma",
+    "ϑ": "theta",
+    "ϕ": "phi",
+    "ø": "o",
+    "Ø": "O",
+    "ß": "ss",
+}
+
+
+def tolerate_encodings() -> None:
+    """Have the standard streams write ``sigma`` where they cannot write σ, instead of failing."""
+    codecs.register_error(_HANDLER, _written)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in _USUAL:
+            stream.reconfigure(errors=_HANDLER)
+
+
+def in_ascii(text: str) -> str:
+    """Text without anything but ASCII: ``φ² ≤ 2π`` is ``phi2 <= 2pi``; what has no such name is a question mark."""
+    return "".join(character if character.isascii() else _one(character) for character in text)
+
+
+def _written(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return in_ascii(error.object[error.start : error.end]), error.end
+
+
+def _one(character: str) -> str:
+    if character in _SIGNS:
+        return _SIGNS[character]
+    plain = unicodedata.normalize("NFKD", character)
+    if plain != character:
+        return "".join(part for part in in_ascii(plain) if part.isascii())
+    if unicodedata.combining(character):
+        return ""
+    kind, _, letter = unicodedata.name(character, "").partition(" LETTER ")
+    if kind in {"GREEK SMALL", "GREEK CAPITAL"} and letter.isalpha():
+        return letter.lower() if kind == "GREEK SMALL" else letter.capitalize()
+    return "?"

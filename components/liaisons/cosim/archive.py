@@ -1,0 +1,187 @@
+"""FMU and SSP archives, opened with care: what is wrong with one is said before anything of it is unpacked."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import stat
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path, PurePosixPath
+from typing import IO, final
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
+
+from liaisons.errors import LiaisonsError, SimulationError
+
+UNPACKED_LIMIT = 2**30
+"""So many bytes an archive may have unpacked, the FMUs in an SSP archive included, unless more is allowed."""
+
+LIMIT_VARIABLE = "LIAISONS_UNPACKED_LIMIT"
+"""The environment variable that allows another number of bytes; processes that are started inherit it."""
+
+_MOST_MEMBERS = 50_000
+_LONGEST_DIRECTORY = 2**24  # bytes; Python makes objects of all of it before it can be asked anything
+_PORTION = 2**20
+_DAMAGE = (BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, struct.error, OverflowError)
+"""What Python raises in the middle of a damaged file."""
+
+
+def unpacked_limit() -> int:
+    """How many bytes an archive may have unpacked.
+
+    :raises SimulationError: if :data:`LIMIT_VARIABLE` is no such number.
+    """
+    text = os.environ.get(LIMIT_VARIABLE)
+    if text is None:
+        return UNPACKED_LIMIT
+    try:
+        value = float(text)
+        if not value >= 1:
+            raise ValueError
+        return int(value)
+    except (ValueError, OverflowError):
+        raise SimulationError(f"{LIMIT_VARIABLE} = {text!r}: give a number of bytes, for example 4e9") from None
+
+
+def too_big(what: str, size: int) -> SimulationError:
+    """The error for what exceeds the limit."""
+    return SimulationError(
+        f"{what} takes {size} bytes unpacked, more than the limit of {unpacked_limit()}; if you trust it, raise the "
+        f"limit by --unpacked-limit or {LIMIT_VARIABLE}"
+    )
+
+
+def plain_file(path: Path) -> os.stat_result:
+    """Look whether there is a file at all.
+
+    :raises SimulationError: if there is none, or it cannot be looked at.
+    """
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        raise SimulationError(f"{path}: no such file; check the path, or build it with 'liaisons build'") from None
+    except (OSError, ValueError) as error:  # ValueError: a path that no system can have
+        raise SimulationError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    if not stat.S_ISREG(status.st_mode):
+        what = "a directory" if stat.S_ISDIR(status.st_mode) else "no plain file"
+        raise SimulationError(f"{path}: is {what}, not an archive; check the path, or build it with 'liaisons build'")
+    return status
+
+
+@final
+class Archive:
+    """An open archive, a context manager.
+
+    :ivar names: its files.
+    :ivar size: bytes that all of them take unpacked.  A file that gives more than the directory says is damaged.
+    :raises SimulationError: if it is missing, damaged, encrypted or too big, or has names that lead out of a folder,
+        links, files twice, or a compression that FMI and SSP do not know; one line that names it.  So do all methods.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        plain_file(path)
+        with ExitStack() as stack, self._reading(Exception):  # whatever Python stumbles over in a file of others
+            self._zip = stack.enter_context(ZipFile(stack.enter_context(_Portions(path))))
+            self._members = self._checked()
+            self.names = [name for name in self._members if not name.endswith("/")]
+            self.size = sum(member.file_size for member in self._members.values())
+            if self.size > unpacked_limit():
+                raise too_big(str(path), self.size)
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Archive:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    @contextmanager
+    def open(self, name: str) -> Iterator[IO[bytes]]:
+        """Open a file of the archive."""
+        with self._reading(*_DAMAGE), self._zip.open(self._members[name]) as file:
+            yield file
+
+    def size_of(self, name: str) -> int:
+        """Bytes that a file takes unpacked."""
+        return self._members[name].file_size
+
+    def copy(self, name: str, target: Path) -> None:
+        """Copy a file out of the archive."""
+        with self.open(name) as file:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("wb") as out:
+                shutil.copyfileobj(file, out, _PORTION)
+
+    def extract(self, folder: Path, without: tuple[str, ...] = ()) -> Path:
+        """Extract everything but what begins with one of these words.
+
+        :returns: the folder.
+        """
+        for name in self._members:
+            if name.endswith("/"):
+                with self._reading():
+                    (folder / name).mkdir(parents=True, exist_ok=True)
+            elif not name.startswith(without):
+                self.copy(name, folder / name)
+        return folder
+
+    @contextmanager
+    def _reading(self, *damage: type[Exception]) -> Iterator[None]:
+        """One line for what goes wrong with the file."""
+        try:
+            yield
+        except LiaisonsError:
+            raise
+        except OSError as error:
+            raise SimulationError(f"{self.path}: cannot be read or unpacked: {error.strerror or error}") from None
+        except damage as error:
+            kind = "damaged" if "CRC" in str(error) else "truncated, damaged, or no archive at all"
+            raise SimulationError(f"{self.path}: {kind} ({error}); build or copy it again") from None
+
+    def _checked(self) -> dict[str, ZipInfo]:
+        found: dict[str, ZipInfo] = {}
+        listed = self._zip.infolist()
+        if len(listed) > _MOST_MEMBERS:
+            raise SimulationError(f"{self.path}: has {len(listed)} files inside; no more than {_MOST_MEMBERS} are read")
+        for member in listed:
+            reason = _objection(member)
+            if member.filename in found and not member.is_dir():
+                reason = "is there twice"
+            if reason:
+                raise SimulationError(f"{self.path}: {_short(member.orig_filename)} inside {reason}; export it anew")
+            found[member.filename] = member
+        return found
+
+
+@final
+class _Portions(io.FileIO):
+    """A file that is read in portions only: an endless directory is not taken into memory as a whole."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is not None and size > _LONGEST_DIRECTORY:
+            raise BadZipFile(f"a directory of {size} bytes")
+        return super().read(size) or b""
+
+
+def _objection(member: ZipInfo) -> str:
+    """What is wrong with a member; empty if nothing is."""
+    name = member.orig_filename
+    if not name or "\0" in name:
+        return "is no name of a file"
+    if "\\" in name or ":" in name or name.startswith("/") or ".." in PurePosixPath(name).parts:
+        return "would lie outside the folder that it is unpacked to"
+    if stat.S_ISLNK(member.external_attr >> 16):
+        return "is a symbolic link"
+    if member.flag_bits & 0x1:
+        return "is encrypted"
+    if member.compress_type not in {ZIP_STORED, ZIP_DEFLATED}:
+        return f"is compressed by method {member.compress_type}, where FMI and SSP know 0 (none) and 8 (deflate) only"
+    return ""
+
+
+def _short(name: str) -> str:
+    return repr(name if len(name) <= 80 else f"{name[:77]}...")

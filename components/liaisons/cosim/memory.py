@@ -1,0 +1,49 @@
+"""How much memory a recording takes, estimated before anything is stored."""
+
+from __future__ import annotations
+
+import os
+import re
+from contextlib import suppress
+from pathlib import Path
+
+from liaisons.errors import SimulationError
+
+_POINT, _SIGNAL = 40, 16
+"""Bytes that a communication point takes, and each signal at it: on the bus's rows and in the result."""
+_ALWAYS_FREE = 1e8
+"""Bytes for which nobody is asked."""
+
+
+def check_memory(start_time: float, stop_time: float, step_size: float, signals: int) -> None:
+    """Whether the recording of so many signals fits into the memory that is free.
+
+    :raises SimulationError: if not; says what would be stored and how to store less.
+    """
+    points = (stop_time - start_time) / step_size + 1
+    needed = points * (_POINT + _SIGNAL * signals)
+    if needed > _ALWAYS_FREE and needed > (free := _free()):
+        raise SimulationError(
+            f"steps of {step_size:g} s from {start_time:g} to {stop_time:g} s are {points:.3g} points, and "
+            f"{signals} signal{'s' * (signals != 1)} at each of them {_shown(needed)} where {_shown(free)} of memory "
+            "are free: store less by larger steps, an earlier end, or fewer signals to record"
+        )
+
+
+def _free() -> float:
+    """Memory [B] that can be taken now, where the system says it; else all that it has; else what most have."""
+    with suppress(OSError, AttributeError, TypeError):  # Linux
+        return 1024.0 * int(re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text())[1])  # type: ignore[index]
+    with suppress(OSError, AttributeError, ValueError):  # macOS
+        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+    return 8e9
+
+
+def _shown(size: float) -> str:
+    power = 0
+    while size >= 1000 and power < len(_PREFIXES) - 1:
+        size, power = size / 1000, power + 1
+    return f"{size:.3g} {_PREFIXES[power]}B"
+
+
+_PREFIXES = ["", "k", "M", "G", "T", "P", "E", "Z"]

@@ -1,0 +1,126 @@
+"""Commands and lines of Python that README and CONTRIBUTING show, and the places where they are tried."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import venv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+_PROGRAMS = r"(?:\.venv/bin/)?(?:liaisons|pip|python|pytest|py|lint-imports)\b(?: [^`]*)?|\. \.venv/bin/activate"
+
+
+def blocks(document: str, language: str) -> list[str]:
+    """The fenced blocks of a document in one language."""
+    text = (ROOT / document).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+def inline(document: str) -> list[str]:
+    """What stands between backquotes in the running text, without repetitions."""
+    text = re.sub(r"^```.*?^```", "", (ROOT / document).read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return list(dict.fromkeys(" ".join(code.split()) for code in re.findall(r"`([^`]+)`", text)))
+
+
+def inline_commands(document: str) -> list[str]:
+    """The commands among them; a bare program is only mentioned."""
+    found = [code for code in inline(document) if re.fullmatch(_PROGRAMS, code)]
+    return [code for code in found if code not in {"liaisons", "python", "pip", "pytest"}]
+
+
+def inline_python(document: str) -> list[str]:
+    """The calls among them, of what the blocks define."""
+    return [code for code in inline(document) if re.fullmatch(r"(system|System|result|liaisons)\.\w+\(.*\)", code)]
+
+
+def console(document: str) -> list[tuple[str, str]]:
+    """Commands of its console blocks, without remarks, and what they are to print (nothing: anything)."""
+    found: list[tuple[str, str]] = []
+    for part in re.split(r"^\$ ", "".join(blocks(document, "console")), flags=re.MULTILINE)[1:]:
+        line, _, printed = part.partition("\n")
+        found.append((line.partition(" # ")[0].strip(), printed))
+    return found
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder with an environment of its own, in which commands run as a user types them."""
+
+    folder: Path
+    environment: Mapping[str, str]
+
+    def run(self, command: str | Sequence[str | Path]) -> subprocess.CompletedProcess[str]:
+        """Run a command line of a shell, or words."""
+        shell = isinstance(command, str)
+        return subprocess.run(
+            ["bash", "-c", command] if shell else list(command),
+            cwd=self.folder,
+            env=dict(self.environment),
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            check=False,
+        )
+
+    def runs(self, command: str | Sequence[str | Path]) -> str:
+        """Run it and expect that it does; what it prints."""
+        done = self.run(command)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        return done.stdout
+
+
+def see_packages(environment: Path) -> None:
+    """Let an environment see what is installed here, but not the package itself."""
+    (folder,) = (environment / "lib").glob("python*/site-packages")
+    here = [entry for entry in sys.path if entry and any(Path(entry).glob("*.dist-info"))]
+    (folder / "shared.pth").write_text("\n".join(here))
+
+
+def clone(folder: Path) -> Place:
+    """The files of the repository, without what was built; its environment is for the README to make."""
+
+    def left_out(place: str, names: list[str]) -> list[str]:
+        top = Path(place) == ROOT
+        return [
+            name
+            for name in names
+            if (name.startswith(".") and name != ".ci") or name == "__pycache__" or name.endswith(".fmu")
+            or (top and name in {"dist", "build"}) or (Path(place).name == "scenarios" and name == "figures")
+        ]  # fmt: skip
+
+    shutil.copytree(ROOT, folder, ignore=left_out)
+    return Place(folder, _environment(folder / ".venv"))
+
+
+def wheel(folder: Path) -> Path:
+    """The package as others install it."""
+    words = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*words, "--wheel-dir", folder, ROOT], check=True, capture_output=True)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+def empty_folder(folder: Path) -> Place:
+    """Nothing but an environment, elsewhere, in which the wheel is installed."""
+    environment = folder / "environment"
+    venv.create(environment, symlinks=os.name == "posix")
+    words = [sys.executable, "-m", "pip", "--python", environment / "bin" / "python", "install", "--quiet", "--no-deps"]
+    subprocess.run([*words, "--no-index", wheel(folder)], check=True, capture_output=True)
+    see_packages(environment)
+    (folder / "empty").mkdir()
+    return Place(folder / "empty", _environment(environment))
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    """Variables of a user who knows nothing of this project; pip takes what is here, without looking elsewhere."""
+    kept = {name: value for name, value in os.environ.items() if name not in {"LIAISONS_FMUS", "PYTHONPATH"}}
+    paths = [str(folder / "bin"), str(Path(sys.executable).parent), os.environ["PATH"]]
+    pip = {"PIP_NO_INDEX": "1", "PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}  # 0: none
+    return kept | {"PATH": os.pathsep.join(paths), "PYTHONWARNINGS": "ignore"} | pip

@@ -1,0 +1,175 @@
+"""Expressions of time and tables: values, exact derivatives, and what is refused without being run."""
+
+import math
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons.cli._expressions import FUNCTIONS, ExpressionError, expression
+from liaisons.cli._inputs import curve, read_table
+from liaisons.errors import SimulationError
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1 + 0.1*sin(5*t)",
+        "3",
+        "-t**3 + +t",
+        "t/(1 + t**2)",
+        "exp(-t)*cos(2*pi*t)",
+        "e**(t/2) - t**-1.5",
+        "(1 + t)**t",
+        "pow(t, 3) + pow(2, sin(t))",
+        "abs(t - 2)*abs(t)",
+        "log(t)*sqrt(1 + t) + tanh(t) + tan(t/4)",
+        "1e-3*t - .5",
+        "2 ** 3 ** 0.5 - 7 / 2 / 2",
+    ],
+)
+def test_derivatives_are_those_of_another_differentiation(text: str) -> None:
+    t = ca.SX.sym("t")
+    names = {name: getattr(ca, name) for name in FUNCTIONS} | {"abs": ca.fabs, "pow": lambda x, n: x**n}
+    value = ca.SX(eval(text, {"__builtins__": {}}, names | {"t": t, "pi": math.pi, "e": math.e}))
+    rate = ca.jacobian(value, t)
+    reference = ca.Function("f", [t], [value, rate, ca.jacobian(rate, t)])
+    function = expression(text)
+    for instant in (0.25, 1.0, 1.75, 3.0):
+        np.testing.assert_allclose(function(instant), np.ravel(reference(instant)), rtol=1e-13, atol=1e-13)
+
+
+def test_where_derivatives_are_missing_the_value_is_there() -> None:
+    assert expression("sqrt(t)")(0.0)[:2] == (0.0, math.inf)
+    assert expression("t**1.5")(0.0)[:2] == (0.0, 0.0)
+    assert expression("abs(t)")(0.0) == (0.0, 1.0, 0.0)  # on the side where time goes
+    assert expression("abs(-t**2)")(0.0) == (0.0, 0.0, 2.0)
+    assert expression("t**2")(0.0) == (0.0, 0.0, 2.0)
+    assert expression("t**0")(0.0) == (1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sn(5*t)", "at character 1: there is no function 'sn'; did you mean 'sin'"),
+        ("1 + 0.1*length", "at character 9: there is no 'length'; known: "),
+        ("1 + sin", "at character 5: sin is a function: write sin(...)"),
+        ("5t", "write 5*t, not 5t"),
+        ("5*t^2", "at character 5: powers are written **, not ^"),
+        ("sin(t", "at character 4: '(' was never closed"),
+        ("", "there is nothing"),
+        ("pow(t)", "pow takes 2 arguments, not 1"),
+        ("sin(t, t)", "sin takes 1 argument, not 2"),
+        ("sin(x=t)", "only numbers"),
+        ("sin(*t)", "only numbers"),
+        ("__import__('os').system('touch here')", "only numbers"),
+        ("(lambda: 0)()", "only numbers"),
+        ("[t for t in (1, 2)]", "only numbers"),
+        ("t.real", "only numbers"),
+        ("t if t else 1", "only numbers"),
+        ("t < 1", "only numbers"),
+        ("t % 2", "only numbers"),
+        ("1j*t", "only numbers"),
+        ("True", "only numbers"),
+        ("'1'", "only numbers"),
+        ("f'{t}'", "only numbers"),
+        ("t, t", "only numbers"),
+        ("t := 1", "invalid syntax"),
+        ("1; 2", "invalid syntax"),
+        ("\0", "null bytes"),
+        ("9" * 400, "this number is too large"),
+        ("(" * 300 + "t" + ")" * 300, "too many nested parentheses"),
+        ("-" * 900 + "t", "200 levels"),
+        ("1" + "+t" * 400, "200 levels"),
+        ("t" + "+t" * 600, "1000 at most"),
+    ],
+    ids=lambda text: text[:20].replace("\0", "0"),
+)
+def test_what_is_refused_is_refused_in_one_line(text: str, words: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        expression(text)
+    assert words in str(caught.value)
+    assert len(str(caught.value)) < 300
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["9**9**9", "exp(1000)", "log(t)", "sqrt(-1)", "1/t", "0**-t", "(-1)**0.5", "10**400"])
+def test_what_has_no_value_says_so_and_takes_no_time(text: str) -> None:
+    with pytest.raises(ExpressionError, match="has no value there"):
+        expression(text)(0.0)
+
+
+def test_many_terms_are_no_problem() -> None:
+    function = expression("0" + "+t" * 190)
+    assert function(2.0) == (380.0, 190.0, 0.0)
+
+
+TIMES = np.sort(np.random.default_rng(12).uniform(0, 2, 30))
+
+
+@pytest.mark.parametrize("rates", [False, True])
+@pytest.mark.parametrize("accelerations", [False, True])
+def test_a_table_of_a_quintic_gives_the_quintic(rates: bool, accelerations: bool) -> None:
+    x = np.polynomial.Polynomial([1.0, -2.0, 0.5, 3.0, -1.0, 0.25])
+    function = curve(
+        TIMES,
+        x(TIMES),
+        x.deriv()(TIMES) if rates else None,
+        x.deriv(2)(TIMES) if accelerations else None,
+    )
+    for t in np.linspace(TIMES[0], TIMES[-1], 101):
+        # second derivatives of splines lose two steps' worth of digits, 1e-16/0.01²
+        np.testing.assert_allclose(function(t), (x(t), x.deriv()(t), x.deriv(2)(t)), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+def test_short_tables(n: int) -> None:
+    times = np.linspace(0.0, 1.0, n)
+    assert curve(times, 2 * times)(0.4) == pytest.approx((0.8, 2.0, 0.0), abs=1e-12)
+
+
+def test_given_rates_are_kept_and_derivatives_belong_to_the_values() -> None:
+    """Noisy values with good rates: the rates are those of the table, and what comes out is one motion."""
+    times = np.linspace(0.0, 1.0, 10)
+    noise = np.array([1e-3, -1e-3] * 5)
+    function = curve(times, np.sin(times) + noise, np.cos(times), -np.sin(times))
+    np.testing.assert_allclose([function(t)[1:] for t in times], np.array([np.cos(times), -np.sin(times)]).T, atol=1e-9)
+    h = 1e-6
+    for t in (0.123, 0.456, 0.789):
+        slope = (function(t + h)[0] - function(t - h)[0]) / (2 * h)
+        assert slope == pytest.approx(function(t)[1], rel=1e-7)
+
+
+def test_tables_of_other_makes(tmp_path: Path) -> None:
+    path = tmp_path / "excel.csv"
+    path.write_text("\ufefflength; t ;length_dot\n1;0;0.5\n# a remark\n\n1.05;0.1;0.5\n", encoding="utf-8")
+    times, columns = read_table(path)
+    assert times.tolist() == [0, 0.1]
+    assert {name: column.tolist() for name, column in columns.items()} == {
+        "length": [1, 1.05],
+        "length_dot": [0.5, 0.5],
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "it has nothing"),
+        ("x,y\n1,2\n2,3\n", "'time' or 't' and the others inputs; it has 'x', 'y'"),
+        ("time\n1\n2\n", "it has 'time'"),
+        ("t,x,x\n1,1,1\n2,2,2\n", "each once"),
+        ("t,x\n0,1\n", "1 lines of numbers; give two"),
+        ("t,x\n0,1\n1,two\n", "line 3: could not convert string to float: 'two'"),
+        ("t,x\n0,1\n1\n", "line 3: 1 numbers for 2 columns"),
+        ("t,x\n0,1\n1,nan\n", "line 3: 1, nan: finite"),
+        ("t,x\n0,1\n0,2\n", "line 3: t = 0 must be greater than 0"),
+        ("t,x\n0,\xff\n", "no table of numbers"),
+    ],
+)
+def test_tables_that_are_none(tmp_path: Path, content: str, words: str) -> None:
+    path = tmp_path / "motion.csv"
+    path.write_bytes(content.encode("latin-1"))
+    with pytest.raises(SimulationError, match=r"motion\.csv") as caught:
+        read_table(path)
+    assert words in str(caught.value)

@@ -1,0 +1,248 @@
+"""Where signals are written to, when that is noticed, how much they may be, and what an interrupt leaves."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+
+from liaisons.cosim import Result, System, memory, simulate
+from liaisons.cosim.simulation import communication_points
+from liaisons.errors import SimulationError
+from liaisons.library import fmu_path
+
+from .conftest import Cli, is_misuse
+
+RESULT = Result("ramp", np.arange(3.0), ("x",), np.arange(3.0)[None], {"x": "m"})
+TEXT = "time,x\n# s,m\n0.0,0.0\n1.0,1.0\n2.0,2.0\n"
+
+# Links to devices: without what is tested here, the link would be replaced, not the device of this machine.
+needs_devices = pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("fmus")
+
+
+@pytest.fixture
+def liaisons(liaisons: Cli, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
+    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
+    return liaisons
+
+
+def is_quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no simulation begin."""
+
+    def run(*_: object, **__: object) -> Result:
+        raise AssertionError("the simulation has begun")
+
+    monkeypatch.setattr(System, "simulate", run)
+
+
+@needs_devices
+def test_a_device_stays_a_device(liaisons: Cli, tmp_path: Path) -> None:
+    (tmp_path / "null").symlink_to("/dev/null")
+    (tmp_path / "full").symlink_to("/dev/full")
+    reply = liaisons("simulate", "Pendulum", "--stop", "0.1", "--csv", "null", "--plot", "null")
+    assert reply.status == 0, reply.err
+    reply = liaisons("simulate", "Pendulum", "--stop", "0.1", "--csv", "full")
+    assert is_misuse(reply, "full: cannot be written: No space left on device")
+    for name in ("null", "full"):
+        assert (tmp_path / name).is_symlink()
+        assert stat.S_ISCHR((tmp_path / name).stat().st_mode)
+
+
+def test_links_are_followed(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "data.csv").write_text("old")
+    for target in ("there/data.csv", "there/new.csv"):
+        link = tmp_path / f"link to {Path(target).name}"
+        link.symlink_to(target)
+        RESULT.to_csv(link)
+        assert link.is_symlink()
+        assert (tmp_path / target).read_text() == TEXT
+    assert sorted(path.name for path in (tmp_path / "there").iterdir()) == ["data.csv", "new.csv"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("write", [RESULT.to_csv, RESULT.to_parquet, lambda path: RESULT.plot(path=path)])
+def test_a_pipe_is_written_into(tmp_path: Path, write: Callable[[Path], object]) -> None:
+    pipe, plain = tmp_path / "pipe", tmp_path / "plain"
+    os.mkfifo(pipe)
+    read: list[bytes] = []
+    reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()))
+    reader.start()
+    write(pipe)
+    reader.join(timeout=30)
+    write(plain)
+    assert pipe.is_fifo()
+    assert read == [plain.read_bytes()]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["pipe", "plain"]
+
+
+@pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="this system has no /dev/stdout")
+def test_the_standard_output(tmp_path: Path, fmus: Path) -> None:
+    """Into a file as into a pipe: after what was printed, before what comes."""
+    command = "from liaisons.cli import main; raise SystemExit(main())"
+    words = [sys.executable, "-c", command, "simulate", "Pendulum", "--stop", "0.02", "--record", "theta"]
+    environment = os.environ | {"LIAISONS_FMUS": str(fmus)}
+    words += ["--csv", "/dev/stdout"]
+    piped = subprocess.run(words, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path).stdout
+    with (tmp_path / "out.txt").open("w") as file:
+        subprocess.run(words, env=environment, stdout=file, check=True, cwd=tmp_path)
+    assert (tmp_path / "out.txt").read_text() == piped
+    lines = piped.splitlines()
+    assert [line.split(",")[0] for line in lines[3:]] == ["time", "# s", "0.0", "0.01", "0.02", "signals: /dev/stdout"]
+
+
+def test_a_file_in_a_locked_folder_is_written_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("old")
+    same = path.stat().st_ino
+    monkeypatch.setattr(os, "access", lambda _, mode: mode != os.W_OK)  # as root, no folder is locked
+    RESULT.to_csv(path)
+    assert (path.read_text(), path.stat().st_ino) == (TEXT, same)
+
+
+@pytest.mark.parametrize("option", ["--csv", "--parquet", "--plot"])
+def test_what_cannot_be_written_is_noticed_before_the_run(
+    liaisons: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    is_quick(monkeypatch)
+    for path, words in {
+        "no/such/folder.png": "No such file",
+        "folder": "Is a directory",
+        "file/in.png": "Not a directory",
+    }.items():
+        assert is_misuse(liaisons("simulate", "Pendulum", option, path), path, words, "choose another path")
+
+
+def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
+    liaisons: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    is_quick(monkeypatch)
+    assert is_misuse(liaisons("simulate", "Pendulum", "--plot", "figure.doc"), "figure.doc", "png")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert is_misuse(liaisons("simulate", "Pendulum", "--parquet", "table.parquet"), "liaisons[parquet]")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words", [("--step", "1e-10"), ("--stop", "1e9"), ("--stop=1e308", "--start=-1e308", "--step=1e296")]
+)
+def test_what_does_not_fit_into_the_memory_is_said_before_the_run(liaisons: Cli, words: tuple[str, ...]) -> None:
+    reply = liaisons("simulate", "Pendulum", *words)
+    assert is_misuse(reply, "points", " signals at each", "of memory are free", "larger steps"), reply.err
+
+
+def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPatch, fmus: Path) -> None:
+    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
+    monkeypatch.setattr(memory, "_free", lambda: 2e8)
+    monkeypatch.setattr("liaisons.cosim.simulation.run", lambda *_, **words: len(words["times"]))
+    pendulum = fmu_path("Pendulum")
+    assert simulate(pendulum, stop_time=1e6, step_size=1.0, record=["theta"]) == 1_000_001
+    with pytest.raises(SimulationError, match=r"1e\+06 points, and 36 signals at each of them 616 MB where 200 MB"):
+        simulate(pendulum, stop_time=1e6, step_size=1.0)
+    system = System("one")
+    system.add("a", pendulum)
+    with pytest.raises(SimulationError, match="36 signals"):
+        system.simulate(1e6, 1.0)
+    # the size of a first attempt is no number of points
+    assert len(system.simulate(10.0, 1e-8, error_tolerance=1e-6).time) < 1e4
+
+
+@pytest.mark.parametrize("words", [("--stop", "1e300"), ("--step", "1e-300")])
+def test_steps_that_are_none(liaisons: Cli, words: tuple[str, str]) -> None:
+    assert is_misuse(liaisons("simulate", "Pendulum", *words), "step_size = ", "smaller than the rounding of times")
+
+
+def test_a_step_smaller_than_the_rounding_of_time() -> None:
+    with pytest.raises(SimulationError, match=r"step_size = 0\.1: smaller than the rounding of times up to 1e\+17"):
+        communication_points(1e17 - 1e3, 1e17, 0.1)
+
+
+def test_the_default_experiment_says_when_to_begin(liaisons: Cli, fmus: Path, tmp_path: Path) -> None:
+    liaisons("build", "Pendulum")
+    with ZipFile(fmus / "Pendulum.fmu") as old, ZipFile(tmp_path / "late.fmu", "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                content = content.replace(b"<DefaultExperiment ", b'<DefaultExperiment startTime="0.5" ')
+                content = content.replace(b'startTime="0.0"', b"").replace(b'startTime="0"', b"")
+            new.writestr(old.getinfo(name), content)
+    for given, first in (([], 0.5), (["--start", "0.25"], 0.25)):
+        reply = liaisons("simulate", "late.fmu", "--stop", "1", *given, "--csv", "out.csv")
+        assert reply.status == 0, reply.err
+        assert Result.from_csv(tmp_path / "out.csv").time[0] == first
+    assert simulate(tmp_path / "late.fmu", stop_time=1.0).time[0] == 0.5
+
+
+def test_an_archive_that_says_nothing_of_its_experiment(liaisons: Cli, tmp_path: Path) -> None:
+    """What its FMUs say: the latest end, the shortest step."""
+    system = System("pair")
+    components = [system.add("swing", fmu_path("Pendulum")), system.add("drive", fmu_path("Sinusoid"), offset=2.0)]
+    system.connect(components[1]["y"], components[0]["length"])
+    system.write_ssp(tmp_path / "pair.ssp")
+    reply = liaisons("simulate", "pair.ssp", "--csv", "out.csv")
+    assert reply.status == 0, reply.err
+    time = Result.from_csv(tmp_path / "out.csv").time
+    own = [component.fmu.experiment for component in components]
+    assert time[-1] == max(e.stop_time or 0 for e in own)
+    assert time[1] == min(e.step_size or 1 for e in own)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="interrupts of other processes are POSIX's")
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupt_keeps_what_there_is(tmp_path: Path, fmus: Path) -> None:
+    code = "from liaisons.cli import main; raise SystemExit(main())"
+    words = ["simulate", "Pendulum", "--stop", "1e4", "--step", "1e-3", "--tolerance", "1e-10", "--record", "theta"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *words, "--csv", "out.csv"],
+        cwd=tmp_path,
+        env=os.environ | {"LIAISONS_FMUS": str(fmus)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stderr is not None
+    while b"t = " not in os.read(process.stderr.fileno(), 4096):  # of the progress bar: the run has begun
+        assert process.poll() is None
+    time.sleep(0.2)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.endswith(b"\nliaisons: interrupted\n")
+    assert b"signals: out.csv, up to t = " in out
+    result = Result.from_csv(tmp_path / "out.csv")
+    assert 0 < result.time[-1] < 1e4
+    assert np.isfinite(result["theta"]).all()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv"]
+
+
+def test_a_run_that_fails_on_the_way_keeps_what_there_is(liaisons: Cli, tmp_path: Path) -> None:
+    words = ("--input", "length=1 - t", "--stop", "3", "--step", "0.125", "--csv", "out.csv", "--plot", "out.png")
+    reply = liaisons("simulate", "Pendulum", *words)
+    assert is_misuse(reply, "length")
+    assert "signals: out.csv, up to t = " in reply.out
+    assert 0.5 < Result.from_csv(tmp_path / "out.csv").time[-1] < 1.0
+    assert (tmp_path / "out.png").is_file()
+
+
+def test_a_sweep_begins_there_too(liaisons: Cli, tmp_path: Path) -> None:
+    """A free mass moves for the half second that is left, 0.75 s to 1.25 s."""
+    words = ("--over", "x_dot_0=1,2", "--set", "x_0=0", "--set", "stiffness=0", "--set", "damping=0", "--keep", "x")
+    span = ("--start", "0.75", "--stop", "1.25", "--step", "0.25")
+    reply = liaisons("sweep", "Oscillator", *words, *span, "--csv", "table.csv")
+    assert reply.status == 0, reply.err
+    moved = np.genfromtxt(tmp_path / "table.csv", delimiter=",", names=True, encoding="utf-8")["x"]
+    assert moved == pytest.approx([0.5, 1.0], rel=1e-6)

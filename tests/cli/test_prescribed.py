@@ -1,0 +1,192 @@
+"""``liaisons simulate --input``: motions and forces without Python."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pythonfmu import FmuBuilder
+from scipy.integrate import solve_ivp
+
+from liaisons.cosim import Result, System
+from liaisons.library import fmu_path
+
+from .conftest import Cli, is_misuse
+
+G = 9.81
+
+INTEGRATOR = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+class Integrator(Fmi2Slave):
+    def __init__(self, **options):
+        super().__init__(**options)
+        self.u = 0.0
+        self.y = 0.0
+        self.register_variable(Real("u", causality=Fmi2Causality.input, start=0.0))
+        self.register_variable(Real("y", causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        self.y += step * self.u
+        return True
+"""
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """FMUs that several tests simulate, built once."""
+    return tmp_path_factory.mktemp("fmus")
+
+
+@pytest.fixture
+def liaisons(liaisons: Cli, fmus: Path, monkeypatch: pytest.MonkeyPatch) -> Cli:
+    monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
+    return liaisons
+
+
+def swing(times: NDArray, *, start: float = 0.0) -> NDArray:
+    """θ of a pendulum of length 1 + 0.1 sin(5t): (l² θ')' = -g l sin θ, from θ = 0.1 at rest."""
+
+    def rates(t: float, x: NDArray) -> list[float]:
+        length, rate = 1 + 0.1 * np.sin(5 * t), 0.5 * np.cos(5 * t)
+        return [x[1], -(G * np.sin(x[0]) + 2 * rate * x[1]) / length]
+
+    found = solve_ivp(rates, (start, times[-1]), [0.1, 0.0], "DOP853", times, rtol=1e-12, atol=1e-13)
+    return found.y[0]
+
+
+WORDS = ("--stop", "2", "--step", "0.01", "--tolerance", "1e-10", "--csv", "out.csv")
+MODE = ("--set", "input_reconstruction=2")
+# six digits of sixth order in H from Hermite's polynomial, 3e-12 (DESIGN measures 5e-11 at H = 0.1), and the solver
+EXACT = 1e-8
+
+
+def test_a_length_by_an_expression(liaisons: Cli, tmp_path: Path) -> None:
+    reply = liaisons("simulate", "Pendulum", "--input", "length=1 + 0.1*sin(5*t)", *MODE, *WORDS)
+    assert reply.status == 0, reply.err
+    result = Result.from_csv(tmp_path / "out.csv")
+    np.testing.assert_allclose(result["length"], 1 + 0.1 * np.sin(5 * result.time), rtol=1e-15)
+    np.testing.assert_allclose(result["length_dot"], 0.5 * np.cos(5 * result.time), rtol=1e-14, atol=1e-15)
+    np.testing.assert_allclose(result["length_ddot"], -2.5 * np.sin(5 * result.time), rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(result["theta"], swing(result.time), rtol=0, atol=EXACT)
+
+
+def test_begin_at_another_time(liaisons: Cli, tmp_path: Path) -> None:
+    words = ("--input", "length = 1 + 0.1*sin(5*t)", "--start", "1", *MODE, *WORDS)
+    reply = liaisons("simulate", "Pendulum", *words)
+    assert reply.status == 0, reply.err
+    result = Result.from_csv(tmp_path / "out.csv")
+    assert (result.time[0], result.time[-1], len(result.time)) == (1.0, 2.0, 101)
+    np.testing.assert_allclose(result["theta"], swing(result.time, start=1.0), rtol=0, atol=EXACT)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3])
+def test_a_length_by_a_table(liaisons: Cli, tmp_path: Path, columns: int) -> None:
+    times = np.linspace(0, 2, 101)
+    table = [times, 1 + 0.1 * np.sin(5 * times), 0.5 * np.cos(5 * times), -2.5 * np.sin(5 * times)][: 1 + columns]
+    names = ["t", "length", "length_dot", "length_ddot"][: 1 + columns]
+    np.savetxt(tmp_path / "motion.csv", np.transpose(table), delimiter=",", header=",".join(names), comments="")
+    reply = liaisons("simulate", "Pendulum", "--input", "motion.csv", *MODE, *WORDS)
+    assert reply.status == 0, reply.err
+    result = Result.from_csv(tmp_path / "out.csv")
+    # quintics between points 0.02 s apart: (5 H)⁶ 0.1 / 46080 for values, H² and H of that less for derivatives
+    np.testing.assert_allclose(result["length"], 1 + 0.1 * np.sin(5 * result.time), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(result["theta"], swing(result.time), rtol=0, atol=1e-7)
+
+
+def test_several_inputs_and_a_force(liaisons: Cli, tmp_path: Path) -> None:
+    """x'' = -x + 2 cos t from rest is t sin t."""
+    words = ("--set", "x_0=0", "--set", "damping=0", "--input", "support=0*t", "--input", "x_force=2*cos(t)")
+    reply = liaisons("simulate", "Oscillator", *words, *MODE, *WORDS)
+    assert reply.status == 0, reply.err
+    result = Result.from_csv(tmp_path / "out.csv")
+    # a force that has a value only moves straight within a step: H²/12 of its second derivative
+    np.testing.assert_allclose(result["x"], result.time * np.sin(result.time), rtol=0, atol=1e-4)
+    assert liaisons("simulate", "Oscillator", "--input", "x_force=sqrt(t)", "--stop", "1").status == 0
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["archive", "with python"])
+def test_a_system_whose_ports_go_both_ways(liaisons: Cli, tmp_path: Path, whole: bool) -> None:
+    """A double pendulum whose upper pivot moves: as if an operator's FMU did it."""
+    pendulum, sinusoid = fmu_path("Pendulum"), fmu_path("Sinusoid")
+
+    def system() -> System:
+        pair = System("pair")
+        upper, lower = pair.add("upper", pendulum, theta_0=0.5), pair.add("lower", pendulum, theta_0=-0.2)
+        pair.connect(upper["bob"], lower["pivot"])
+        return pair
+
+    driven = system()
+    motor = driven.add("motor", sinusoid, offset=0.0, amplitude=0.1, angular_frequency=5.0)
+    driven.connect(motor["y"], driven.components["upper"]["pivot_x"])
+    expected = driven.simulate(1.0, 0.01, tolerance=1e-11)
+    if whole:
+        system().write_ssp(tmp_path / "pair.ssp", stop_time=1.0, step_size=0.01)
+        words = ("--input", "upper.pivot_x=0.1*sin(5*t)", "--tolerance", "1e-11", "--csv", "out.csv")
+        reply = liaisons("simulate", "pair.ssp", *words)
+        assert reply.status == 0, reply.err
+        result = Result.from_csv(tmp_path / "out.csv")
+    else:
+        function = lambda t: (0.1 * np.sin(5 * t), 0.5 * np.cos(5 * t), -2.5 * np.sin(5 * t))  # noqa: E731
+        result = system().simulate(1.0, 0.01, tolerance=1e-11, inputs={"upper.pivot_x": function})
+        free = system().simulate(1.0, 0.01, inputs={"upper.pivot_x": function}, error_tolerance=1e-7)
+        # the tolerance of a step, some ten of them, in the unit of the largest angle
+        assert abs(free["lower.theta"][-1] - expected["lower.theta"][-1]) < 1e-5
+    # both of fourth order with the same constant: the difference is that of slopes, one order higher
+    for name in ("upper.theta", "lower.theta", "upper.pivot_x_force"):
+        np.testing.assert_allclose(result[name], expected[name], rtol=0, atol=1e-8, err_msg=name)
+
+
+def test_an_fmu_of_another_make(liaisons: Cli, tmp_path: Path) -> None:
+    (tmp_path / "integrator.py").write_text(INTEGRATOR)
+    FmuBuilder.build_FMU(tmp_path / "integrator.py", dest=tmp_path)
+    words = ("--input", "u=3*t**2", "--stop", "1", "--step", "0.01", "--csv", "out.csv")
+    reply = liaisons("simulate", "Integrator.fmu", *words)
+    assert reply.status == 0, reply.err
+    result = Result.from_csv(tmp_path / "out.csv")
+    np.testing.assert_allclose(result["u"], 3 * result.time**2, rtol=1e-15)
+    assert result["y"][-1] == pytest.approx(1.0, abs=0.02)  # it holds what is newest: an error of H u(1)/2
+
+
+def test_a_file_of_a_user(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
+    reply = liaisons("simulate", f"{bead}:Bead", "--input", "x_force=6*t", *MODE, *WORDS)
+    assert reply.status == 0, reply.err
+    result = Result.from_csv(tmp_path / "out.csv")
+    np.testing.assert_allclose(result["x"], result.time + result.time**3, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("words", "hints"),
+    [
+        (["lenght=1"], ["no input 'lenght'", "did you mean 'length'"]),
+        (["length=1 + sn(t)"], ["--input length: ", "at character 5", "did you mean 'sin'"]),
+        (["theta=t"], ["Pendulum.theta", "'output'"]),
+        (["theta_0=t"], ["theta_0", "'parameter'", "--set"]),
+        (["length=1", "length=2"], ["length is given twice"]),
+        (["length=1+t", "length_dot=1"], ["length_dot", "driven twice"]),
+        (["length=1-t", "--stop", "3", "--step", "0.5"], ["length"]),
+        (["length=sqrt(t-1)"], ["'length'", "t = 0 s", "has no value there"]),
+        (["length=sqrt(t)"], ["'length'", "inf", "finite"]),
+        (["nowhere.csv"], ["nowhere.csv", "No such file"]),
+        (["length=motion.csv"], ["--input motion.csv"]),
+        (["short.csv"], ["short.csv", "from 0 to 1 s", "0 to 10 s", "--stop"]),
+        (["wrong.csv"], ["no input 'lenght'", "did you mean 'length'"]),
+    ],
+    ids=" ".join,
+)
+def test_misuse(liaisons: Cli, tmp_path: Path, words: list[str], hints: list[str]) -> None:
+    (tmp_path / "short.csv").write_text("t,length\n0,1\n1,1\n")
+    (tmp_path / "wrong.csv").write_text("t,lenght\n0,1\n10,1\n")
+    given = [w for word in words for w in ((word,) if word[0] in "-0123456789" else ("--input", word))]
+    reply = liaisons("simulate", "Pendulum", *given)
+    assert is_misuse(reply, *hints), reply.err
+
+
+def test_misuse_of_a_system(liaisons: Cli, tmp_path: Path) -> None:
+    pair = System("pair")
+    motor, swing = pair.add("motor", fmu_path("Sinusoid"), offset=1.0), pair.add("swing", fmu_path("Pendulum"))
+    pair.connect(motor["y"], swing["length"])
+    pair.write_ssp(tmp_path / "pair.ssp", stop_time=1.0, step_size=0.1)
+    assert is_misuse(liaisons("simulate", "pair.ssp", "--input", "swin.pivot_x=t"), "'swin'", "did you mean 'swing'")
+    assert is_misuse(liaisons("simulate", "pair.ssp", "--input", "pivot_x=t"), "'pivot_x'", "COMPONENT.NAME")
+    assert is_misuse(liaisons("simulate", "pair.ssp", "--input", "swing.length=t"), "swing.length", "motor.y already")

@@ -1,0 +1,370 @@
+"""What an archive of a stranger may not do: end in a traceback, fill memory or disk, leave something behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import hostile
+import pytest
+
+from liaisons import cache
+from liaisons.cosim import System, simulate
+from liaisons.cosim.archive import Archive
+from liaisons.errors import SimulationError
+
+FmuPaths = Callable[[str], Path]
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="peak memory by POSIX; names that Windows has not")
+
+_MOST_MEMORY = 500e6  # bytes
+_UNIT = 1 if sys.platform == "darwin" else 1024  # of the peak memory that the system reports
+_LIAISONS = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+
+# Each archive is simulated by a process of its own, forked from this one, which has imported everything.
+_DRIVER = """
+import json, os, sys, traceback
+from liaisons.cosim import System, simulate
+from liaisons.errors import LiaisonsError
+
+def message(path):
+    try:
+        if path.endswith(".ssp"):
+            System.from_ssp(path).simulate(1.0, 0.5)
+        else:
+            simulate(path)
+    except LiaisonsError as error:
+        return str(error)
+    except BaseException:
+        return traceback.format_exc()
+    return "accepted"
+
+for path in iter(sys.stdin.readline, ""):
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.write(write, message(path.strip()).encode())
+        os._exit(0)
+    os.close(write)
+    with open(read, "rb") as pipe:
+        words = pipe.read().decode()
+    _, status, usage = os.wait4(child, 0)
+    print(json.dumps([words, status, usage.ru_maxrss, os.listdir(os.environ["TMPDIR"])]), flush=True)
+"""
+
+
+class Outcome(NamedTuple):
+    """What became of an archive; memory in bytes."""
+
+    message: str
+    status: int
+    memory: int
+    left: list[str]
+
+
+CASES = [("fmu", name) for name in hostile.FMUS] + [("ssp", name) for name in hostile.SSPS]
+
+
+def _made(kind: str, name: str, folder: Path) -> tuple[Path, str]:
+    """An archive, and what is said of it."""
+    words, write = (hostile.FMUS if kind == "fmu" else hostile.SSPS)[name]
+    path = folder / f"bad.{kind}"
+    write(path)
+    return path, words
+
+
+def _marked(cases: list[tuple[str, str]], fast: Callable[[str], bool]) -> list[object]:
+    return [pytest.param(*case, marks=[] if fast(case[1]) else [pytest.mark.slow]) for case in cases]
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for passing files, of this test's own, and a cache likewise."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Path], Outcome]]:
+    """Simulates an archive in Python."""
+    environment = {**os.environ, "TMPDIR": str(tmp_path_factory.mktemp("temporary"))}
+    command = [sys.executable, "-c", _DRIVER]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True) as driver:
+        given, said = driver.stdin, driver.stdout
+        assert given is not None
+        assert said is not None
+
+        def run(path: Path) -> Outcome:
+            given.write(f"{path}\n")
+            given.flush()
+            message, status, memory, left = json.loads(said.readline())
+            return Outcome(message, status, memory * _UNIT, left)
+
+        yield run
+        given.close()
+
+
+def test_there_are_many() -> None:
+    assert len(CASES) >= 40
+
+
+@pytest.mark.parametrize(("kind", "name"), _marked(CASES, lambda name: name not in hostile.SLOW))
+def test_in_python(kind: str, name: str, tmp_path: Path, outcome: Callable[[Path], Outcome]) -> None:
+    path, words = _made(kind, name, tmp_path)
+    message, status, memory, left = outcome(path)
+    assert "Traceback" not in message
+    assert words in message
+    assert str(path) in message or path.name in message or "the library of x.fmu" in message
+    assert message.isprintable()
+    assert status == 0
+    assert memory < _MOST_MEMORY
+    assert left == []
+
+
+_COMMANDS = [
+    (*case, action) for case in CASES for action in ("simulate", "check") if (case[0], action) != ("ssp", "check")
+]
+_FAST = [
+    *(("fmu", "bomb", "simulate"), ("fmu", "bomb", "check"), ("fmu", "entities", "check")),
+    *(("fmu", "negative dimension", "simulate"), ("ssp", "3000 nested systems", "simulate")),
+    ("ssp", "bomb in the FMU", "simulate"),
+]
+# A process that is started counts the memory of the one that starts it as its own; this one is small.
+_MEASURE = """
+import resource, subprocess, sys
+done = subprocess.run(sys.argv[1:], capture_output=True)
+sys.stderr.buffer.write(done.stderr)
+print(done.returncode, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "action"),
+    [pytest.param(*case, marks=[] if case in _FAST else [pytest.mark.slow]) for case in _COMMANDS],
+)
+def test_on_the_command_line(kind: str, name: str, action: str, tmp_path: Path, temporary: Path) -> None:
+    path, _ = _made(kind, name, tmp_path)
+    command = [sys.executable, "-c", _MEASURE, *_LIAISONS, action, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600.0, check=True)
+    status, memory = map(int, done.stdout.split())
+    assert status == 2
+    assert done.stderr.startswith("liaisons: error: ")
+    assert done.stderr.count("\n") == 1
+    assert memory * _UNIT < _MOST_MEMORY
+    assert list(temporary.iterdir()) == []
+
+
+def test_limit_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "Big.fmu"
+    hostile.text(hostile.GOOD, hostile.Member(b"resources/a", b"a" * 1000))(path)
+    monkeypatch.setenv("LIAISONS_UNPACKED_LIMIT", "900")
+    with pytest.raises(SimulationError, match=r"Big.fmu takes \d+ bytes unpacked, more than the limit of 900; .*raise"):
+        System("s").add("a", path)
+    monkeypatch.setenv("LIAISONS_UNPACKED_LIMIT", "1e4")
+    System("s").add("a", path)
+    for words in ("much", "nan", "0", "inf"):
+        monkeypatch.setenv("LIAISONS_UNPACKED_LIMIT", words)
+        with pytest.raises(SimulationError, match=rf"LIAISONS_UNPACKED_LIMIT = '{words}': give a number of bytes"):
+            Archive(path)
+
+
+def test_what_is_extracted(tmp_path: Path) -> None:
+    path = tmp_path / "Whole.fmu"
+    more = (hostile.Member(b"resources/empty/"), hostile.Member(b"sources/a.c", b"?"), hostile.Member(b"a/b/c", b"abc"))
+    hostile.text(hostile.GOOD, *more)(path)
+    with Archive(path) as archive:
+        folder = archive.extract(tmp_path / "folder", without=("sources/",))
+    found = sorted(str(file.relative_to(folder)) for file in folder.rglob("*"))
+    assert [name for name in found if not name.startswith("binaries")] == [
+        *("a", "a/b", "a/b/c", "modelDescription.xml", "resources", "resources/empty"),
+    ]
+    assert (folder / "a/b/c").read_bytes() == b"abc"
+
+
+# ---- the trial in a process of its own
+
+
+def test_name_of_our_tool_is_no_letter_of_safe_conduct(fmu: FmuPaths, tmp_path: Path, temporary: Path) -> None:
+    path = tmp_path / "Half.fmu"
+    with Archive(fmu("Cubic")) as archive, archive.open("modelDescription.xml") as file:
+        description = (
+            file.read().decode().replace("<fmiModelDescription", '<fmiModelDescription generationTool="liaisons"')
+        )
+        folder = archive.extract(tmp_path / "whole")
+    (library,) = (folder / "binaries").rglob("Cubic.*")
+    half = library.read_bytes()[: library.stat().st_size * 2 // 3]
+    name = str(library.relative_to(folder)).encode()
+    hostile.zipped(path, [hostile.Member(b"modelDescription.xml", description.encode()), hostile.Member(name, half)])
+    command = [*_LIAISONS, "simulate", str(path), "--stop", "1", "--step", "0.5"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120.0, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("liaisons: error: Half: ")
+    assert done.stderr.count("\n") == 1
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.fixture
+def trials(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> list[object]:  # noqa: ARG001 - its cache is empty
+    """A list that grows by every trial; nothing is remembered at the begin."""
+    made: list[object] = []
+    run = subprocess.run
+
+    def counted(*arguments: object, **options: object) -> object:
+        made.extend(arguments[:1] if "-P" in str(arguments[0]) else [])
+        return run(*arguments, **options)  # type: ignore[call-overload]
+
+    monkeypatch.setattr("liaisons.cosim.probe.subprocess.run", counted)
+    monkeypatch.setattr(cache, "_known", set())
+    return made
+
+
+def _again(path: Path, **starts: Any) -> None:
+    """Simulate as a new process would, that knows nothing but the cache."""
+    cache._known.clear()
+    path.touch()  # so that it is read anew
+    simulate(path, stop_time=1.0, step_size=0.5, **starts)
+
+
+def test_fmu_is_tried_once_for_all_processes_and_for_each_setting(fmu: FmuPaths, trials: list[object]) -> None:
+    path = fmu("Crashing_later")
+    _again(path)
+    assert len(trials) == 1
+    _again(path)
+    assert len(trials) == 1
+    with pytest.raises(SimulationError, match="crashes"):
+        _again(path, when=2)
+    with pytest.raises(SimulationError, match="crashes"):  # what has crashed is not remembered
+        _again(path, when=2)
+    assert len(trials) == 3
+
+
+def test_fmu_that_was_built_here_is_not_tried(trials: list[object], tmp_path: Path) -> None:
+    from liaisons import build
+    from liaisons.library import catalogue
+
+    path = build(catalogue()["Sinusoid"].model(), tmp_path / "fmus")
+    _again(path)
+    assert trials == []
+    with path.open("ab") as file:  # any change
+        file.write(b"\0")
+    _again(path)
+    assert len(trials) == 1
+
+
+def test_cache_that_cannot_be_used(fmu: FmuPaths, trials: list[object], temporary: Path) -> None:
+    folder = temporary.parent / "cache" / "liaisons"
+    folder.mkdir(parents=True)
+    (folder / "fmus-that-run").mkdir()
+    _again(fmu("Cubic"))
+    _again(fmu("Cubic"))
+    assert len(trials) == 2
+    (folder / "fmus-that-run").rmdir()
+    (folder / "fmus-that-run").write_bytes(b"\xff\xfe")
+    _again(fmu("Cubic"))
+    _again(fmu("Cubic"))
+    assert len(trials) == 3
+
+
+def test_cache_does_not_grow_without_bounds(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> None:
+    monkeypatch.setattr(cache, "_MOST", 20)
+    for k in range(50):
+        cache.remember(f"{k:064x}")
+    file = temporary.parent / "cache" / "liaisons" / "fmus-that-run"
+    assert file.read_text().splitlines() == [f"{k:064x}" for k in range(30, 50)]
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+# ---- how a run may end
+
+
+class _Hanging:
+    """A command that simulates an FMU that never returns from its first step, in its trial, or from its third."""
+
+    def __init__(self, fmu: Path, mark: Path, *, first: int) -> None:
+        command = [*_LIAISONS, "simulate", str(fmu), "--stop", "1000", "--step", "1", "--set", f"first={first}"]
+        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        self._mark = mark
+
+    def stands(self) -> bool:
+        """Whether it hangs by now."""
+        assert self.process.poll() is None
+        return self._mark.exists() and self._mark.read_text().endswith(".")
+
+    def hanging_process(self) -> int:
+        """The one that does not go on: that of the trial, or the command itself."""
+        return int(self._mark.read_text()[:-1])
+
+
+Start = Callable[[int], _Hanging]
+
+
+@pytest.fixture
+def hanging(fmu: FmuPaths, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> Start:
+    """Starts such a command."""
+    mark = temporary.parent / "mark"
+    monkeypatch.setenv("HANGS", str(mark))
+    return lambda first: _Hanging(fmu("Hanging"), mark, first=first)
+
+
+def _wait_for(condition: Callable[[], bool]) -> None:
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    raise AssertionError("it does not come")
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("first", [0, 2])
+def test_command_that_is_terminated_while_an_fmu_hangs(hanging: Start, first: int, temporary: Path) -> None:
+    command = hanging(first)
+    _wait_for(command.stands)
+    assert list(temporary.iterdir()) != []
+    command.process.terminate()
+    _, said = command.process.communicate(timeout=60.0)
+    assert command.process.returncode == 128 + signal.SIGTERM
+    assert b"Traceback" not in said
+    _wait_for(lambda: not list(temporary.iterdir()))
+    _wait_for(lambda: not _runs(command.hanging_process()))
+
+
+@pytest.mark.parametrize("first", [0, 2])
+def test_command_that_is_killed(hanging: Start, first: int, temporary: Path) -> None:
+    command = hanging(first)
+    _wait_for(command.stands)
+    command.process.kill()
+    command.process.communicate(timeout=60.0)
+    _wait_for(lambda: not list(temporary.iterdir()))
+    _wait_for(lambda: not _runs(command.hanging_process()))
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_command_that_is_ended_in_the_middle(
+    hanging: Start, number: signal.Signals, status: int, temporary: Path
+) -> None:
+    command = hanging(10**9)
+    _wait_for(lambda: any(temporary.glob("*/0/modelDescription.xml")))
+    time.sleep(1.0)  # somewhere in the run
+    command.process.send_signal(number)
+    _, said = command.process.communicate(timeout=60.0)
+    assert command.process.returncode == status
+    assert b"Traceback" not in said
+    assert list(temporary.iterdir()) == []  # at once

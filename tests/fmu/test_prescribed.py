@@ -1,0 +1,529 @@
+"""Jumps of what is prescribed, and contradictions between σ, σ̇ and σ̈.
+
+A jump of σ̇ is an impulse: momenta stay, and the work of the operator is what the energy has gained.  A jump of σ itself
+is the limit of an ever faster straight motion, where that has one: for the swing p_θ stays and Δθ = -∫ (J/I) ds.
+"""
+
+from __future__ import annotations
+
+import ctypes as c
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from driver import MODEL_EXCHANGE, OK, Library
+from driver3 import Library3
+from scipy.integrate import quad, solve_ivp
+from test_python_backend import Instance as PythonInstance
+
+from liaisons.cosim import System, simulate
+from liaisons.flattening import flatten
+from liaisons.fmu import build
+from liaisons.mechanics import Component
+from liaisons.models import (
+    Pendulum,
+    PlanarCat,
+    Ramp,
+    Satellite,
+    SpatialCat,
+    Swing,
+)
+
+HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
+WITH_EVENTS = {"events": True}
+SWING = {"theta_0": 0.3, "gravity": 0.0}
+ROPE, LEAN = 2.0, np.pi / 2  # start values of the swing
+
+
+@pytest.fixture(scope="session")
+def fmu(shared_folder: Path) -> Callable[..., Path]:
+    """The FMU of a component, built once: ``fmu(Pendulum)`` or ``fmu(Pendulum, "python")``."""
+
+    @cache
+    def built(component: type[Component], backend: Literal["native", "python"] = "native") -> Path:
+        return build(component.model(), shared_folder, backend=backend)
+
+    return built
+
+
+@pytest.fixture(scope="session")
+def library(fmu) -> Callable[[type[Component]], Library]:
+    return cache(lambda component: Library(fmu(component)))
+
+
+@pytest.fixture(scope="session")
+def swing3(shared_folder: Path) -> Library3:
+    return Library3(build(Swing.model(), shared_folder, backend="native", fmi="3"))
+
+
+def swing_forms(rope: float, lean: float) -> tuple[float, float, float]:
+    """I, J_rope and J_lean of M eq. 55 with the default parameters, by hand."""
+    m_1, m_2, b = 20.0, 20.0, 0.5
+    inertia = m_1 * rope**2 + m_2 * (rope**2 + b**2 + 2 * rope * b * np.cos(lean))
+    return inertia, -m_2 * b * np.sin(lean), m_2 * (b**2 + rope * b * np.cos(lean))
+
+
+def swing_lift(rope: float, lean: float) -> float:
+    """Δθ = -∫ (J/I) ds along the straight line from the start values to these."""
+
+    def rate(part: float) -> float:
+        inertia, along, about = swing_forms(ROPE + part * (rope - ROPE), LEAN + part * (lean - LEAN))
+        return -(along * (rope - ROPE) + about * (lean - LEAN)) / inertia
+
+    return quad(rate, 0, 1, epsabs=1e-13, epsrel=1e-13)[0]
+
+
+# ---- jumps of σ --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE, INTERPOLATE])
+@pytest.mark.parametrize(("rope", "lean"), [(2.0, 0.2), (1.6, LEAN), (1.7, -0.4)])
+def test_a_jump_of_the_posture_lifts_the_swing(library, mode: int, rope: float, lean: float) -> None:
+    instance = library(Swing).start(input_reconstruction=mode, tolerance=1e-10, **SWING)
+    assert instance.step(0.0, 0.1) == OK
+    assert instance.set(rope=rope, lean=lean) == OK
+    assert instance.step(0.1, 1e-9) == OK
+    # In interpolation the motion of 1e-9 s itself; the energy of that is 1e19 J, and its balance means nothing.
+    assert instance["theta"] == pytest.approx(0.3 + swing_lift(rope, lean), abs=1e-8)
+    if mode != INTERPOLATE:
+        assert abs(instance["p_theta"]) + abs(instance["work"]) + abs(instance["energy_balance"]) <= 1e-9
+
+
+def test_a_jump_while_the_swing_moves_does_the_work_of_the_operator(library) -> None:
+    """p_θ stays: with gravity and in motion the energy after the jump is that of the lifted posture."""
+    instance = library(Swing).start(tolerance=1e-11, theta_0=0.4, theta_dot_0=0.7)
+    assert instance.step(0.0, 0.3) == OK
+    theta, momentum, energy, work = instance.get("theta", "p_theta", "energy", "work")
+    assert instance.set(lean=0.2) == OK
+    assert instance.step(0.3, 1e-9) == OK
+    lifted = theta + swing_lift(ROPE, 0.2)
+    x, z = (20 * f(lifted) * ROPE + 20 * (ROPE * f(lifted) + 0.5 * f(lifted + 0.2)) for f in (np.sin, np.cos))
+    assert np.hypot(x, z) > 0
+    expected = momentum**2 / (2 * swing_forms(ROPE, 0.2)[0]) - 9.81 * z
+    assert instance["theta"] == pytest.approx(lifted, abs=1e-8)  # 1e-9 s go by at 1 rad/s
+    assert instance["p_theta"] == pytest.approx(momentum, abs=1e-6)  # and at 400 N.m
+    assert instance["energy"] == pytest.approx(expected, abs=1e-5)
+    assert instance["work"] - work == pytest.approx(expected - energy, abs=1e-5)
+    assert abs(instance["energy_balance"]) <= 1e-7
+
+
+@pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE])
+def test_many_small_jumps_are_the_motion(library, mode: int) -> None:
+    """Without rates the posture goes in steps; each one lifts the swing, and together they are a fast motion."""
+    errors = []
+    for steps in (50, 100, 200):
+        instance = library(Swing).start(input_reconstruction=mode, tolerance=1e-10, **SWING)
+        for i in range(steps):
+            assert instance.set(lean=LEAN + (0.2 - LEAN) * (i + 1) / steps) == OK
+            assert instance.step(i / steps, 1 / steps) == OK
+        errors.append(abs(instance["theta"] - 0.3 - swing_lift(ROPE, 0.2)))
+    assert max(errors) <= 1e-8  # p = 0: nothing but the lift moves it
+
+
+@pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE])
+def test_what_the_rate_has_moved_does_not_jump_again(library, mode: int) -> None:
+    """With its rate the posture moves the swing inside the step; only what is left jumps at the end of it."""
+
+    def at(t: float) -> dict[str, float]:
+        lean, phase = 0.4 * np.sin(2 * t), 2 * t
+        return {"lean": LEAN + lean, "lean_dot": 0.8 * np.cos(phase), "lean_ddot": -1.6 * np.sin(phase)}
+
+    errors = []
+    for steps in (20, 40, 80):
+        instance = library(Swing).start(input_reconstruction=mode, tolerance=1e-11, **SWING, **at(0.0))
+        for i in range(steps):
+            assert instance.set(at(i / steps)) == OK
+            assert instance.step(i / steps, 1 / steps) == OK
+        assert instance.set(at(1.0)) == OK
+        assert instance.step(1.0, 1e-9) == OK
+        # At the start the swing moves with the posture, so that p_θ ≠ 0 lets θ go on.
+        errors.append(abs(instance["theta"] - swing_reference(at)))
+    order = np.log2(errors[0] / errors[-1]) / 2
+    assert order >= 0.8 if mode == HOLD else order >= 2.8
+
+
+@cache
+def swing_reference(at: Callable[[float], dict[str, float]]) -> float:
+    """θ(1) where p_θ is kept: θ' = (p_θ - J ψ')/I, p_θ = J(0) ψ'(0) for a start at rest."""
+    _, _, about = swing_forms(ROPE, at(0.0)["lean"])
+    momentum = about * at(0.0)["lean_dot"]
+
+    def rate(t: float, _: Any) -> list[float]:
+        inertia, _, about = swing_forms(ROPE, at(t)["lean"])
+        return [(momentum - about * at(t)["lean_dot"]) / inertia]
+
+    return float(solve_ivp(rate, (0, 1), [0.3], method="DOP853", rtol=1e-12, atol=1e-12).y[0, -1])
+
+
+POSTURES: dict[type[Component], dict[str, float]] = {
+    PlanarCat: {"psi_1": 0.7, "psi_2": -0.4},
+    SpatialCat: {"bend": 0.9, "azimuth": 0.5, "twist": 0.2},
+    Satellite: {"wheel_1": 2.0, "wheel_2": -1.0, "wheel_3": 0.7},
+}
+
+
+@pytest.mark.parametrize("component", POSTURES)
+def test_jumps_are_fast_motions(library, component) -> None:
+    """All at once, while everything turns: what interpolation does in 1 ms, up to what the rest does meanwhile."""
+    start = dict.fromkeys(_rates(component), 0.3)
+    fast, slow = 1e-6, 1e-12
+    found = []
+    for mode, size in ((INTERPOLATE, fast), (EXTRAPOLATE, slow), (HOLD, slow)):
+        instance = library(component).start(input_reconstruction=mode, tolerance=1e-12, **start)
+        assert instance.step(0.0, 0.1) == OK
+        assert instance.set(POSTURES[component]) == OK
+        assert instance.step(0.1, size) == OK
+        states = [state.name for state in component.model().states if state.name not in ("work", "dissipated")]
+        found.append(instance.get(*states))
+        if mode != INTERPOLATE:
+            assert abs(instance["energy_balance"]) <= 1e-9
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-4)  # forces of 40 N for 1e-6 s
+    np.testing.assert_array_equal(found[2], found[1])
+
+
+def _rates(component: type[Any]) -> list[str]:
+    """Parameters that are rates at the start."""
+    return [p.name for p in component.model().parameters if p.name.endswith("_dot_0") or p.name.startswith("omega")]
+
+
+@pytest.mark.parametrize("moved", [{"length": 0.7}, {"pivot_x": 0.5}, {"length": 1.2, "pivot_z": 0.3}])
+def test_a_pendulum_at_rest_stays_through_jumps(library, moved: dict[str, float]) -> None:
+    """Of the length by the limit, of the pivot as ever: θ and p_θ stay, the work is that on the energy."""
+    instance = library(Pendulum).start(tolerance=1e-12, theta_0=0.8)
+    assert instance.step(0.0, 0.3) == OK
+    theta, momentum, energy, work = instance.get("theta", "p_theta", "energy", "work")
+    at = {"length": 1.0, "pivot_z": 0.0} | moved
+    assert instance.set(moved) == OK
+    assert instance.step(0.3, 1e-12) == OK
+    np.testing.assert_allclose(instance.get("theta", "p_theta"), [theta, momentum], rtol=0, atol=1e-10)
+    expected = momentum**2 / (2 * at["length"] ** 2) + 9.81 * (at["pivot_z"] - at["length"] * np.cos(theta))
+    assert instance["energy"] == pytest.approx(expected, abs=1e-9)
+    assert instance["work"] - work == pytest.approx(expected - energy, abs=1e-9)
+    assert abs(instance["energy_balance"]) <= 1e-10
+
+
+def test_a_jump_of_the_length_while_the_pivot_moves_turns_the_momentum(library) -> None:
+    """ṗ = m l̇ ẋ_p cos θ + ...: in the limit p gains m ẋ_p cos θ Δl."""
+    instance = library(Pendulum).start(tolerance=1e-12, theta_0=0.8, pivot_x_dot=0.6)
+    assert instance.step(0.0, 0.1) == OK
+    theta, momentum = instance.get("theta", "p_theta")
+    assert instance.set(pivot_x=0.06, length=0.7) == OK
+    assert instance.step(0.1, 1e-12) == OK
+    assert instance["theta"] == pytest.approx(theta, abs=1e-10)
+    assert instance["p_theta"] - momentum == pytest.approx(0.6 * np.cos(theta) * -0.3, abs=1e-9)
+    assert abs(instance["energy_balance"]) <= 1e-10
+
+
+def test_rates_alone_turn_the_satellite(library) -> None:
+    """Who sets the rates of its wheels and leaves their angles as they are makes them jump nowhere."""
+    ends = []
+    for mode in (HOLD, EXTRAPOLATE):
+        instance = library(Satellite).start(input_reconstruction=mode, wheel_1_dot=5.0)
+        for i in range(10):
+            assert instance.step(0.1 * i, 0.1) == OK
+        ends.append(instance.get("q_w", "q_x", "q_y", "q_z"))
+    consistent = library(Satellite).start(wheel_1_dot=5.0)
+    for i in range(10):
+        assert consistent.set(wheel_1=0.5 * i) == OK
+        assert consistent.step(0.1 * i, 0.1) == OK
+    for end in ends:
+        np.testing.assert_allclose(end, consistent.get("q_w", "q_x", "q_y", "q_z"), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["FMI 2 model exchange", "FMI 3 model exchange", "FMI 3 events"])
+def test_a_jump_in_event_mode_lifts_the_swing(library, swing3, kind: str) -> None:
+    states = 4
+    if kind == "FMI 2 model exchange":
+        instance: Any = library(Swing).start(MODEL_EXCHANGE, **SWING)
+        assert not instance.new_discrete_states().valuesOfContinuousStatesChanged
+        assert instance.call("EnterContinuousTimeMode") == OK
+        assert instance.call("SetTime", 0.5) == OK
+        assert instance.call("EnterEventMode") == OK
+    elif kind == "FMI 3 model exchange":
+        instance = swing3.start("ModelExchange", **SWING)
+        assert not instance.update().states_changed
+        assert instance.call("EnterContinuousTimeMode") == OK
+        assert instance.call("SetTime", 0.5) == OK
+        assert instance.call("EnterEventMode") == OK
+    else:
+        instance = swing3.start(options=WITH_EVENTS, tolerance=1e-10, **SWING)
+        instance.update()
+        assert instance.call("EnterStepMode") == OK
+        assert instance.step(0.0, 0.5).status == OK
+        assert instance.call("EnterEventMode") == OK
+    assert instance.set(lean=0.2) == OK
+    if kind == "FMI 2 model exchange":
+        assert instance.new_discrete_states().valuesOfContinuousStatesChanged
+        assert instance.vector("GetContinuousStates", states)[0] == pytest.approx(0.3 + swing_lift(ROPE, 0.2), abs=1e-7)
+    else:
+        assert instance.update().states_changed
+    assert instance["theta"] == pytest.approx(0.3 + swing_lift(ROPE, 0.2), abs=1e-7)
+    assert abs(instance["energy_balance"]) <= 1e-10
+
+
+# ---- contradictions ----------------------------------------------------------------------------------------------
+
+Motion = Callable[[float], tuple[float, float, float]]
+NAMES = ("length", "length_dot", "length_ddot")
+
+
+def steady(t: float) -> tuple[float, float, float]:
+    return 1 + 0.3 * t, 0.3, 0.0
+
+
+def wrong(t: float) -> tuple[float, float, float]:
+    return 1 + 0.3 * t, -0.3, 0.0
+
+
+def jumping(t: float) -> tuple[float, float, float]:
+    return 1.0 if t < 0.45 else 0.7, 0.0, 0.0
+
+
+def rateless(t: float) -> tuple[float, float, float]:
+    return 1 + 0.3 * t, 0.0, 0.0
+
+
+def rate_alone(_: float) -> tuple[float, float, float]:
+    return 1.0, 0.3, 0.0
+
+
+def acceleration_alone(_: float) -> tuple[float, float, float]:
+    return 1.0, 0.0, 0.5
+
+
+def wave(omega: float, phase: float = 0.0) -> Motion:
+    def motion(t: float) -> tuple[float, float, float]:
+        a, x = 0.2, omega * t + phase
+        return 1 + a * np.sin(x), a * omega * np.cos(x), -a * omega**2 * np.sin(x)
+
+    return motion
+
+
+def kinked(at: float, *, before: bool = False) -> Motion:
+    """A rate that jumps, inside a step or at the end of one; there it is given as it is after or before that."""
+
+    def motion(t: float) -> tuple[float, float, float]:
+        on = t > at if before else t >= at
+        return 1 + 0.5 * max(t - at, 0), 0.5 * on, 0.0
+
+    return motion
+
+
+def smooth_step(t: float) -> tuple[float, float, float]:
+    """Quintic, from 1 m to 1.4 m between 0.13 s and 0.83 s."""
+    T = 0.7
+    x = min(max((t - 0.13) / T, 0), 1)
+    shape = (x**3 * (10 - 15 * x + 6 * x**2), 30 * x**2 * (1 - x) ** 2 / T, 60 * x * (1 - x) * (1 - 2 * x) / T**2)
+    return 1 + 0.4 * shape[0], 0.4 * shape[1], 0.4 * shape[2]
+
+
+def parabolas(t: float) -> tuple[float, float, float]:
+    """An acceleration that changes its sign at 0.25 s and 0.75 s."""
+    x, sign = (t, 1) if t < 0.25 else (t - 0.5, -1) if t < 0.75 else (t - 1, 1)
+    if sign > 0:
+        return 1 + x**2, 2 * x, 2.0
+    return 1 + 0.125 - x**2, -2 * x, -2.0
+
+
+HONEST: dict[str, Motion] = {
+    "steady": steady,
+    "wave of 6 steps": wave(2 * np.pi / 0.6),
+    "wave of 6 steps, shifted": wave(2 * np.pi / 0.6, 0.3),
+    "wave of 4 steps": wave(2 * np.pi / 0.4, 0.1),
+    "fine wave": wave(0.7),
+    "kink in a step": kinked(0.33),
+    "kink early in a step": kinked(0.301),
+    "kink late in a step": kinked(0.399),
+    "kink at a point, after it": kinked(0.3),
+    "kink at a point, before it": kinked(0.3, before=True),
+    "smooth step": smooth_step,
+    "parabolas": parabolas,
+}
+CONTRADICTORY: dict[str, tuple[Motion, float, str]] = {  # motion, largest mismatch, what the warning says
+    "wrong sign": (wrong, 0.06, "contradict each other"),
+    "rate alone": (rate_alone, -0.03, "contradict each other"),
+    "acceleration alone": (acceleration_alone, -0.0025, "jumps"),
+    "jump": (jumping, -0.3, "length jumps by -0.3 at t = 0.5"),
+    "no rate": (rateless, 0.03, "length jumps by 0.03 at t = 0.1"),
+}
+
+
+def drive(instance: Any, motion: Motion, mode: int, *, size: float = 0.1, steps: int = 10) -> list[float]:
+    """Step along a motion; the mismatches after each step."""
+    found = []
+    for i in range(steps):
+        t = (i + (mode == INTERPOLATE)) * size
+        instance.set(**dict(zip(NAMES, motion(t), strict=True)))
+        instance.step(i * size, size)
+        found.append(float(instance.get("length_mismatch")[0]))
+    return found
+
+
+@pytest.fixture(params=["FMI 2", "FMI 3", "python"])
+def pendulum_in(request, library, fmu, shared_folder) -> Callable[..., Any]:
+    """Starts an instance of the pendulum that logs; ``said()`` are its warnings."""
+
+    def start(mode: int, motion: Motion) -> tuple[Any, Callable[[], list[str]]]:
+        values = dict(zip(NAMES, motion(0.0), strict=True))
+        if request.param == "FMI 2":
+            instance: Any = library(Pendulum).instantiate(logging=1)
+            instance.setup()
+            instance.call("EnterInitializationMode")
+            instance.set_integer("input_reconstruction", mode)
+            instance.set(values)
+            assert instance.call("ExitInitializationMode") == OK
+            return instance, lambda: instance.call("Terminate") or [m for s, _, m in instance.log if s == 1]
+        if request.param == "FMI 3":
+            path = build(Pendulum.model(), shared_folder, backend="native", fmi="3")
+            instance = Library3(path).start(options={"logging": True}, input_reconstruction=mode, **values)
+            return instance, lambda: instance.call("Terminate") or [m for s, _, m in instance.log if s == 1]
+        instance = PythonInstance(unpacked(fmu(Pendulum, "python"))).initialize(None, mode, **values)
+        return instance, lambda: instance.fmu.terminate() or [m for s, _, m in instance.logged if s == 1]
+
+    return start
+
+
+@cache
+def unpacked(path: Path) -> Path:
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(path.with_suffix(""))
+    return path
+
+
+@pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE, INTERPOLATE])
+def test_honest_motions_are_not_complained_about(pendulum_in, mode: int) -> None:
+    for name, motion in HONEST.items():
+        instance, said = pendulum_in(mode, motion)
+        assert drive(instance, motion, mode) == [0.0] * 10, name
+        assert said() == [], name
+
+
+@pytest.mark.parametrize("mode", [EXTRAPOLATE, INTERPOLATE])
+@pytest.mark.parametrize("name", CONTRADICTORY)
+def test_contradictions_are_measured_and_named_once(pendulum_in, mode: int, name: str) -> None:
+    motion, mismatch, text = CONTRADICTORY[name]
+    instance, said = pendulum_in(mode, motion)
+    found = drive(instance, motion, mode)
+    assert max(found, key=abs) == pytest.approx(mismatch, rel=1e-9)
+    (message,) = said()
+    assert text in message
+    assert "length" in message
+
+
+def test_hold_and_the_first_communication_point_are_not_complained_about(pendulum_in) -> None:
+    instance, said = pendulum_in(HOLD, wrong)
+    assert drive(instance, wrong, HOLD) == [0.0] * 10
+    assert said() == []
+    instance, said = pendulum_in(EXTRAPOLATE, steady)
+    instance.set(length=1.4)  # other than at initialization
+    instance.step(0.0, 0.1)
+    assert instance.get("length_mismatch")[0] == 0
+    assert said() == []
+
+
+def test_steps_that_are_rolled_back_are_not_complained_about(library) -> None:
+    for mode in (EXTRAPOLATE, INTERPOLATE):
+        instance = library(Pendulum).instantiate(logging=1)
+        instance.setup()
+        instance.call("EnterInitializationMode")
+        instance.set_integer("input_reconstruction", mode)
+        instance.call("ExitInitializationMode")
+        assert instance.step(0.0, 0.1) == OK
+        state = instance.save()
+        assert instance.set(length=0.7) == OK
+        assert instance.step(0.1, 0.1) == OK
+        assert instance["length_mismatch"] == pytest.approx(-0.3, rel=1e-12)
+        assert instance.call("SetFMUstate", state) == OK
+        assert instance.call("FreeFMUstate", c.byref(state)) == OK
+        assert instance["length_mismatch"] == 0
+        assert instance.set(length=1.0) == OK
+        for i in range(1, 5):
+            assert instance.step(0.1 * i, 0.1) == OK
+        assert instance.call("Terminate") == OK
+        assert instance.messages == []
+
+
+# ---- what no test noticed ----------------------------------------------------------------------------------------
+
+
+def test_output_derivatives_know_the_accelerations_of_what_is_prescribed(library) -> None:
+    """dE/dt is the power through all ports, d(θ')/dt is θ'': both with a σ̈ that is not 0."""
+    start = {"theta_0": 0.4, "theta_dot_0": 0.7, "rope_dot": 0.3, "rope_ddot": -0.8, "lean_dot": -0.5, "lean_ddot": 1.1}
+    instance = library(Swing).start(**start)
+    names, rates = (
+        ["theta_dot", "energy", "seat_x_dot", "torso_z_dot"],
+        ["theta_ddot", "power", "seat_x_ddot", "torso_z_ddot"],
+    )
+    values, orders = (c.c_double * 4)(), (c.c_int * 4)(1, 1, 1, 1)
+    assert instance.call("GetRealOutputDerivatives", instance.refs(names), 4, orders, values) == OK
+    np.testing.assert_allclose(list(values), instance.get(*rates), rtol=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_what_begins_at_rest_with_an_acceleration_moves(library, fmu, backend: str) -> None:
+    """Extrapolated from σ̇ = 0 with σ̈ ≠ 0, and interpolated to the end of the same parabola."""
+    a, H, found = 1.5, 0.4, []
+    ends = {"lean": LEAN + a * H**2 / 2, "lean_dot": a * H, "lean_ddot": a}
+    for mode in (EXTRAPOLATE, INTERPOLATE):
+        values = {"theta_0": 0.4, "lean_ddot": a}
+        if backend == "native":
+            instance: Any = library(Swing).start(input_reconstruction=mode, tolerance=1e-11, **values)
+        else:
+            instance = PythonInstance(unpacked(fmu(Swing, "python"))).initialize(1e-11, mode, **values)
+        if mode == INTERPOLATE:
+            instance.set(**ends)
+        instance.step(0.0, H)
+        found.append(instance.get("theta", "p_theta", "energy", "work", "torso_x"))
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-7)
+    still = library(Swing).start(tolerance=1e-11, theta_0=0.4)
+    assert still.step(0.0, H) == OK
+    assert abs(found[0][0] - still["theta"]) > 1e-3  # it makes a difference
+
+
+@pytest.mark.parametrize("kind", ["extrapolate", "hold", "python", "FMI 2 model exchange", "FMI 3 events"])
+def test_impulses_do_the_whole_work(library, swing3, fmu, kind: str) -> None:
+    """σ̇ jumps from 0: p stays, and the energy gains ½ σ̇ᵀ Θ σ̇ with Θ = g - J Jᵀ/I."""
+    rope_dot, lean_dot, start = 0.4, -0.9, {"theta_0": 0.4, "theta_dot_0": 0.7}
+    inertia, along, about = swing_forms(ROPE, LEAN)
+    J, rate = np.array([along, about]), np.array([rope_dot, lean_dot])
+    g = np.array([[40.0, -10.0 * np.sin(LEAN)], [-10.0 * np.sin(LEAN), 20.0 * 0.25]])
+    momentum = inertia * 0.7
+    gain = rate @ (g - np.outer(J, J) / inertia) @ rate / 2
+    rates = {"rope_dot": rope_dot, "lean_dot": lean_dot}
+    if kind == "python":
+        instance: Any = PythonInstance(unpacked(fmu(Swing, "python"))).initialize(None, EXTRAPOLATE, **start)
+        instance.set(**rates)
+    elif kind == "FMI 3 events":
+        instance = swing3.start(options=WITH_EVENTS, **start)
+        assert instance.set(rates) == OK
+        instance.update()
+        assert instance.call("EnterStepMode") == OK
+    elif kind == "FMI 2 model exchange":
+        instance = library(Swing).start(MODEL_EXCHANGE, **start)
+        assert instance.set(rates) == OK
+        instance.new_discrete_states()
+        assert instance.call("EnterContinuousTimeMode") == OK
+    else:
+        instance = library(Swing).start(input_reconstruction=HOLD if kind == "hold" else EXTRAPOLATE, **start)
+        assert instance.set(rates) == OK
+    if kind in ("extrapolate", "hold", "python"):
+        assert instance.get("work")[0] == pytest.approx(gain, rel=1e-12)  # before it is booked
+        instance.step(0.0, 1e-12)
+    work, balance, p = instance.get("work", "energy_balance", "p_theta")
+    assert work == pytest.approx(gain, rel=1e-9)
+    assert p == pytest.approx(momentum, rel=1e-9)
+    assert abs(balance) <= 1e-9
+
+
+def test_an_impulse_inside_does_the_whole_work(shared_folder, tmp_path) -> None:
+    """The ramp of a composition starts inside a step: m r'²/2 on a weightless pendulum at rest."""
+    system = System("ramped")
+    ramp = system.add("ramp", build(Ramp.model(), shared_folder), offset=1.0, rate=0.2, start_time=0.55)
+    pendulum = system.add("pendulum", build(Pendulum.model(), shared_folder), theta_0=0.0, gravity=0.0)
+    system.connect(ramp["y"], pendulum["length"])
+    result = simulate(flatten(system, tmp_path), stop_time=1.0, step_size=0.25)
+    assert result["pendulum.work"][-1] == pytest.approx(0.2**2 / 2, rel=1e-9)
