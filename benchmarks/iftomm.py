@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from liaisons.mechanics.model import Model
 from liaisons.models import CartesianPendulum, Pendulum
-from liaisons.models.four_bars import four_bars
+from liaisons.models.parallelograms import four_bars
 
 ALLOWED, THRESHOLD = 1e-3, 1e-3
 TOLERANCES = [round(m * 10.0**-e, e + 1) for e in range(2, 9) for m in (1.0, 0.3)]

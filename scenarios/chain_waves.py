@@ -65,7 +65,7 @@ def main(figure: Path) -> list[Verdict]:
     slow = driven(grip, "SmoothStep", 80.0, duration=PUSH)
     sudden = simulate(grip, stop_time=40.0, step_size=0.05, tolerance=1e-12, drive=1.0, **BODY)
     u = columns(free)
-    expected, modes = OscillatorChain.normal_modes(N, mass=BODY["mass"], stiffness=BODY["stiffness"])
+    expected, modes = OscillatorChain.normal_modes(n=N, mass=BODY["mass"], stiffness=BODY["stiffness"])
     found = frequencies((np.linalg.inv(modes) @ u)[1:], 0.5)
     momentum = np.sum(columns(free, "p_u[{}]"), axis=0)
     group = np.diff(found) / (np.pi / (N * BODY["spacing"]))

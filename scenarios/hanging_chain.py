@@ -34,7 +34,7 @@ def frequencies(q: NDArray) -> NDArray:
 
 def main(figure: Path) -> list[Verdict]:
     chain = fmu_path("PendulumChain", n=N)
-    expected, modes = PendulumChain.normal_modes(N)
+    expected, modes = PendulumChain.normal_modes(n=N)
     modes = modes / np.max(np.abs(modes), axis=0)
     start = SMALL * modes.sum(axis=1)
     small = simulate(chain, stop_time=60.0, step_size=STEP, tolerance=1e-13, theta_0=start)

@@ -41,8 +41,8 @@ def catalogue() -> dict[str, type[Component]]:
 def components(target: Target) -> list[type[Component]]:
     """The components that a word on the command line or an argument stands for.
 
-    :param target: a component of the catalogue (``Pendulum``), a Python file with components (``my_component.py``)
-        or one component of such a file (``my_component.py:Name``); a class stands for itself.
+    :param target: a component of the catalogue (``Pendulum``) or ``all`` of them, a Python file with components
+        (``my_component.py``) or one component of such a file (``my_component.py:Name``); a class stands for itself.
     :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
         else.
     """
@@ -54,6 +54,8 @@ def components(target: Target) -> list[type[Component]]:
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
         known = catalogue()
+        if target == "all":
+            return list(known.values())
         if target not in known:
             raise ProjectError(f"no component is called {target!r}{suggestion(target, known)}")
         return [known[target]]
@@ -74,7 +76,8 @@ def component(target: Target) -> type[Component]:
     """
     found = components(target)
     if len(found) > 1:
-        choices = ", ".join(f"{target}:{component.__name__}" for component in found)
+        where = "" if target == "all" else f"{target}:"
+        choices = ", ".join(f"{where}{component.__name__}" for component in found)
         raise ProjectError(f"{target} defines several components; name one: {choices}")
     return found[0]
 

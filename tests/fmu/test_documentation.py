@@ -20,9 +20,8 @@ from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import bibliography
 from liaisons.mechanics import Mechanism, Operator
 from liaisons.mechanics.equations import derive
-from liaisons.mechanics.model import Model
 from liaisons.mechanics.printing import of_mechanism
-from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, SpatialCat
+from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, PlanarCat, SpatialCat
 from liaisons.models.pendulum_chain import PendulumChain
 
 FUNCTIONS = {
@@ -149,17 +148,13 @@ def read(written: object, symbols: Mapping[str, Value]) -> Value:
     return Reader(parsed("".join(written.terms)), known).all()  # type: ignore[attr-defined]
 
 
-def notation(model: Model) -> Notation:
-    return Notation([v.name for v in model.variables], {active.value for active in model.active})
-
-
 # ---- the formulas ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
 def test_formulas_read_back_from_mathml_have_the_values_of_the_symbols(component) -> None:
     model = component.model()
-    written_as, rng = notation(model), np.random.default_rng(7)
+    written_as, rng = Notation.of(model), np.random.default_rng(7)
     printed = 0
     for equation in model.equations:
         written = formula(equation.right, written_as)
@@ -224,6 +219,13 @@ def test_names_become_letters_dots_and_subscripts() -> None:
     assert names["theta_dot_0"] == f"<msub>{dot.format('˙')}<mn>0</mn></msub>"
     assert names["mass_1"] == "<msub><mi>m</mi><mn>1</mn></msub>"
     assert names["length_force"] == "<msub><mi>λ</mi><mi>l</mi></msub>"
+    declared = Notation(["bend", "bend_dot", "bend_force", "arm_1"], {"bend"}, {"bend": "κ", "arm_1": "c_1"})
+    assert declared["bend"] == "<mi>κ</mi>"
+    assert declared["bend_dot"] == "<mover><mi>κ</mi><mo>˙</mo></mover>"
+    assert declared["bend_force"] == "<msub><mi>λ</mi><mi>κ</mi></msub>"
+    assert declared["p_bend"] == "<msub><mi>p</mi><mi>κ</mi></msub>"
+    assert declared["arm_1"] == "<msub><mi>c</mi><mn>1</mn></msub>"
+    assert Notation.of(PlanarCat.model())["arm_1"] == declared["arm_1"]
     alike = Notation(["mass", "m"])
     assert alike["mass"] != alike["m"]
 
@@ -328,7 +330,7 @@ def test_a_formula_breaks_before_it_runs_off_the_page() -> None:
 
 def test_each_equation_is_shown_or_named_as_too_long() -> None:
     model = SpatialCat.model()  # some of its formulas are too long
-    page, written_as = index_page(model).decode(), notation(model)
+    page, written_as = index_page(model).decode(), Notation.of(model)
     for equation in model.equations:
         written = formula(equation.right, written_as)
         assert (written.terms[0] if written else written_as[equation.left]) in page

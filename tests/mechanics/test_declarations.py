@@ -399,3 +399,9 @@ def test_errors_have_the_line_of_the_method(tmp_path: Path) -> None:
     )
     with pytest.raises(ProjectError, match=r"odd\.py:6: Odd\.kinetic_energy: 'if', "):
         load_module(path)
+
+
+def test_a_symbol_is_a_letter() -> None:
+    with pytest.raises(ComponentError, match=r"symbol = 3: write the letter as text"):
+        Parameter(1.0, "kg", "mass", symbol=3)  # type: ignore[arg-type]
+    assert Parameter(1.0, "kg", "mass", symbol="m_1").variable("parameter", "fixed").symbol == "m_1"

@@ -20,6 +20,7 @@ from liaisons.mechanics import (
     ActiveCoordinate,
     Coordinate,
     Equations,
+    Friction,
     InternalState,
     Mechanism,
     Orientation,
@@ -186,6 +187,25 @@ def test_friction_coefficient_is_the_simplest_dissipation_function() -> None:
     n = random_state(DRAG, 1)
     for quantity in ("momentum_rates", "accelerations", "operator_forces", "power", "dissipation"):
         np.testing.assert_allclose(DRAG.evaluate(quantity, **n), stated.evaluate(quantity, **n), rtol=ROUNDING)
+
+
+def test_declared_friction_needs_no_method() -> None:
+    class Sledge(Mechanism):
+        """Mass that is braked."""
+
+        mass = Parameter(2.0, "kg", "mass", above=0)
+        air = Friction("of the air")
+        snow = Friction("of the snow")
+        x = Coordinate("m", "position")
+
+        def kinetic_energy(self) -> ca.SX:
+            return self.mass / 2 * self.dot(self.x) ** 2
+
+    sledge = derive(Sledge)
+    n = random_state(sledge, 3) | {"air": 0.25, "snow": 0.5, "x_dot": 0.8, "p_x": 1.6, "x_force": 0.0, "x_load": 0.0}
+    assert sledge.evaluate("accelerations", **n)[0] == pytest.approx(-0.75 * n["x_dot"], rel=ROUNDING)
+    variables = {v.name: v for v in Sledge.model().parameters}
+    assert (variables["air"].variability, variables["air"].description) == ("tunable", "of the air")
 
 
 class Clutch(Mechanism):

@@ -48,7 +48,7 @@ def difference_matrix(n: int, *, held: bool) -> np.ndarray:
 @pytest.mark.parametrize("n", [2, 5, 30])
 @pytest.mark.parametrize(("component", "held"), [(OscillatorChain, False), (DrivenChain, True)])
 def test_modes_of_the_linear_chains(component, held: bool, n: int) -> None:
-    frequencies, modes = component.normal_modes(n, mass=2.0, stiffness=8.0)
+    frequencies, modes = component.normal_modes(n=n, mass=2.0, stiffness=8.0)
     matrix = 8.0 / 2.0 * difference_matrix(n, held=held)
     # Eigenvectors with entries of order 1, n roundings of terms of size 16.
     np.testing.assert_allclose(matrix @ modes, modes * frequencies**2, atol=16 * n * 1e-15)
@@ -59,7 +59,7 @@ def test_modes_of_the_linear_chains(component, held: bool, n: int) -> None:
 def test_modes_of_the_hanging_chain(n: int) -> None:
     """Mass matrix and stiffness of small angles: m l² (n + 1 - max(i, j)) and m g l (n + 1 - i)."""
     length, gravity = 0.7, 9.81
-    frequencies, modes = PendulumChain.normal_modes(n, length=length, gravity=gravity)
+    frequencies, modes = PendulumChain.normal_modes(n=n, length=length, gravity=gravity)
     i = np.arange(1, n + 1)
     mass = length**2 * (n + 1 - np.maximum(i[:, None], i))
     stiffness = gravity * length * np.diag(n + 1 - i)
@@ -286,7 +286,7 @@ def test_three_masses_are_the_molecule_of_equal_atoms(sized, fmu) -> None:
         assert max_error(chain[f"u[{i + 1}]"] + places[i], molecule[name]) <= 1e-9
         assert max_error(chain[f"p_u[{i + 1}]"], molecule[f"p_{name}"]) <= 1e-9
     assert max_error(chain["energy"], molecule["energy"]) <= 1e-9
-    frequencies, _ = OscillatorChain.normal_modes(3, mass=1.5, stiffness=2.0)
+    frequencies, _ = OscillatorChain.normal_modes(n=3, mass=1.5, stiffness=2.0)
     assert frequencies == pytest.approx(np.sqrt([0.0, 2.0 / 1.5, 3 * 2.0 / 1.5]), abs=1e-15)  # K eq. 157
 
 

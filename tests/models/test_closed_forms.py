@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from decimal import Decimal
 
@@ -11,8 +10,8 @@ import pytest
 from scipy.integrate import quad
 
 from liaisons.errors import ValidityError
-from liaisons.mechanics import Component, Mechanism, derive
-from liaisons.models import CATALOGUE, CircularHoop, Flywheel, Oscillator, Pendulum, Swing
+from liaisons.mechanics import Mechanism, derive
+from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Swing
 
 # ---- every closed form solves the derived equations --------------------------------------------------------------
 
@@ -70,21 +69,6 @@ def test_closed_form_solves_the_derived_equations(component, start: dict[str, fl
                 derived = number(equations, getattr(equations.mechanism, name), symbols | state)
             # The same numbers from two expressions: roundings of their terms.
             assert derived == pytest.approx(exact(name, t), rel=1e-12, abs=1e-12)
-
-
-@pytest.mark.parametrize("component", [c for c in CATALOGUE if hasattr(c, "exact")], ids=lambda c: c.__name__)
-def test_closed_forms_start_where_the_component_starts(component: type[Component]) -> None:
-    """Static functions repeat the defaults of the declarations in their signatures."""
-    model = component.model()
-    starts = {variable.name: variable.start for variable in (*model.parameters, *model.inputs)}
-    compared = 0
-    for name, function in vars(component).items():
-        if isinstance(function, staticmethod):
-            for argument in inspect.signature(function.__func__).parameters.values():
-                if argument.name in starts and argument.default is not argument.empty:
-                    assert argument.default == starts[argument.name], f"{name}({argument.name})"
-                    compared += 1
-    assert compared > 0
 
 
 # ---- pendulum: elliptic functions --------------------------------------------------------------------------------
@@ -305,13 +289,13 @@ def test_hoop_about_its_centre_lets_the_bead_run_uniformly() -> None:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: Pendulum.exact(1.0, friction=0.1), "friction = 0.1 must be 0"),
+        (lambda: Pendulum.exact(1.0, friction=0.1), "friction = 0.1 must be == 0; it is the motion with fixed pivot"),
         (lambda: Pendulum.exact(1.0, length=0.0), "length = 0.0 must be > 0"),
         (lambda: Pendulum.exact(1.0, mass=np.nan), "mass = nan must be > 0"),
         (lambda: Pendulum.period(gravity=-9.81), "gravity = -9.81 must be > 0"),
         (lambda: Pendulum.small_angle(1.0, friction=-0.1), "friction = -0.1 must be >= 0"),
         (lambda: Pendulum.lengthening([0.0, 10.0], length_dot=-0.1), "the length falls to 0.0 m"),
-        (lambda: Pendulum.lengthening(1.0, length_dot=0.0), "length_dot = 0 is Pendulum.small_angle"),
+        (lambda: Pendulum.lengthening(1.0, length_dot=0.0), "length_dot = 0.0 must be != 0"),
         (lambda: Pendulum.crouch_growth(length_low=1.0, length_high=0.0), "length_high = 0.0 must be > 0"),
         (lambda: Oscillator.exact(1.0, stiffness=-1.0), "stiffness = -1.0 must be >= 0"),
         (lambda: Oscillator.exact([1.0, -1.0]), "t = -1.0 must be >= 0"),
@@ -321,7 +305,7 @@ def test_hoop_about_its_centre_lets_the_bead_run_uniformly() -> None:
         (lambda: Flywheel.exact(1.0, inertia=0.0), "inertia = 0.0 must be > 0"),
         (lambda: Swing.exact(1.0, rope=1.0, torso_length=2.0, lean=np.pi), "centre of mass lies on the pivot"),
         (lambda: Swing.exact(1.0, mass_torso=-1.0), "mass_torso = -1.0 must be >= 0"),
-        (lambda: CircularHoop.exact(1.0, offset=1.0), "offset = 1.0 must be < radius = 1.0"),
+        (lambda: CircularHoop.exact(1.0, offset=1.0), "offset = 1.0 must be < radius"),
     ],
 )
 def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:

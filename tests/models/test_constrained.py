@@ -263,5 +263,5 @@ def test_inconsistent_start_is_named_with_its_residual(fmu, start: Any, words: s
 
 
 def test_closed_form_names_what_it_does_not_cover() -> None:
-    with pytest.raises(ValidityError, match=r"length = 0\.0 must be > 0"):
+    with pytest.raises(ValidityError, match=r"rod = 0\.0 must be > 0"):
         CartesianPendulum.exact(1.0, rod=0.0)

@@ -15,7 +15,7 @@ from liaisons.errors import ComponentError, SimulationError, ValidityError
 from liaisons.mechanics import ActiveCoordinate, derive
 from liaisons.models import Pendulum, Swing
 from liaisons.models.general_swing import GeneralSwing
-from liaisons.models.marle_swing import marle_swing
+from liaisons.models.shaped_swing import marle_swing
 
 GRAVITY, SEAT, TORSO, B = 9.81, 20.0, 15.0, 0.5
 SHAPE = {
@@ -260,7 +260,7 @@ def test_fmu_watches_the_weight_and_the_metric(fmu) -> None:
     ("call", "words"),
     [
         (lambda: Crouching.exact(1.0, length=0.0), "I = 0.0 and D = 0.0 must be > 0"),
-        (lambda: Crouching.exact(1.0, lean=0.0), "unknown shape coordinate lean; it has length"),
+        (lambda: Crouching.exact(1.0, lean=0.0), "MarleSwing.exact: nothing is called 'lean'; did you mean 'length'"),
     ],
 )
 def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:

@@ -18,10 +18,10 @@ from liaisons.check import max_error, slope
 from liaisons.cosim import simulate
 from liaisons.errors import SimulationError, ValidityError
 from liaisons.mechanics import Mechanism, derive
-from liaisons.models._stumpff import stumpff
 from liaisons.models.charged_particle import ChargedParticle
 from liaisons.models.free_particle import FreeParticle
 from liaisons.models.kepler_orbit import KeplerOrbit
+from liaisons.models.solutions.stumpff import stumpff
 
 State = dict[str, float]
 PARTICLES = [FreeParticle, ChargedParticle, KeplerOrbit]

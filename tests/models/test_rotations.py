@@ -18,8 +18,8 @@ from liaisons.check import max_error, slope
 from liaisons.cosim import Result, simulate
 from liaisons.errors import SimulationError, ValidityError
 from liaisons.mechanics import Mechanism, Orientation, derive
-from liaisons.models import _rotations
 from liaisons.models.satellite import Satellite
+from liaisons.models.solutions import rotations
 from liaisons.models.spatial_cat import SpatialCat
 
 State = dict[str, float]
@@ -288,7 +288,7 @@ def test_satellite_bad_input_is_named(fmu, start: Any, words: str, backend: str)
     ("call", "words"),
     [
         (lambda: Satellite.exact(1.0, J_xy=12.0), "Satellite.exact: J = .* must be positive definite"),
-        (lambda: Satellite.exact(1.0, J_x=12.0), "Satellite.exact: no parameter J_x"),
+        (lambda: Satellite.exact(1.0, J_x=12.0), "Satellite.exact: nothing is called 'J_x'; did you mean"),
         (lambda: Satellite.exact(1.0, omega_x_0=1.0, omega_y_0=1e-9), "about the middle axis"),
         (lambda: Satellite.slew(1.0, J_wheel=0.0), "J_wheel = 0.0 must be > 0"),
         (lambda: SpatialCat.turn(0.3, inertia_axial=0.0), "inertia_axial = 0.0 must be > 0"),
@@ -511,10 +511,10 @@ def test_quaternion_algebra_is_scipys() -> None:
     first, second = (Rotation.random(rng=rng) for _ in range(2))
     a, b = (r.as_quat(scalar_first=True) for r in (first, second))
     as_matrix = [
-        turns(dict(zip(QUATERNION, q, strict=True))) for q in (_rotations.product(a, b), _rotations.conjugate(a))
+        turns(dict(zip(QUATERNION, q, strict=True))) for q in (rotations.product(a, b), rotations.conjugate(a))
     ]
     np.testing.assert_allclose(as_matrix[0], (first * second).as_matrix(), atol=1e-15)  # a few roundings each
     np.testing.assert_allclose(as_matrix[1], first.as_matrix().T, atol=1e-15)
     by = rng.normal(size=3)
-    exponential = dict(zip(QUATERNION, _rotations.exponential(by), strict=True))
+    exponential = dict(zip(QUATERNION, rotations.exponential(by), strict=True))
     np.testing.assert_allclose(turns(exponential), Rotation.from_rotvec(by).as_matrix(), atol=1e-15)

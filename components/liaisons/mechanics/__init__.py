@@ -2,11 +2,14 @@
 
 from liaisons.mechanics import analysis
 from liaisons.mechanics.chains import Chain
+from liaisons.mechanics.closed_forms import Values, closed_form
 from liaisons.mechanics.component import Component
 from liaisons.mechanics.constraints import gauss
 from liaisons.mechanics.declarations import (
     ActiveCoordinate,
     Coordinate,
+    Friction,
+    Gravity,
     Input,
     InternalState,
     Joint,
@@ -35,6 +38,8 @@ __all__ = [
     "Coordinate",
     "Equations",
     "Experiment",
+    "Friction",
+    "Gravity",
     "Input",
     "InternalState",
     "Joint",
@@ -47,9 +52,11 @@ __all__ = [
     "PortMember",
     "Size",
     "State",
+    "Values",
     "Variable",
     "analysis",
     "calculated",
+    "closed_form",
     "condition",
     "constraint",
     "derive",

@@ -14,7 +14,7 @@ from liaisons.mechanics.algebra import stack
 from liaisons.mechanics.bookkeeping import MEMORY, Vectors, function, functions
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import ActiveInput, Model
-from liaisons.mechanics.printing import closed_form, of_mechanism
+from liaisons.mechanics.printing import checked_against, of_mechanism
 
 if TYPE_CHECKING:
     from liaisons.mechanics.mechanism import Mechanism
@@ -84,7 +84,7 @@ def assemble(component: type[Mechanism]) -> Model:
         ports=variables.ports(component, equations),
         experiment=component.experiment,
         equations=of_mechanism(equations),
-        closed_form=closed_form(component),
+        closed_form=checked_against(component),
     )
 
 

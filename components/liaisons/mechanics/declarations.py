@@ -23,6 +23,8 @@ from liaisons.mechanics.model import Causality, Variability, Variable
 __all__ = [
     "ActiveCoordinate",
     "Coordinate",
+    "Friction",
+    "Gravity",
     "Input",
     "InternalState",
     "Joint",
@@ -127,9 +129,13 @@ class _Symbol(Declaration):
         minimum: float | None,
         below: float | None,
         maximum: float | None,
+        symbol: str = "",
         unchecked: str | None = None,
     ) -> None:
         super().__init__(unit, description, unchecked)
+        if not isinstance(symbol, str):
+            raise ComponentError(f"{description!r}: symbol = {symbol!r}: write the letter as text, e.g. 'κ' or 'm_1'")
+        self.symbol = symbol
         if (above is not None and minimum is not None) or (below is not None and maximum is not None):
             raise ComponentError(f"{description!r}: give either the excluded bound (above, below) or the included one")
         if (above is not None and maximum is not None) or (below is not None and minimum is not None):
@@ -161,6 +167,7 @@ class _Symbol(Declaration):
             minimum=self.minimum,
             maximum=self.maximum,
             strict=self.strict,
+            symbol="" if name else self.symbol,
         )
 
     def __set__(self, instance: object, value: object) -> None:
@@ -176,6 +183,7 @@ class Parameter(_Symbol):
     :param above: excluded lower bound; ``minimum`` is the included one.
     :param below: excluded upper bound; ``maximum`` is the included one.
     :param tunable: may change between two steps of a simulation.
+    :param symbol: its letter on the page of the FMU, ``"κ"`` or ``"m_1"``, where it is not the one of its name.
     :param unchecked: why its unit is left out of account where units are checked, for example ``"an empirical law"``.
     :raises ComponentError: for a unit that is not understood or contradictory bounds.
     """
@@ -192,11 +200,29 @@ class Parameter(_Symbol):
         below: float | None = None,
         maximum: float | None = None,
         tunable: bool = False,
+        symbol: str = "",
         unchecked: str | None = None,
     ) -> None:
         bounds = {"above": above, "minimum": minimum, "below": below, "maximum": maximum}
-        super().__init__(unit, description, start=default, unchecked=unchecked, **bounds)
+        super().__init__(unit, description, start=default, symbol=symbol, unchecked=unchecked, **bounds)
         self.tunable = tunable
+
+
+class Gravity(Parameter):
+    """The gravitational acceleration g [m/s2], of either sign; 0 is weightlessness."""
+
+    def __init__(self) -> None:
+        super().__init__(9.81, "m/s2", "gravitational acceleration", symbol="g")
+
+
+class Friction(Parameter):
+    """η [1/s] of K eq. 64, tunable: where it is declared every velocity is braked by it, and no method is needed.
+
+    :param description: what it is, and ``symbol`` its letter, where the component has others.
+    """
+
+    def __init__(self, description: str = "friction coefficient eta of K eq. 61", symbol: str = "η") -> None:
+        super().__init__(0.0, "1/s", description, minimum=0, tunable=True, symbol=symbol)
 
 
 class Coordinate(_Symbol):
@@ -208,6 +234,7 @@ class Coordinate(_Symbol):
         links start with these, the others with 0.
     :param above: the motion must stay above this value (a singularity lies there).
     :param nominal: a typical size, which scales the absolute tolerance.
+    :param symbol: its letter on the page of the FMU, as of a :class:`Parameter`.
     :raises ComponentError: for a unit that is not understood.
     """
 
@@ -222,10 +249,12 @@ class Coordinate(_Symbol):
         above: float | None = None,
         below: float | None = None,
         nominal: float = 1.0,
+        symbol: str = "",
     ) -> None:
         self.leading = tuple(_number(value, description) for value in start) if isinstance(start, tuple) else ()
         rest = 0.0 if isinstance(start, tuple) else start
-        super().__init__(unit, description, start=rest, above=above, minimum=None, below=below, maximum=None)
+        bounds = {"above": above, "minimum": None, "below": below, "maximum": None}
+        super().__init__(unit, description, start=rest, symbol=symbol, **bounds)
         self.start_rate = _number(start_rate, description)
         self.nominal = _number(nominal, description)
         if self.nominal <= 0:
@@ -239,6 +268,7 @@ class ActiveCoordinate(_Symbol):
     :param description: what it is, zero and sense included.
     :param start: value of the input until the operator gives another.
     :param above: excluded lower bound, ``below`` the upper one.
+    :param symbol: its letter on the page of the FMU, as of a :class:`Parameter`.
     :raises ComponentError: for a unit that is not understood.
     """
 
@@ -251,8 +281,10 @@ class ActiveCoordinate(_Symbol):
         start: float = 0.0,
         above: float | None = None,
         below: float | None = None,
+        symbol: str = "",
     ) -> None:
-        super().__init__(unit, description, start=start, above=above, minimum=None, below=below, maximum=None)
+        bounds = {"above": above, "minimum": None, "below": below, "maximum": None}
+        super().__init__(unit, description, start=start, symbol=symbol, **bounds)
 
 
 class Input(_Symbol):
@@ -275,12 +307,14 @@ class InternalState(_Symbol):
     :param unit: SI unit.
     :param description: what it is.
     :param start: initial value.
+    :param symbol: its letter on the page of the FMU, as of a :class:`Parameter`.
     :raises ComponentError: for a unit that is not understood.
     """
 
     @_explained
-    def __init__(self, unit: str, description: str, *, start: float = 0.0) -> None:
-        super().__init__(unit, description, start=start, above=None, minimum=None, below=None, maximum=None)
+    def __init__(self, unit: str, description: str, *, start: float = 0.0, symbol: str = "") -> None:
+        bounds = dict.fromkeys(("above", "minimum", "below", "maximum"))
+        super().__init__(unit, description, start=start, symbol=symbol, **bounds)
 
 
 class Size(Declaration):

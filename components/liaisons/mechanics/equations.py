@@ -32,7 +32,7 @@ from liaisons.errors import ComponentError, suggestion
 from liaisons.mechanics import constraints
 from liaisons.mechanics.algebra import gradient, stack
 from liaisons.mechanics.constraints import Constraints
-from liaisons.mechanics.friction import Friction
+from liaisons.mechanics.friction import Dissipation
 from liaisons.mechanics.inertia import inertia
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Equations:
     constraints: Constraints  # C ẍ = c
     multipliers: ca.SX  # λ of the passive and non-holonomic constraints
     power: ca.SX  # through all ports
-    friction: Friction
+    friction: Dissipation
     dissipation: ca.SX  # what friction takes, and non-holonomic constraints
     internal_rates: ca.SX
     projection: ca.SX | None  # (x, p) put back onto the constraints and unit quaternions, if there are any
@@ -152,7 +152,7 @@ def derive(component: type[Mechanism]) -> Equations:
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Without repetitions, so that derivatives cost as much as what they are derivatives of.
     kinetic, potential, L = ca.cse([ca.SX(e) for e in (m.kinetic_energy(), m.potential_energy(), m.lagrangian())])
-    rubbing = Friction(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
+    rubbing = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
     drives, loads = _column(component.coordinates, "force"), _column(component.coordinates, "load")

@@ -7,10 +7,18 @@ from dataclasses import dataclass
 import casadi as ca
 
 from liaisons.mechanics.algebra import gradient
+from liaisons.mechanics.component import Component
+from liaisons.mechanics.declarations import Friction
+
+
+def declared_coefficient(picture: Component) -> ca.SX:
+    """η of K eq. 64 where a component declares one; else 0."""
+    declared = (p.name for p in picture.parameters if isinstance(p, Friction))
+    return sum((picture.symbols[name] for name in declared), ca.SX(0))
 
 
 @dataclass(frozen=True, eq=False)
-class Friction:
+class Dissipation:
     """D = η T + D′ [W]; of η T alone the forces are those of K eq. 66, Q = −η ∂T/∂q̇."""
 
     coefficient: ca.SX  # η, no function of the rates

@@ -41,6 +41,7 @@ from liaisons.mechanics.declarations import (
 )
 from liaisons.mechanics.dimensions import Declared, check_units
 from liaisons.mechanics.equations import start_values
+from liaisons.mechanics.friction import declared_coefficient
 from liaisons.mechanics.inertia import mass_matrix
 from liaisons.mechanics.model import Model
 
@@ -150,8 +151,8 @@ class Mechanism(Component, abstract=True):
         return ca.SX(0)
 
     def friction_coefficient(self) -> ca.SX:
-        """η of K eq. 64, Q = −η ∂T/∂q̇; zero unless the component says otherwise."""
-        return ca.SX(0)
+        """η of K eq. 64, Q = −η ∂T/∂q̇: the declared Friction, zero without one."""
+        return declared_coefficient(self)
 
     def dissipation_function(self) -> ca.SX:
         """Rayleigh's D(q, q̇, s, ṡ) [W] of further friction, Q = −∂D/∂q̇; zero unless the component says otherwise.

@@ -56,6 +56,7 @@ class Variable:
     nominal: float | None = None
     derivative_of: str | None = None  # name of the variable whose time derivative this is
     dimension: Dimension | None = None  # None: a scalar
+    symbol: str = ""  # its letter, where it is not the one of its name
 
     @property
     def count(self) -> int:

@@ -16,7 +16,7 @@ from liaisons.mechanics.component import Component, call, check_internal_rates, 
 from liaisons.mechanics.declarations import Input, InternalState
 from liaisons.mechanics.dimensions import check_units
 from liaisons.mechanics.model import Model, Port, PortMember, State, Variable
-from liaisons.mechanics.printing import closed_form, of_operator
+from liaisons.mechanics.printing import checked_against, of_operator
 
 _TRIPLE = ("y", "y_dot", "y_ddot")
 _TEXTS = ("signal", "first derivative of the signal", "second derivative of the signal")
@@ -143,7 +143,7 @@ class Operator(Component, abstract=True):
             ports=(Port("y", "signal", tuple(map(PortMember, ("s", "v", "a"), _TRIPLE))),),
             experiment=cls.experiment,
             equations=of_operator(picture, triple[0]),
-            closed_form=closed_form(cls),
+            closed_form=checked_against(cls),
         )
 
 

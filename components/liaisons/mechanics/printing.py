@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from liaisons.mechanics.operator import Operator
 
 
-def closed_form(component: type[Component]) -> str:
+def checked_against(component: type[Component]) -> str:
     """Docstring of ``exact``, the solution that a component is checked against; empty where there is none."""
     return inspect.getdoc(getattr(component, "exact", None)) or ""
 

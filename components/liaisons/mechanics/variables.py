@@ -127,7 +127,7 @@ def of_coordinate(q: Coordinate, *values: Expression, dimension: Dimension | Non
     """The motion along a coordinate: q, q̇, q̈, p, ṗ."""
     speed = units.rate(q.unit)
     rows = (
-        _output(q.name, q.unit, q.description, values[0]),
+        _output(q.name, q.unit, q.description, values[0], q.symbol),
         _derivative(f"{q.name}_dot", speed, f"rate of {q.name}", values[1], q.name, local=False),
         _output(f"{q.name}_ddot", units.rate(speed), f"acceleration of {q.name}", values[2]),
         _output(f"p_{q.name}", units.momentum(q.unit), f"momentum conjugate to {q.name}", values[3]),
@@ -242,7 +242,8 @@ def _of_orientations(component: type[Mechanism], equations: Equations) -> Iterat
 
 def _of_internal_states(component: type[Mechanism], equations: Equations) -> Iterator[Row]:
     for i, state in enumerate(component.internal_states):
-        yield _output(state.name, state.unit, state.description, equations.mechanism.internal[i])
+        symbol = equations.mechanism.internal[i]
+        yield _output(state.name, state.unit, state.description, symbol, state.symbol)
         rate = equations.internal_rates[i]
         yield _derivative(f"{state.name}_dot", units.rate(state.unit), f"rate of {state.name}", rate, state.name)
 
@@ -278,8 +279,8 @@ def _declared(component: type[Mechanism], equations: Equations) -> Iterator[Row]
         yield of_calculated(item, getattr(m, item.name))
 
 
-def _output(name: str, unit: str, text: str, expression: Expression) -> Row:
-    return Variable(name, unit, text, "output", "continuous"), expression
+def _output(name: str, unit: str, text: str, expression: Expression, symbol: str = "") -> Row:
+    return Variable(name, unit, text, "output", "continuous", symbol=symbol), expression
 
 
 def _derivative(name: str, unit: str, text: str, expression: Expression, of: str, *, local: bool = True) -> Row:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, constraint, output, submersion
+from liaisons.mechanics import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
+from liaisons.mechanics.closed_forms import Values, closed_form
 from liaisons.models.pendulum import Pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
@@ -22,20 +23,19 @@ class CartesianPendulum(Mechanism):
         constant l = h:    λ_1 = -m (g (l - z) + r'²) / 2 l²,    λ_2 = 0                 K Ex. 1
         Gauss:             μ_1 = -2 λ_1 = tension / l                                    K Ex. 9, the 2 removed
 
-    m [kg] mass, g [m/s2] gravity, l [m] length of the rod, h [m] height; λ_1 [N/m], λ_2 [N] in K's normalisation,
-    that is, of σ_1 = |d|² - l² and σ_2 = y; the operator's force on the port ``rod`` is 2 l λ_1.  K's multipliers keep
-    what they find and have "no function of regulation"; here an error decays, and every step ends on the constraints.
+    λ_1 [N/m] and λ_2 [N] are in K's normalisation, that is, of σ_1 = |d|² - l² and σ_2 = y; the operator's force on the
+    port ``rod`` is 2 l λ_1.  K's multipliers keep what they find and have "no function of regulation"; here an error
+    decays, and every step ends on the constraints.
 
     Source: K Ex. 1, Ex. 9; M eq. 20-22 for the rod.
     """
 
     mass = Parameter(1.0, "kg", "mass of the bob", above=0)
-    height = Parameter(1.0, "m", "height of the pivot, which is (0, 0, height)")
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    height = Parameter(1.0, "m", "height of the pivot, which is (0, 0, height)", symbol="h")
+    gravity = Gravity()
     x = Coordinate("m", "horizontal position in the plane of the motion", start=float(np.sin(_START)))
     y = Coordinate("m", "distance from the plane of the motion")
     z = Coordinate("m", "height", start=float(1 - np.cos(_START)))
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     @submersion("m", "distance from the pivot to the bob", start=1.0, above=0)
     def rod(self) -> ca.SX:
@@ -59,31 +59,18 @@ class CartesianPendulum(Mechanism):
     def lambda_2(self) -> ca.SX:
         return self.constraint_force("plane")
 
+    @closed_form(
+        "the motion of Pendulum with a fixed rod, from the angle theta_0 at the rate theta_dot_0", gravity="> 0"
+    )
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        theta_0: float = _START,
-        theta_dot_0: float = 0.0,
-        rod: float = 1.0,
-        mass: float = 1.0,
-        height: float = 1.0,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion with a fixed rod, from :meth:`Pendulum.exact`: the start lies at an angle from the vertical.
-
-        :param t: times since the start [s], any shape.
-        :param theta_0: initial angle [rad]; ``theta_dot_0`` its rate [rad/s].
-        :returns: ``x``, ``z`` [m], ``x_dot``, ``z_dot`` [m/s], ``lambda_1`` [N/m].
-        :raises ValidityError: for mass, rod or gravity that are not positive.
-        """
+    def exact(t: NDArray, at: Values, *, theta_0: float = _START, theta_dot_0: float = 0.0) -> dict[str, NDArray]:
         start = {"theta_0": theta_0, "theta_dot_0": theta_dot_0}
-        swing = Pendulum.exact(t, **start, length=rod, mass=mass, gravity=gravity)
+        swing = Pendulum.exact(t, **start, length=at.rod, mass=at.mass, gravity=at.gravity)
         sine, cosine = np.sin(swing["theta"]), np.cos(swing["theta"])
         return {
-            "x": rod * sine,
-            "z": height - rod * cosine,
-            "x_dot": rod * cosine * swing["theta_dot"],
-            "z_dot": rod * sine * swing["theta_dot"],
-            "lambda_1": -swing["tension"] / (2 * rod),
+            "x": at.rod * sine,
+            "z": at.height - at.rod * cosine,
+            "x_dot": at.rod * cosine * swing["theta_dot"],
+            "z_dot": at.rod * sine * swing["theta_dot"],
+            "lambda_1": -swing["tension"] / (2 * at.rod),
         }

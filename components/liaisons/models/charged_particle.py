@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.models._stumpff import turning_motion
-from liaisons.models._validity import require, require_positive
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
+from liaisons.models.solutions.stumpff import centre_of_turns, turning_motion
+from liaisons.models.solutions.validity import require
 
 
 class ChargedParticle(Mechanism):
@@ -22,15 +22,15 @@ class ChargedParticle(Mechanism):
         w = E∧B/B²                                                        drift
         r_c = r + m (r' - w)∧B/(Q B²),   r_c' = w + (r'·B) B/B²
 
-    r [m], m [kg] mass, Q [C] charge, B [T], E [V/m]; p_x, p_y, p_z [kg.m/s] are the canonical momenta in the
-    symmetric gauge, m r' the kinetic one, r_c [m] the centre of the turns, which the particle goes round at a constant
-    distance.  The magnetic force does no work: the energy is ½ m |r'|² - Q E·r.  A = ½ B∧r asks for a uniform B.
+    p_x, p_y, p_z are the canonical momenta in the symmetric gauge, m r' the kinetic one, r_c the centre of the turns,
+    which the particle goes round at a constant distance.  The magnetic force does no work: the energy is
+    ½ m |r'|² - Q E·r.  A = ½ B∧r asks for a uniform B.
 
     Source: K 2.3, Ex. 4 (eq. 27 with its dots restored), Ex. 7.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    charge = Parameter(1.0, "C", "charge")
+    charge = Parameter(1.0, "C", "charge", symbol="Q")
     B_x = Parameter(0.0, "T", "magnetic field along x")
     B_y = Parameter(0.0, "T", "magnetic field along y")
     B_z = Parameter(1.0, "T", "magnetic field along z")
@@ -42,17 +42,9 @@ class ChargedParticle(Mechanism):
     z = Coordinate("m", "position along z", start_rate=0.1)
     experiment = Experiment(stop_time=20.0, step_size=0.02)
 
-    @property
-    def _r(self) -> ca.SX:
-        return ca.vertcat(self.x, self.y, self.z)
-
-    @property
-    def _B(self) -> ca.SX:  # noqa: N802
-        return ca.vertcat(self.B_x, self.B_y, self.B_z)
-
-    @property
-    def _E(self) -> ca.SX:  # noqa: N802
-        return ca.vertcat(self.E_x, self.E_y, self.E_z)
+    _r = property(lambda self: ca.vertcat(self.x, self.y, self.z))
+    _B = property(lambda self: ca.vertcat(self.B_x, self.B_y, self.B_z))
+    _E = property(lambda self: ca.vertcat(self.E_x, self.E_y, self.E_z))
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * ca.sumsqr(self.dot(self._r))
@@ -64,17 +56,12 @@ class ChargedParticle(Mechanism):
         A = ca.cross(self._B, self._r) / 2
         return self.kinetic_energy() - self.potential_energy() + self.charge * ca.dot(self.dot(self._r), A)
 
-    @output("kg.m/s", "mass times velocity along x, p_x without the part of the field")
-    def kinetic_momentum_x(self) -> ca.SX:
-        return self.mass * self.dot(self.x)
-
-    @output("kg.m/s", "mass times velocity along y, p_y without the part of the field")
-    def kinetic_momentum_y(self) -> ca.SX:
-        return self.mass * self.dot(self.y)
-
-    @output("kg.m/s", "mass times velocity along z, p_z without the part of the field")
-    def kinetic_momentum_z(self) -> ca.SX:
-        return self.mass * self.dot(self.z)
+    kinetic_momentum_x, kinetic_momentum_y, kinetic_momentum_z = (
+        output("kg.m/s", f"mass times velocity along {axis}, p_{axis} without the part of the field")(
+            lambda self, axis=axis: self.mass * self.dot(self.symbols[axis])
+        )
+        for axis in "xyz"
+    )
 
     @property
     def _guiding_centre(self) -> ca.SX:
@@ -84,66 +71,27 @@ class ChargedParticle(Mechanism):
         drift = ca.cross(QE, QB) / square
         return self._r + self.mass * ca.cross(self.dot(self._r) - drift, QB) / square
 
-    @output("m", "x of the centre of the turns; of the particle itself where charge or magnetic field is 0")
-    def guiding_centre_x(self) -> ca.SX:
-        return self._guiding_centre[0]
+    guiding_centre_x, guiding_centre_y, guiding_centre_z = (
+        output("m", f"{axis} of the centre of the turns; of the particle itself where charge or magnetic field is 0")(
+            lambda self, i=i: self._guiding_centre[i]
+        )
+        for i, axis in enumerate("xyz")
+    )
 
-    @output("m", "y of the centre of the turns; of the particle itself where charge or magnetic field is 0")
-    def guiding_centre_y(self) -> ca.SX:
-        return self._guiding_centre[1]
-
-    @output("m", "z of the centre of the turns; of the particle itself where charge or magnetic field is 0")
-    def guiding_centre_z(self) -> ca.SX:
-        return self._guiding_centre[2]
-
+    @closed_form("helix, cycloid or parabola (K Ex. 4) for any fields and any start, without division by Ω")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_0: float = 0.0,
-        y_0: float = 0.0,
-        z_0: float = 0.0,
-        x_dot_0: float = 1.0,
-        y_dot_0: float = 0.0,
-        z_dot_0: float = 0.1,
-        mass: float = 1.0,
-        charge: float = 1.0,
-        B_x: float = 0.0,
-        B_y: float = 0.0,
-        B_z: float = 1.0,
-        E_x: float = 0.0,
-        E_y: float = 0.0,
-        E_z: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """Helix, cycloid or parabola: K Ex. 4 for any direction of the fields and any start, without division by Ω.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``x``, ``y``, ``z``, ``guiding_centre_x``, ``guiding_centre_y``, ``guiding_centre_z`` [m], ``x_dot``,
-            ``y_dot``, ``z_dot`` [m/s].
-        :raises ValidityError: for mass <= 0.
-        """
-        require_positive("ChargedParticle.exact", mass=mass)
-        turn = -charge / mass * np.array([B_x, B_y, B_z])  # v' = a + turn∧v
-        a = charge / mass * np.array([E_x, E_y, E_z])
-        r_0, v_0 = np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0])
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        turn = -at.charge / at.mass * at.array("B_x", "B_y", "B_z")  # v' = a + turn∧v
+        a = at.charge / at.mass * at.array("E_x", "E_y", "E_z")
+        r_0, v_0 = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
         r, r_dot = turning_motion(t, r_0, v_0, a, turn)
-        centre, square = r, turn @ turn
-        if square > 0:  # it moves along B as the particle does, and across B with the drift
-            across = np.cross(turn, a) / square
-            centre_0 = r_0 + np.cross(turn, v_0 - across) / square
-            rate, along = across + turn * (turn @ v_0) / square, turn * (turn @ a) / square
-            centre, _ = turning_motion(t, centre_0, rate, along, np.zeros(3))
+        centre = centre_of_turns(t, r_0, v_0, a, turn) if turn.any() else r
         names = (form.format(axis) for form in ("{}", "{}_dot", "guiding_centre_{}") for axis in "xyz")
         return dict(zip(names, (*r, *r_dot, *centre), strict=True))
 
+    @closed_form("the velocity of the guiding centre across B, E∧B/B² [m/s], (3,): that of all masses and charges")
     @staticmethod
-    def drift(
-        *, B_x: float = 0.0, B_y: float = 0.0, B_z: float = 1.0, E_x: float = 0.0, E_y: float = 0.0, E_z: float = 0.0
-    ) -> NDArray:
-        """Velocity of the guiding centre across B, E∧B/B² [m/s], shape (3,): the same for all masses and charges.
-
-        :raises ValidityError: where there is no magnetic field.
-        """
-        B = np.array([B_x, B_y, B_z])
+    def drift(at: Values) -> NDArray:
+        B, E = at.array("B_x", "B_y", "B_z"), at.array("E_x", "E_y", "E_z")
         require(bool(np.any(B != 0)), "ChargedParticle.drift: B = 0; without a magnetic field nothing drifts")
-        return np.cross([E_x, E_y, E_z], B) / (B @ B)
+        return np.cross(E, B) / (B @ B)

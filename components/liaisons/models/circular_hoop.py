@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Parameter, calculated, condition, output
-from liaisons.models import _elliptic
-from liaisons.models._validity import require, require_not_negative, require_positive
+from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition, output
 from liaisons.models.hoop import Hoop
+from liaisons.models.solutions import elliptic
 
 
 class CircularHoop(Hoop):
@@ -23,14 +22,13 @@ class CircularHoop(Hoop):
         K_Y = ½ (I + m b) Y²                                                  M eq. 63
         constant β_dot:    ψ_ddot = -(d/R) β_dot² sin ψ, a pendulum
 
-    ξ [m], θ [rad] polar angle of the bead from OA, β [rad] angle of OA, m [kg] bead, I [kg.m2] hoop about O.
     p_ξ is m times the absolute tangential velocity; I enters the operator's torque alone.
 
     Source: M 8.4, eq. 61-67.
     """
 
     radius = Parameter(1.0, "m", "radius of the hoop", above=0)
-    offset = Parameter(0.5, "m", "distance from O to the centre of the hoop", minimum=0)
+    offset = Parameter(0.5, "m", "distance from O to the centre of the hoop", minimum=0, symbol="d")
     xi = Coordinate("m", "arc length of the bead from A, counter-clockwise", start_rate=1.0)
 
     @condition("O must lie inside the hoop: offset < radius")
@@ -63,43 +61,18 @@ class CircularHoop(Hoop):
     def hoop_area(self) -> ca.SX:
         return np.pi * self.radius**2
 
+    @closed_form("at constant rate a pendulum of frequency |β_dot| √(d/R)", offset="< radius", hoop_inertia=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        beta_dot: float = 0.0,
-        xi_0: float = 0.0,
-        xi_dot_0: float = 1.0,
-        mass: float = 1.0,
-        hoop_inertia: float = 0.1,
-        radius: float = 1.0,
-        offset: float = 0.5,
-    ) -> dict[str, NDArray]:
-        """Motion while the hoop turns at constant rate: a pendulum of frequency |β_dot| √(d/R).
-
-        The centrifugal force is its gravity.  The operator's torque balances the moment of the normal force about O;
-        the hoop's own inertia asks for none at constant rate.
-
-        :param t: times since the start [s], any shape.
-        :param xi_dot_0: initial rate relative to the hoop.
-        :returns: ``xi`` [m], ``xi_dot`` [m/s], ``normal_force`` [N], ``beta_force`` [N.m], ``beta_power`` [W].
-        :raises ValidityError: for a parameter outside its domain.
-        """
-        require_positive("CircularHoop.exact", mass=mass, radius=radius)
-        require_not_negative("CircularHoop.exact", offset=offset, hoop_inertia=hoop_inertia)
-        require(offset < radius, f"CircularHoop.exact: offset = {offset} must be < radius = {radius}")
-        frequency = abs(beta_dot) * np.sqrt(offset / radius)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        """The centrifugal force is its gravity; the operator's torque balances the moment of the normal force."""
+        R, d, Y = at.radius, at.offset, at.beta_dot
+        frequency = abs(Y) * np.sqrt(d / R)
         if frequency > 0:
-            psi, psi_dot = _elliptic.pendulum(t, xi_0 / radius, xi_dot_0 / radius, frequency)
+            psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, frequency)
         else:
-            psi_dot = np.full_like(np.asarray(t, dtype=float), xi_dot_0 / radius)
-            psi = xi_0 / radius + psi_dot * t
-        normal_force = mass * (radius * (psi_dot + beta_dot) ** 2 + offset * beta_dot**2 * np.cos(psi))
-        torque = -offset * np.sin(psi) * normal_force
-        return {
-            "xi": radius * psi,
-            "xi_dot": radius * psi_dot,
-            "normal_force": normal_force,
-            "beta_force": torque,
-            "beta_power": torque * beta_dot,
-        }
+            psi_dot = np.full_like(t, at.xi_dot_0 / R)
+            psi = at.xi_0 / R + psi_dot * t
+        normal_force = at.mass * (R * (psi_dot + Y) ** 2 + d * Y**2 * np.cos(psi))
+        torque = -d * np.sin(psi) * normal_force
+        motion = {"xi": R * psi, "xi_dot": R * psi_dot}
+        return motion | {"normal_force": normal_force, "beta_force": torque, "beta_power": torque * Y}

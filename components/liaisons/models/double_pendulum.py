@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, point
-from liaisons.models._linear import superposition
-from liaisons.models._validity import require_not_negative, require_positive
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, Values, closed_form, point
+from liaisons.models.solutions.linear import superposition
 
 
 class DoublePendulum(Mechanism):
@@ -22,9 +21,8 @@ class DoublePendulum(Mechanism):
                         l_2 θ_2'' + l_1 (θ_1'' cos δ - θ_1'² sin δ) = -g sin θ_2
         small angles:  g/Ω² = ½ (l_1 + l_2 ± √((l_1 - l_2)² + 4 l_1 l_2 m_2/(m_1 + m_2)))
 
-    θ_1, θ_2 [rad] angles of the rods from the downward vertical, both absolute; l [m] lengths, m [kg] masses,
-    g [m/s2] gravity.  It is two :class:`Pendulum` s, the second one's pivot at the first one's bob.  Large motions
-    are chaotic: only the energy tells whether they are right.
+    It is two :class:`Pendulum` s, the second one's pivot at the first one's bob; both angles are absolute.  Large
+    motions are chaotic: only the energy tells whether they are right.
 
     Source: the two-pendulum case of K sec. 2.2 (eq. 12, 19) and of the normal modes of K 5.2.
     """
@@ -33,12 +31,11 @@ class DoublePendulum(Mechanism):
     mass_2 = Parameter(1.0, "kg", "mass of the lower bob", above=0)
     length_1 = Parameter(1.0, "m", "length of the upper rod", above=0)
     length_2 = Parameter(1.0, "m", "length of the lower rod", above=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     theta_1 = Coordinate("rad", "angle of the upper rod from the downward vertical", start=0.5)
     theta_2 = Coordinate("rad", "angle of the lower rod from the downward vertical", start=0.7)
-    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
-    pivot_z = ActiveCoordinate("m", "height of the pivot")
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
+    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot", symbol="x_p")
+    pivot_z = ActiveCoordinate("m", "height of the pivot", symbol="z_p")
 
     @point("m", "the upper bob")
     def bob_1(self) -> dict[str, ca.SX]:
@@ -56,60 +53,32 @@ class DoublePendulum(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.gravity * (self.mass_1 * self.bob_1["z"] + self.mass_2 * self.bob_2["z"])
 
+    @closed_form("the motion for sin θ ≈ θ with fixed pivot: the sum of two normal modes", t=">= 0", gravity="> 0")
     @staticmethod
-    def small_angles(
-        t: ArrayLike,
-        *,
-        theta_1_0: float = 0.5,
-        theta_2_0: float = 0.7,
-        theta_1_dot_0: float = 0.0,
-        theta_2_dot_0: float = 0.0,
-        mass_1: float = 1.0,
-        mass_2: float = 1.0,
-        length_1: float = 1.0,
-        length_2: float = 1.0,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion for sin θ ≈ θ with fixed pivot: the superposition of the two normal modes.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``theta_1``, ``theta_2`` [rad], ``theta_1_dot``, ``theta_2_dot`` [rad/s].
-        :raises ValidityError: for a mass, length or gravity that is not positive, or negative times.
-        """
-        require_not_negative("DoublePendulum.small_angles", t=float(np.min(t)))
-        frequencies, modes = DoublePendulum.normal_modes(
-            mass_1=mass_1, mass_2=mass_2, length_1=length_1, length_2=length_2, gravity=gravity
-        )
-        rates = np.array([theta_1_dot_0, theta_2_dot_0])
-        theta, theta_dot = superposition(t, frequencies, modes, np.array([theta_1_0, theta_2_0]), rates)
+    def small_angles(t: NDArray, at: Values) -> dict[str, NDArray]:
+        start, rates = at.array("theta_1_0", "theta_2_0"), at.array("theta_1_dot_0", "theta_2_dot_0")
+        theta, theta_dot = superposition(t, *_modes(at), start, rates)
         names = ("theta_1", "theta_2", "theta_1_dot", "theta_2_dot")
         return dict(zip(names, (*np.moveaxis(theta, -1, 0), *np.moveaxis(theta_dot, -1, 0)), strict=True))
 
+    @closed_form(
+        "frequencies [rad/s] (2,), the slow one first, and modes (1, θ_2/θ_1) as columns (2, 2)", gravity="> 0"
+    )
     @staticmethod
-    def normal_modes(
-        *,
-        mass_1: float = 1.0,
-        mass_2: float = 1.0,
-        length_1: float = 1.0,
-        length_2: float = 1.0,
-        gravity: float = 9.81,
-    ) -> tuple[NDArray, NDArray]:
-        """Frequencies [rad/s], the slow one first, and modes (1, θ_2/θ_1) as columns, shapes (2,) and (2, 2).
+    def normal_modes(at: Values) -> tuple[NDArray, NDArray]:
+        return _modes(at)
 
-        In the slow mode both bobs swing to the same side, in the fast one to opposite sides.
 
-        :raises ValidityError: for a mass, length or gravity that is not positive.
-        """
-        require_positive("DoublePendulum.normal_modes", mass_1=mass_1, mass_2=mass_2)
-        require_positive("DoublePendulum.normal_modes", length_1=length_1, length_2=length_2, gravity=gravity)
-        # λ = g/Ω² solves λ² - (l_1 + l_2) λ + l_1 l_2 m_1/(m_1 + m_2) = 0 and θ_2/θ_1 = l_1/(λ - l_2); of the two
-        # roots each of λ and of λ - l_2 the one with cancellation follows from the product.
-        product, difference, total = length_1 * length_2, length_1 - length_2, mass_1 + mass_2
-        root = np.hypot(difference, 2 * np.sqrt(product * mass_2 / total))
-        slow = (length_1 + length_2 + root) / 2
-        fast = product * mass_1 / total / slow
-        larger = (abs(difference) + root) / 2
-        smaller = product * mass_2 / total / larger
-        behind_slow, behind_fast = (larger, -smaller) if difference >= 0 else (smaller, -larger)
-        modes = np.array([[1, 1], [length_1 / behind_slow, length_1 / behind_fast]])
-        return np.sqrt(gravity / np.array([slow, fast])), modes
+def _modes(at: Values) -> tuple[NDArray, NDArray]:
+    """In the slow mode both bobs swing to the same side, in the fast one to opposite sides."""
+    # λ = g/Ω² solves λ² - (l_1 + l_2) λ + l_1 l_2 m_1/(m_1 + m_2) = 0 and θ_2/θ_1 = l_1/(λ - l_2); of the two
+    # roots each of λ and of λ - l_2 the one with cancellation follows from the product.
+    product, difference, total = at.length_1 * at.length_2, at.length_1 - at.length_2, at.mass_1 + at.mass_2
+    root = np.hypot(difference, 2 * np.sqrt(product * at.mass_2 / total))
+    slow = (at.length_1 + at.length_2 + root) / 2
+    fast = product * at.mass_1 / total / slow
+    larger = (abs(difference) + root) / 2
+    smaller = product * at.mass_2 / total / larger
+    behind_slow, behind_fast = (larger, -smaller) if difference >= 0 else (smaller, -larger)
+    modes = np.array([[1, 1], [at.length_1 / behind_slow, at.length_1 / behind_fast]])
+    return np.sqrt(at.gravity / np.array([slow, fast])), modes

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import ellipeinc
 
-from liaisons.mechanics import Coordinate, Parameter, calculated, condition, output
-from liaisons.models import _elliptic
-from liaisons.models._integration import integrate
-from liaisons.models._validity import require_positive
+from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition, output
 from liaisons.models.parametrised_hoop import ParametrisedHoop
+from liaisons.models.solutions.hoops import elliptic_hoop
 
 # Landen steps: errors of 1e-14 for ratios of the axes up to a million.
 _STEPS = 7
@@ -31,15 +29,13 @@ class EllipticHoop(ParametrisedHoop):
         constant β_dot:    ½ ξ_dot² - ½ β_dot² r² is constant (Jacobi)
         a slow full turn that starts and stops smoothly:    ξ falls behind by 4π area/length (Hannay, Berry)
 
-    β [rad] angle of OA, m [kg] bead, a, b [m] semi-axes, (c_x, c_y) [m] centre.
-
     Source: M 8.4, eq. 61-67.
     """
 
-    semi_axis_a = Parameter(2.0, "m", "semi-axis along OA", above=0)
-    semi_axis_b = Parameter(1.0, "m", "semi-axis across OA", above=0)
-    centre_x = Parameter(0.0, "m", "position of the centre along OA")
-    centre_y = Parameter(0.0, "m", "position of the centre to the left of OA")
+    semi_axis_a = Parameter(2.0, "m", "semi-axis along OA", above=0, symbol="a")
+    semi_axis_b = Parameter(1.0, "m", "semi-axis across OA", above=0, symbol="b")
+    centre_x = Parameter(0.0, "m", "position of the centre along OA", symbol="c_x")
+    centre_y = Parameter(0.0, "m", "position of the centre to the left of OA", symbol="c_y")
     u = Coordinate("rad", "eccentric anomaly of the bead, counter-clockwise from OA", start_rate=1.0)
 
     @condition("O must lie inside the hoop: (centre_x/semi_axis_a)² + (centre_y/semi_axis_b)² < 1")
@@ -82,55 +78,21 @@ class EllipticHoop(ParametrisedHoop):
     def theta(self) -> ca.SX:
         return self._polar_angle(self.u)
 
+    @closed_form("by Jacobi elliptic functions and one quadrature, about the centre at constant rate", t=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        beta_dot: float = 0.0,
-        u_0: float = 0.0,
-        u_dot_0: float = 1.0,
-        mass: float = 1.0,
-        semi_axis_a: float = 2.0,
-        semi_axis_b: float = 1.0,
-    ) -> dict[str, NDArray]:
-        """Motion while the hoop turns about its centre at constant rate, or stands still.
-
-        In a time τ with dt = (dξ/du) dτ Jacobi's integral is that of a pendulum of the angle 2u and the frequency
-        |β_dot| √|a² - b²|, so u(τ) is a Jacobi elliptic function; t(τ) is one quadrature more.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``u`` [rad], ``u_dot`` [rad/s], ``xi`` [m], ``xi_dot`` [m/s], ``beta_force`` [N.m],
-            ``beta_power`` [W].
-        :raises ValidityError: for a parameter outside its domain, or a negative time.
-        """
-        require_positive("EllipticHoop.exact", mass=mass, semi_axis_a=semi_axis_a, semi_axis_b=semi_axis_b)
-        a, b = semi_axis_a, semi_axis_b
-        frequency = abs(beta_dot) * np.sqrt(abs(a**2 - b**2))
-        lowest = 0.0 if a > b else np.pi / 2  # the bead swings about the far ends of the longer axis
-
-        def speed(u: NDArray) -> NDArray:
-            return np.hypot(a * np.sin(u), b * np.cos(u))
-
-        v_0 = float(speed(np.asarray(u_0))) * u_dot_0  # du/dτ = ξ_dot
-
-        def motion(tau: NDArray) -> tuple[NDArray, NDArray]:
-            if frequency == 0:
-                return u_0 + v_0 * tau, np.full_like(tau, v_0)
-            twice, rate = _elliptic.pendulum(tau, 2 * (u_0 - lowest), 2 * v_0, frequency)
-            return twice / 2 + lowest, rate / 2
-
-        (tau,) = integrate("EllipticHoop.exact", lambda tau: 1 / speed(motion(tau)[0]), [0.0], t)
-        u, xi_dot = motion(tau)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        a, b = at.semi_axis_a, at.semi_axis_b
+        u, xi_dot = elliptic_hoop("EllipticHoop.exact", t, at.u_0, at.u_dot_0, axes=(a, b), beta_dot=at.beta_dot)
         # The torque is the rate of p_β = m (α ξ_dot + r² β_dot) + I β_dot; α = ab/(dξ/du), ξ_ddot = ½ β_dot² (r²)'.
-        s, slope = speed(u), (a**2 - b**2) * np.sin(2 * u)
+        s, slope = np.hypot(a * np.sin(u), b * np.cos(u)), (a**2 - b**2) * np.sin(2 * u)
         alpha_dash, r_squared_dash = -a * b * slope / (2 * s**4), -slope / s
-        along = xi_dot + a * b * beta_dot / (2 * s)
-        torque = mass * (alpha_dash * xi_dot**2 + r_squared_dash * beta_dot * along)
+        along = xi_dot + a * b * at.beta_dot / (2 * s)
+        torque = at.mass * (alpha_dash * xi_dot**2 + r_squared_dash * at.beta_dot * along)
         return {
             "u": u,
             "u_dot": xi_dot / s,
             "xi": b * ellipeinc(u, 1 - (a / b) ** 2),
             "xi_dot": xi_dot,
             "beta_force": torque,
-            "beta_power": torque * beta_dot,
+            "beta_power": torque * at.beta_dot,
         }

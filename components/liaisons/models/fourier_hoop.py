@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import quad
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Parameter, calculated, condition
-from liaisons.models._integration import integrate
-from liaisons.models._validity import require, require_positive
+from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition
 from liaisons.models.parametrised_hoop import SAMPLES, ParametrisedHoop
+from liaisons.models.solutions.hoops import fourier_hoop
 
 
 class FourierHoop(ParametrisedHoop):
@@ -27,7 +25,7 @@ class FourierHoop(ParametrisedHoop):
         H(Y) = Y (∂_β - a ∂_ξ + a' p_ξ ∂_p)                                            M eq. 66
         -X_K = ½ m b' Y² ∂_p                                                           M eq. 67
 
-    β [rad] angle of OA, Y = β_dot, m [kg] bead.  The quadrature of ξ is exact to 1e-12 of the length as long as the
+    Y = β_dot.  The quadrature of ξ is exact to 1e-12 of the length as long as the
     hoop is not pinched; of each harmonic alone up to 0.8, 0.5, 0.3 and 0.2 will do.
 
     Source: M 8.4, eq. 61-67.
@@ -85,56 +83,11 @@ class FourierHoop(ParametrisedHoop):
     def hoop_area(self) -> ca.SX:
         return np.pi * self.radius**2 * (1 + sum(a**2 + b**2 for _, a, b in self._coefficients) / 2)
 
+    @closed_form("by one quadrature, for a bead that goes round while the hoop turns at constant rate", t=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        beta_dot: float = 0.0,
-        theta_0: float = 0.0,
-        theta_dot_0: float = 1.0,
-        radius: float = 1.0,
-        cos_1: float = 0.0,
-        cos_2: float = 0.0,
-        cos_3: float = 0.0,
-        cos_4: float = 0.0,
-        sin_1: float = 0.0,
-        sin_2: float = 0.0,
-        sin_3: float = 0.0,
-        sin_4: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """Motion of a bead that goes round while the hoop turns at constant rate, or stands still.
-
-        Jacobi's integral, ξ_dot² = C + β_dot² r², leaves one quadrature, t = ∫ dξ/ξ_dot.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``theta`` [rad], ``theta_dot`` [rad/s], ``xi`` [m], ``xi_dot`` [m/s].
-        :raises ValidityError: for a negative time, a hoop that does not go round O, or a bead that turns back.
-        """
-        require_positive("FourierHoop.exact", radius=radius)
-        k = np.arange(1, 5)
-        z = np.array([cos_1 - 1j * sin_1, cos_2 - 1j * sin_2, cos_3 - 1j * sin_3, cos_4 - 1j * sin_4])
-
-        def radius_and_speed(theta: ArrayLike) -> tuple[NDArray, NDArray]:
-            waves = z * np.exp(1j * np.multiply.outer(theta, k))
-            r, slope = radius * (1 + np.real(waves).sum(-1)), radius * np.real(1j * k * waves).sum(-1)
-            return r, np.hypot(r, slope)
-
-        r, _ = radius_and_speed(np.linspace(0, 2 * np.pi, 1000))
-        require(bool(np.all(r > 0)), f"FourierHoop.exact: the least r = {np.min(r)} must be > 0")
-        r_0, speed_0 = radius_and_speed(theta_0)
-        v_0 = speed_0 * theta_dot_0
-        least = v_0**2 + beta_dot**2 * (np.min(r) ** 2 - r_0**2)
-        require(
-            bool(beta_dot == 0 or least > 0),
-            f"FourierHoop.exact: the bead turns back; theta_dot_0 = {theta_dot_0} must be larger for it to go round",
-        )
-
-        def rates(y: NDArray) -> NDArray:
-            r, speed = radius_and_speed(y[0])
-            xi_dot = np.sign(v_0) * np.sqrt(v_0**2 + beta_dot**2 * (r**2 - r_0**2))
-            return np.array([xi_dot / speed, xi_dot])
-
-        xi_0, _ = quad(lambda theta: radius_and_speed(theta)[1], 0, theta_0, epsabs=1e-13, epsrel=1e-13, limit=200)
-        y = integrate("FourierHoop.exact", rates, [theta_0, xi_0], t)
-        rate = rates(y)
-        return {"theta": y[0], "theta_dot": rate[0], "xi": y[1], "xi_dot": rate[1]}
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        k = range(1, 5)
+        waves = at.array(*(f"cos_{n}" for n in k)) - 1j * at.array(*(f"sin_{n}" for n in k))
+        hoop = {"radius": at.radius, "waves": waves, "beta_dot": at.beta_dot}
+        motion = fourier_hoop("FourierHoop.exact", t, at.theta_0, at.theta_dot_0, **hoop)
+        return dict(zip(("theta", "theta_dot", "xi", "xi_dot"), motion, strict=True))

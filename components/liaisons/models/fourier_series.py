@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Experiment, Operator, Parameter
+from liaisons.mechanics import Experiment, Operator, Parameter, Values, closed_form
 from liaisons.units import ANY
 
 
@@ -35,24 +35,12 @@ class FourierSeries(Operator):
             y += a * ca.cos(phase) + b * ca.sin(phase)
         return y
 
+    @closed_form("phasors that each derivative turns and stretches")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        offset: float = 0.0,
-        angular_frequency: float = 1.0,
-        cos_1: float = 0.0,
-        cos_2: float = 0.0,
-        cos_3: float = 0.0,
-        cos_4: float = 0.0,
-        sin_1: float = 0.0,
-        sin_2: float = 0.0,
-        sin_3: float = 0.0,
-        sin_4: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """``y`` and its derivatives at times ``t`` [s], any shape: phasors that each derivative turns and stretches."""
-        turn = 1j * angular_frequency * np.arange(1, 5)
-        amplitudes = np.array([cos_1 - 1j * sin_1, cos_2 - 1j * sin_2, cos_3 - 1j * sin_3, cos_4 - 1j * sin_4])
-        phasors = amplitudes * np.exp(np.multiply.outer(np.asarray(t, dtype=float), turn))
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        harmonics = range(1, 5)
+        turn = 1j * at.angular_frequency * np.array(harmonics)
+        amplitudes = at.array(*(f"cos_{k}" for k in harmonics)) - 1j * at.array(*(f"sin_{k}" for k in harmonics))
+        phasors = amplitudes * np.exp(np.multiply.outer(t, turn))
         y, y_dot, y_ddot = (np.real(turn**n * phasors).sum(-1) for n in range(3))
-        return {"y": offset + y, "y_dot": y_dot, "y_ddot": y_ddot}
+        return {"y": at.offset + y, "y_dot": y_dot, "y_ddot": y_ddot}

@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Coordinate, Mechanism, condition, output, unchecked
-from liaisons.models import _elliptic
-from liaisons.models._validity import require
+from liaisons.mechanics import Coordinate, Mechanism, Values, closed_form, condition, output, unchecked
+from liaisons.models.solutions import elliptic
+from liaisons.models.solutions.validity import require
 
 Function = Callable[..., Any]
 _NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
@@ -86,22 +86,11 @@ class GeneralSwing(Mechanism, abstract=True):
         pivots, _, _ = ca.ldl(ca.densify(self._metric), False)
         return ca.mmin(pivots)
 
-    @classmethod
-    def exact(
-        cls, t: ArrayLike, *, theta_0: float = 0.5, theta_dot_0: float = 0.0, **shape: float
-    ) -> dict[str, NDArray]:
-        """Motion in a fixed shape: the compound pendulum I θ'' = -D sin θ, by elliptic functions.
-
-        :param t: times since the start [s], any shape.
-        :param shape: shape coordinates where they differ from their start values.
-        :returns: ``theta`` [rad], ``theta_dot`` [rad/s].
-        :raises ValidityError: for an unknown shape coordinate, or unless I > 0 and D > 0.
-        """
-        values = {s.name: s.start for s in cls.actives}
-        unknown = ", ".join(sorted(shape.keys() - values.keys()))
-        require(not unknown, f"{cls.__name__}.exact: unknown shape coordinate {unknown}; it has {', '.join(values)}")
-        values |= shape
-        inertia, weight = (float(ca.evalf(ca.SX(cls.functions[name](*values.values())))) for name in ("I", "D"))
-        require(inertia > 0 and weight > 0, f"{cls.__name__}.exact: I = {inertia} and D = {weight} must be > 0")
-        theta, theta_dot = _elliptic.pendulum(t, theta_0, theta_dot_0, np.sqrt(weight / inertia))
+    @closed_form("the motion in a fixed shape: the compound pendulum I θ'' = -D sin θ, by elliptic functions")
+    @staticmethod
+    def exact(t: NDArray, at: Values, component: type[GeneralSwing]) -> dict[str, NDArray]:
+        shape = [getattr(at, s.name) for s in component.actives]
+        inertia, weight = (float(ca.evalf(ca.SX(component.functions[name](*shape)))) for name in ("I", "D"))
+        require(inertia > 0 and weight > 0, f"{component.__name__}.exact: I = {inertia} and D = {weight} must be > 0")
+        theta, theta_dot = elliptic.pendulum(t, at.theta_0, at.theta_dot_0, np.sqrt(weight / inertia))
         return {"theta": theta, "theta_dot": theta_dot}

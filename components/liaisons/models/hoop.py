@@ -6,14 +6,7 @@ from abc import abstractmethod
 
 import casadi as ca
 
-from liaisons.mechanics import (
-    ActiveCoordinate,
-    Experiment,
-    Mechanism,
-    Parameter,
-    output,
-    point,
-)
+from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Parameter, output, point
 
 
 class Hoop(Mechanism, abstract=True):
@@ -27,15 +20,15 @@ class Hoop(Mechanism, abstract=True):
         ξ_dot = p_ξ/m - a β_dot,    p_ξ_dot = a' p_ξ β_dot + ½ m b' β_dot²    M eq. 64
         K_Y = ½ (I + m b) Y²                                                  M eq. 63
 
-    β [rad] angle of OA, m [kg] bead, I [kg.m2] hoop about O.  I enters the operator's torque alone.
+    β is the angle of OA.  I enters the operator's torque alone.
 
     Source: M 8.4, eq. 61-67.
     """
 
     mass = Parameter(1.0, "kg", "mass of the bead", above=0)
-    hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0)
+    hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0, symbol="I")
     beta = ActiveCoordinate("rad", "angle of the axis OA in the fixed frame")
-    experiment = Experiment(stop_time=10.0, step_size=0.01, reference={"beta_dot": 1.0, "beta_ddot": 0.2})
+    experiment = Experiment(reference={"beta_dot": 1.0, "beta_ddot": 0.2})
 
     @abstractmethod
     def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:

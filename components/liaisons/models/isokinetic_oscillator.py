@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
-from liaisons.models._isokinetic import Orbit
-from liaisons.models._validity import require, require_not_negative, require_positive
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, non_holonomic, output
+from liaisons.models.solutions.isokinetic import Orbit, isokinetic_motion
+from liaisons.models.solutions.validity import require
 
 
 class IsokineticOscillator(Mechanism):
@@ -20,15 +20,14 @@ class IsokineticOscillator(Mechanism):
         (r × r') exp(-V / 3 k_B T) is constant, V = K r²/2: the motion stays in a plane
         r'² = v² (1 - c² exp(a r²) / r²),    a = K / 3 k_B T,    c = |r × r'| exp(-a r²/2) / v
 
-    r = (x, y, z) [m], m [kg] mass, K [N/m] stiffness, k_B T [J] thermal energy, μ [1/s] a friction of either sign.
-    The energy T + V is not conserved.  With μ as printed an error of the constraint grows as exp(2 V / 3 k_B T); with
-    m v² in its place any speed is kept.  The multiplier of ``kinetic`` is -μ.
+    μ is a friction of either sign, so that T + V is not conserved; with μ as printed an error of the constraint grows
+    as exp(2 V / 3 k_B T), with m v² in its place any speed is kept.  The multiplier of ``kinetic`` is -μ.
 
     Source: K Ex. 10, eq. 107-113.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0, symbol="K")
     thermal_energy = Parameter(1.0, "J", "Boltzmann's constant times temperature", above=0)
     x = Coordinate("m", "position along x", start=1.0, start_rate=1.0)
     y = Coordinate("m", "position along y", start_rate=1.0)
@@ -52,70 +51,29 @@ class IsokineticOscillator(Mechanism):
     def mu(self) -> ca.SX:
         return -self.constraint_force("kinetic")
 
+    @closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_0: float = 1.0,
-        y_0: float = 0.0,
-        z_0: float = 0.0,
-        x_dot_0: float = 1.0,
-        y_dot_0: float = 1.0,
-        z_dot_0: float = 1.0,
-        mass: float = 1.0,
-        stiffness: float = 1.0,
-        thermal_energy: float = 1.0,
-    ) -> dict[str, NDArray]:
-        """Motion: turning points by Lambert's W, time and angle between them by quadrature.
-
-        Through the origin, or without a spring, the motion is uniform and straight.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``x``, ``y``, ``z`` [m], their rates [m/s], ``mu`` [1/s].
-        :raises ValidityError: for a parameter outside its domain, m v² ≠ 3 k_B T, or an orbit that is almost a circle.
-        """
-        require_positive("IsokineticOscillator.exact", mass=mass, thermal_energy=thermal_energy)
-        require_not_negative("IsokineticOscillator.exact", stiffness=stiffness)
-        position, velocity = np.array([x_0, y_0, z_0]), np.array([x_dot_0, y_dot_0, z_dot_0])
-        speed = np.sqrt(3 * thermal_energy / mass)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        """Not for orbits that are almost circles; through the origin, or without a spring, uniform and straight."""
+        position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
+        speed = np.sqrt(3 * at.thermal_energy / at.mass)
         found = np.linalg.norm(velocity)
         require(
             abs(found - speed) <= 1e-6 * speed,
             f"IsokineticOscillator.exact: the start velocity {found:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
         )
-        t = np.asarray(t, dtype=float)
-        a = stiffness / (3 * thermal_energy)
-        r_0, moment = float(np.linalg.norm(position)), np.cross(position, velocity)
-        area_rate = float(np.linalg.norm(moment))
-        if stiffness == 0 or area_rate == 0:
-            r = position[:, None] + np.multiply.outer(velocity, t.ravel())
-            v = np.broadcast_to(velocity[:, None], r.shape)
-        else:
-            orbit = Orbit.of(speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
-            distance, rate, phi = orbit.at(t.ravel(), orbit.phase(r_0**2, outwards=bool(position @ velocity >= 0)))
-            phi_dot = area_rate * np.exp(a * (distance**2 - r_0**2) / 2) / distance**2
-            radial = position / r_0
-            across = np.cross(moment / area_rate, radial)
-            e_r = np.multiply.outer(radial, np.cos(phi)) + np.multiply.outer(across, np.sin(phi))
-            e_phi = np.multiply.outer(across, np.cos(phi)) - np.multiply.outer(radial, np.sin(phi))
-            r, v = distance * e_r, rate * e_r + distance * phi_dot * e_phi
+        a = at.stiffness / (3 * at.thermal_energy)
+        r, v = isokinetic_motion(t.ravel(), position, velocity, speed, a)
         mu = -a * np.sum(r * v, axis=0)
         names = ("x", "y", "z", "x_dot", "y_dot", "z_dot", "mu")
         return {name: row.reshape(t.shape) for name, row in zip(names, (*r, *v, mu), strict=True)}
 
+    @closed_form("smallest and largest r [m], time [s] and angle [rad] from one to the other", stiffness="> 0")
     @staticmethod
-    def turning_points(
-        *, position: ArrayLike, velocity: ArrayLike, stiffness: float = 1.0, thermal_energy: float = 1.0
-    ) -> tuple[float, float, float, float]:
-        """Where the distance from the centre turns.
-
-        :param position: at some instant [m], shape (3,); ``velocity`` [m/s], with m v² = 3 k_B T.
-        :returns: smallest and largest r [m], time from one to the other [s], angle between them [rad].
-        :raises ValidityError: for parameters that are not positive, a motion through the origin, or almost a circle.
-        """
-        require_positive("IsokineticOscillator.turning_points", stiffness=stiffness, thermal_energy=thermal_energy)
+    def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> tuple[float, float, float, float]:
+        """From ``position`` [m], (3,), and ``velocity`` [m/s], (3,), at some instant."""
         r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
-        area_rate, a = float(np.linalg.norm(np.cross(r, v))), stiffness / (3 * thermal_energy)
+        area_rate, a = float(np.linalg.norm(np.cross(r, v))), at.stiffness / (3 * at.thermal_energy)
         require(area_rate > 0, "IsokineticOscillator.turning_points: straight through the origin r does not turn")
         speed = float(np.linalg.norm(v))
         orbit = Orbit.of(speed, a, area_rate * float(np.exp(-a * (r @ r) / 2)) / speed)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, condition, output
-from liaisons.models._kepler import kepler_motion
-from liaisons.models._validity import require, require_positive
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, condition, output
+from liaisons.models.solutions.kepler import kepler_motion
+from liaisons.models.solutions.validity import require
 
 
 class KeplerOrbit(Mechanism):
@@ -21,9 +21,8 @@ class KeplerOrbit(Mechanism):
         T = 2π √(a³/μ),                 1/a = 2/r - |r'|²/μ   third law, for orbits of any eccentricity
         2 T̄ + V̄ = [p·r]/τ              virial over any time τ, K eq. 74 with h = -1 in the limit
 
-    x, y [m], m [kg] planet, μ = γ M [m3/s2] gravitational constant times the mass of the star, L_z [kg.m2/s]; the
-    vector e points to the pericentre and has the length of the eccentricity.  Energy, L_z and e are constant.  r = 0
-    is reached by orbits without angular momentum.
+    The vector e points to the pericentre and has the length of the eccentricity.  Energy, L_z and e are constant.
+    r = 0 is reached by orbits without angular momentum.
 
     Source: K 2.5, eq. 60 (star M and planet m told apart); K 2.7.
     """
@@ -65,38 +64,19 @@ class KeplerOrbit(Mechanism):
     def apart(self) -> ca.SX:
         return self._r
 
+    @closed_form("ellipse, parabola or hyperbola, by Kepler's equation solved to rounding", mass="> 0", mu="> 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_0: float = 1.0,
-        y_0: float = 0.0,
-        x_dot_0: float = 0.0,
-        y_dot_0: float = 1.0,
-        mass: float = 1.0,
-        mu: float = 1.0,
-    ) -> dict[str, NDArray]:
-        """Ellipse, parabola or hyperbola, by Kepler's equation solved to rounding.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``x``, ``y`` [m], ``x_dot``, ``y_dot`` [m/s].
-        :raises ValidityError: for mass or mu <= 0, or a start without angular momentum.
-        """
-        require_positive("KeplerOrbit.exact", mass=mass, mu=mu)
-        require(x_0 * y_dot_0 != y_0 * x_dot_0, "KeplerOrbit.exact: angular momentum 0: the planet moves through r = 0")
-        start, rate = complex(x_0, y_0), complex(x_dot_0, y_dot_0)
-        position, velocity = kepler_motion(np.asarray(t, dtype=float), start, rate, mu)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        turns = at.x_0 * at.y_dot_0 != at.y_0 * at.x_dot_0
+        require(turns, "KeplerOrbit.exact: angular momentum 0: the planet moves through r = 0")
+        start, rate = complex(at.x_0, at.y_0), complex(at.x_dot_0, at.y_dot_0)
+        position, velocity = kepler_motion(t, start, rate, at.mu)
         return {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
 
+    @closed_form("the time of a revolution [s], 2π √(a³/μ) (K eq. 60); infinite on a parabola or hyperbola", mu="> 0")
     @staticmethod
-    def period(
-        *, x_0: float = 1.0, y_0: float = 0.0, x_dot_0: float = 0.0, y_dot_0: float = 1.0, mu: float = 1.0
-    ) -> float:
-        """Time of a revolution, 2π √(a³/μ) (K eq. 60); infinite on a parabola or hyperbola [s].
-
-        :raises ValidityError: for mu <= 0 or a start in the star.
-        """
-        distance = float(np.hypot(x_0, y_0))
-        require_positive("KeplerOrbit.period", mu=mu, r_0=distance)
-        inverse = 2 / distance - (x_dot_0**2 + y_dot_0**2) / mu  # 1/a
-        return float(2 * np.pi / np.sqrt(mu * inverse**3)) if inverse > 0 else np.inf
+    def period(at: Values) -> float:
+        distance = float(np.hypot(at.x_0, at.y_0))
+        require(distance > 0, f"KeplerOrbit.period: r_0 = {distance} must be > 0")
+        inverse = 2 / distance - (at.x_dot_0**2 + at.y_dot_0**2) / at.mu  # 1/a
+        return float(2 * np.pi / np.sqrt(at.mu * inverse**3)) if inverse > 0 else np.inf

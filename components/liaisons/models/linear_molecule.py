@@ -2,32 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, calculated, output
-from liaisons.models._linear import superposition
-from liaisons.models._validity import require_not_negative, require_positive
-
-
-def _frequencies(m: Any, M: Any, stiffness: Any) -> tuple[Any, Any, Any]:
-    """Ω_k of K eq. 157, of numbers or symbols."""
-    return 0.0, (stiffness / m) ** 0.5, (stiffness * (1 / m + 2 / M)) ** 0.5
-
-
-def _normal_coordinates(u: Sequence[Any], m: Any, M: Any) -> tuple[Any, Any, Any]:
-    """q_k of displacements u, numbers or symbols: u_kᵀ M u/(u_kᵀ M u_k), the modes being orthogonal in the masses."""
-    left, middle, right = u
-    alpha = m / M
-    return (
-        3**0.5 * (m * left + M * middle + m * right) / (2 * m + M),
-        (right - left) / 2**0.5,
-        (4 * alpha**2 + 2) ** 0.5 * (left - 2 * middle + right) / (2 * (1 + 2 * alpha)),
-    )
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, calculated, closed_form, output
+from liaisons.models.solutions import molecule
+from liaisons.models.solutions.linear import superposition
 
 
 class LinearMolecule(Mechanism):
@@ -40,17 +21,18 @@ class LinearMolecule(Mechanism):
         u_1 = (1, 1, 1)/√3,  u_2 = (-1, 0, 1)/√2,  u_3 = (1, -2α, 1)/√(4α² + 2)       K eq. 158
         u = Σ q_k u_k,    q_k'' + Ω_k² q_k = 0                                        K eq. 147, 150
 
-    x_k [m] positions, m and M [kg] outer and inner mass, κ [N/m] stiffness, L [m] spacing at rest; q_k [m] are the
-    outputs mode_k.  The u_k are unit vectors, so the mass-weighted normal coordinates of K eq. 149 are
-    √(u_kᵀ M u_k) q_k.  L only shifts the positions.
+    The q_k are the outputs mode_k.  The u_k are unit vectors, so the mass-weighted normal coordinates of K eq. 149
+    are √(u_kᵀ M u_k) q_k.  L only shifts the positions.
 
     Source: K Ex. 11, eq. 148-158.
     """
 
-    mass_outer = Parameter(15.999, "kg", "mass m of each outer atom (any consistent unit: oxygen in u)", above=0)
-    mass_inner = Parameter(12.011, "kg", "mass M of the inner atom (carbon in u)", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness kappa of each bond", above=0)
-    spacing = Parameter(0.116, "m", "length L of a bond at rest", minimum=0)
+    mass_outer = Parameter(
+        15.999, "kg", "mass m of each outer atom (any consistent unit: oxygen in u)", above=0, symbol="m"
+    )
+    mass_inner = Parameter(12.011, "kg", "mass M of the inner atom (carbon in u)", above=0, symbol="M")
+    stiffness = Parameter(1.0, "N/m", "stiffness kappa of each bond", above=0, symbol="κ")
+    spacing = Parameter(0.116, "m", "length L of a bond at rest", minimum=0, symbol="L")
     x_1 = Coordinate("m", "position of the left outer atom", start=-0.01, nominal=0.1)
     x_2 = Coordinate("m", "position of the inner atom", start=0.116, nominal=0.1)
     x_3 = Coordinate("m", "position of the right outer atom", start=0.232, nominal=0.1)
@@ -64,17 +46,21 @@ class LinearMolecule(Mechanism):
         left, right = self.x_2 - self.x_1 - self.spacing, self.x_3 - self.x_2 - self.spacing
         return self.stiffness / 2 * (left**2 + right**2)
 
+    @property
+    def _frequencies(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return molecule.frequencies(self.mass_outer, self.mass_inner, self.stiffness)
+
     @calculated("rad/s", "normal frequency of the translation, 0 (K eq. 157)")
     def omega_1(self) -> ca.SX:
-        return _frequencies(self.mass_outer, self.mass_inner, self.stiffness)[0]
+        return self._frequencies[0]
 
     @calculated("rad/s", "normal frequency of the outer atoms against each other (K eq. 157)")
     def omega_2(self) -> ca.SX:
-        return _frequencies(self.mass_outer, self.mass_inner, self.stiffness)[1]
+        return self._frequencies[1]
 
     @calculated("rad/s", "normal frequency of the inner atom against the outer ones (K eq. 157)")
     def omega_3(self) -> ca.SX:
-        return _frequencies(self.mass_outer, self.mass_inner, self.stiffness)[2]
+        return self._frequencies[2]
 
     @output("m", "normal coordinate of the translation (1, 1, 1)/sqrt(3)")
     def mode_1(self) -> ca.SX:
@@ -91,51 +77,23 @@ class LinearMolecule(Mechanism):
     @property
     def _normal_coordinates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         u = (self.x_1, self.x_2 - self.spacing, self.x_3 - 2 * self.spacing)
-        return _normal_coordinates(u, self.mass_outer, self.mass_inner)
+        return molecule.normal_coordinates(u, self.mass_outer, self.mass_inner)
 
+    @closed_form("superposition of the three modes (K eq. 148 and 150)", t=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_1_0: float = -0.01,
-        x_2_0: float = 0.116,
-        x_3_0: float = 0.232,
-        x_1_dot_0: float = 0.0,
-        x_2_dot_0: float = 0.0,
-        x_3_dot_0: float = 0.0,
-        mass_outer: float = 15.999,
-        mass_inner: float = 12.011,
-        stiffness: float = 1.0,
-        spacing: float = 0.116,
-    ) -> dict[str, NDArray]:
-        """Superposition of the three modes (K eq. 148 and 150).
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``x_1``, ``x_2``, ``x_3`` [m], their rates ``x_1_dot``, ... [m/s], and ``mode_1``, ... [m].
-        :raises ValidityError: for masses or stiffness <= 0, negative spacing or times.
-        """
-        require_positive("LinearMolecule.exact", mass_outer=mass_outer, mass_inner=mass_inner, stiffness=stiffness)
-        require_not_negative("LinearMolecule.exact", spacing=spacing, t=float(np.min(t)))
-        rest = spacing * np.arange(3)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        m, M = at.mass_outer, at.mass_inner
+        rest = at.spacing * np.arange(3)
+        start, rates = at.array("x_1_0", "x_2_0", "x_3_0") - rest, at.array("x_1_dot_0", "x_2_dot_0", "x_3_dot_0")
         u, u_dot = superposition(
-            t,
-            np.array(_frequencies(mass_outer, mass_inner, stiffness)),
-            LinearMolecule.modes(mass_outer=mass_outer, mass_inner=mass_inner),
-            np.array([x_1_0, x_2_0, x_3_0]) - rest,
-            np.array([x_1_dot_0, x_2_dot_0, x_3_dot_0]),
+            t, np.array(molecule.frequencies(m, M, at.stiffness)), molecule.modes(m, M), start, rates
         )
         names = [f"{form}_{k}{rate}" for form, rate in (("x", ""), ("x", "_dot"), ("mode", "")) for k in (1, 2, 3)]
-        modes = _normal_coordinates(list(np.moveaxis(u, -1, 0)), mass_outer, mass_inner)
+        modes = molecule.normal_coordinates(list(np.moveaxis(u, -1, 0)), m, M)
         columns = (*np.moveaxis(u + rest, -1, 0), *np.moveaxis(u_dot, -1, 0), *modes)
         return dict(zip(names, columns, strict=True))
 
+    @closed_form("the unit vectors u_k of K eq. 158 as columns, shape (3, 3)")
     @staticmethod
-    def modes(*, mass_outer: float = 15.999, mass_inner: float = 12.011) -> NDArray:
-        """The unit vectors u_k of K eq. 158 as columns, shape (3, 3).
-
-        :raises ValidityError: for masses <= 0.
-        """
-        require_positive("LinearMolecule.modes", mass_outer=mass_outer, mass_inner=mass_inner)
-        ratio = mass_outer / mass_inner
-        columns = np.array([[1, 1, 1], [-1, 0, 1], [1, -2 * ratio, 1]]).T
-        return columns / np.linalg.norm(columns, axis=0)
+    def modes(at: Values) -> NDArray:
+        return molecule.modes(at.mass_outer, at.mass_inner)

@@ -15,7 +15,6 @@ class NoseHooverOscillator(Mechanism):
         m q'' = -K q - ξ m q',    ξ' = (m q'² - k_B T) / Q,    η' = ξ
         H' = m q'²/2 + K q²/2 + Q ξ²/2 + k_B T η is constant
 
-    q [m], m [kg] mass, K [N/m] stiffness, k_B T [J] thermal energy, Q [kg.m2] mass of the thermostat, ξ [1/s], η [1].
     One oscillator is not ergodic and parts of its phase space are chaotic: over long times only H' can be compared.
     The area of a piece of phase space (q, p, ξ) shrinks as exp(-(η - η_0)).
 
@@ -23,9 +22,9 @@ class NoseHooverOscillator(Mechanism):
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of the spring", minimum=0, symbol="K")
     thermal_energy = Parameter(1.0, "J", "Boltzmann's constant times temperature", above=0)
-    thermostat_mass = Parameter(1.0, "kg.m2", "mass of the thermostat", above=0)
+    thermostat_mass = Parameter(1.0, "kg.m2", "mass of the thermostat", above=0, symbol="Q")
     q = Coordinate("m", "elongation", start=1.0)
     xi = InternalState("1/s", "friction, the state of the thermostat")
     eta = InternalState("1", "integral of the friction")

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Operator, Parameter
-from liaisons.models._validity import require_positive
+from liaisons.mechanics import Operator, Parameter, Values, closed_form
 from liaisons.units import ANY
 
 
@@ -23,11 +22,11 @@ class Constant(Operator):
     def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - a signal is a function of time, this one too
         return self.value
 
+    @closed_form("the value, at rest")
     @staticmethod
-    def exact(t: ArrayLike, *, value: float = 0.0) -> dict[str, NDArray]:
-        """``y`` and its derivatives at times ``t`` [s]."""
-        zero = np.zeros_like(np.asarray(t, dtype=float))
-        return _triple(zero + value, zero, zero)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        zero = np.zeros_like(t)
+        return _triple(zero + at.value, zero, zero)
 
 
 class Ramp(Operator):
@@ -43,12 +42,12 @@ class Ramp(Operator):
     def events(self) -> list[ca.SX]:
         return [self.start_time]
 
+    @closed_form("at the jump the values after it")
     @staticmethod
-    def exact(t: ArrayLike, *, offset: float = 0.0, rate: float = 1.0, start_time: float = 0.0) -> dict[str, NDArray]:
-        """``y`` and its derivatives at times ``t`` [s]; at the jump the values after it."""
-        elapsed = np.asarray(t, dtype=float) - start_time
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        elapsed = t - at.start_time
         running = np.heaviside(elapsed, 1.0)
-        return _triple(offset + rate * running * elapsed, rate * running, 0 * running)
+        return _triple(at.offset + at.rate * running * elapsed, at.rate * running, 0 * running)
 
 
 class Sinusoid(Operator):
@@ -62,19 +61,12 @@ class Sinusoid(Operator):
     def signal(self, t: ca.SX) -> ca.SX:
         return self.offset + self.amplitude * ca.sin(self.angular_frequency * t + self.phase)
 
+    @closed_form("a phasor that each derivative turns by a right angle")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        offset: float = 0.0,
-        amplitude: float = 1.0,
-        angular_frequency: float = 1.0,
-        phase: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """``y`` and its derivatives at times ``t`` [s]: a phasor that each derivative turns by a right angle."""
-        phasor = amplitude * np.exp(1j * (angular_frequency * np.asarray(t, dtype=float) + phase))
-        turn = 1j * angular_frequency
-        return _triple(offset + phasor.imag, (turn * phasor).imag, (turn**2 * phasor).imag)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        phasor = at.amplitude * np.exp(1j * (at.angular_frequency * t + at.phase))
+        turn = 1j * at.angular_frequency
+        return _triple(at.offset + phasor.imag, (turn * phasor).imag, (turn**2 * phasor).imag)
 
 
 class SmoothStep(Operator):
@@ -97,23 +89,12 @@ class SmoothStep(Operator):
     def events(self) -> list[ca.SX]:
         return [self.start_time, self.start_time + self.duration]
 
+    @closed_form("from the derivative 140 u³ (1 - u)³ of the polynomial")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        start_value: float = 0.0,
-        end_value: float = 1.0,
-        start_time: float = 0.0,
-        duration: float = 1.0,
-    ) -> dict[str, NDArray]:
-        """``y`` and its derivatives at times ``t`` [s], from the derivative 140 u³ (1 - u)³ of the polynomial.
-
-        :raises ValidityError: for duration <= 0.
-        """
-        require_positive("SmoothStep.exact", duration=duration)
-        rise = end_value - start_value
-        u = np.clip((np.asarray(t, dtype=float) - start_time) / duration, 0.0, 1.0)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        rise = at.end_value - at.start_value
+        u = np.clip((t - at.start_time) / at.duration, 0.0, 1.0)
         bump = u * (1 - u)
         step = np.polynomial.Polynomial([0, 0, 0, 0, 35, -84, 70, -20])(u)
-        y_ddot = 420 * rise * bump**2 * (1 - 2 * u) / duration**2
-        return _triple(start_value + rise * step, 140 * rise * bump**3 / duration, y_ddot)
+        y_ddot = 420 * rise * bump**2 * (1 - 2 * u) / at.duration**2
+        return _triple(at.start_value + rise * step, 140 * rise * bump**3 / at.duration, y_ddot)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Chain, Coordinate, Experiment, Parameter, Size, calculated
-from liaisons.models._linear import superposition
-from liaisons.models._validity import require, require_not_negative, require_positive
+from liaisons.mechanics import Chain, Coordinate, Experiment, Parameter, Size, Values, calculated, closed_form
+from liaisons.models.solutions.linear import superposition
 
 
 class OscillatorChain(Chain):
@@ -21,16 +20,16 @@ class OscillatorChain(Chain):
         Ω_k = 2 √(κ/m) sin(kπ/2N),    φ_k(j) = cos(kπ (j - ½)/N),    k = 0 ... N - 1
         long waves travel at c = √(κ/m) Δx, all others more slowly
 
-    u_j [m] displacement of mass j from its place (j - ½) Δx; m [kg] mass, κ [N/m] stiffness, Δx [m] spacing,
-    N number of masses.  Mode 0 is the uniform motion of the chain, whose total momentum Σ p_j is constant.
+    The place of mass j is (j - ½) Δx.  Mode 0 is the uniform motion of the chain, whose total momentum Σ p_j is
+    constant.
 
     Source: K 5.3, chain of oscillators and its wave limit.
     """
 
     n = Size(10, "number of masses")
     mass = Parameter(1.0, "kg", "mass of each body", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness of each spring", above=0)
-    spacing = Parameter(1.0, "m", "distance of neighbours at rest", above=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness of each spring", above=0, symbol="κ")
+    spacing = Parameter(1.0, "m", "distance of neighbours at rest", above=0, symbol="Δx")
     u = Coordinate("m", "displacements from the places at rest", start=(1.0,))
     experiment = Experiment(stop_time=20.0, step_size=0.05)
 
@@ -47,30 +46,18 @@ class OscillatorChain(Chain):
     def wave_speed(self) -> ca.SX:
         return ca.sqrt(self.stiffness / self.mass) * self.spacing
 
+    @closed_form("superposition of the normal modes", t=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike, *, u_0: ArrayLike, u_dot_0: ArrayLike = 0.0, mass: float = 1.0, stiffness: float = 1.0
-    ) -> dict[str, NDArray]:
-        """Motion as the superposition of the normal modes.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :param u_0: displacements at the start [m], (n,); ``u_dot_0`` the rates [m/s], (n,) or one for all.
-        :returns: ``u`` [m], ``u_dot`` [m/s], (..., n).
-        :raises ValidityError: for a chain of less than 2, a mass or stiffness that is not positive, negative times.
-        """
-        require_not_negative("OscillatorChain.exact", t=float(np.min(t)))
-        position = np.atleast_1d(np.asarray(u_0, dtype=float))
-        frequencies, modes = OscillatorChain.normal_modes(position.size, mass=mass, stiffness=stiffness)
-        u, u_dot = superposition(t, frequencies, modes, position, u_dot_0)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        u, u_dot = superposition(t, *_modes(at), at.u_0, at.u_dot_0)
         return {"u": u, "u_dot": u_dot}
 
+    @closed_form("frequencies [rad/s] from 0 upward, (n,), and modes φ_k(j) as columns, (n, n)")
     @staticmethod
-    def normal_modes(n: int, *, mass: float = 1.0, stiffness: float = 1.0) -> tuple[NDArray, NDArray]:
-        """Frequencies [rad/s] from 0 upward, (n,), and modes φ_k(j) as columns, (n, n).
+    def normal_modes(at: Values) -> tuple[NDArray, NDArray]:
+        return _modes(at)
 
-        :raises ValidityError: for n < 2, a mass or stiffness that is not positive.
-        """
-        require(n >= 2, f"OscillatorChain: n = {n}: a chain has at least 2 masses")
-        require_positive("OscillatorChain", mass=mass, stiffness=stiffness)
-        k, j = np.arange(n), np.arange(1, n + 1)[:, None]
-        return 2 * np.sqrt(stiffness / mass) * np.sin(k * np.pi / (2 * n)), np.cos(k * np.pi * (j - 0.5) / n)
+
+def _modes(at: Values) -> tuple[NDArray, NDArray]:
+    k, j = np.arange(at.n), np.arange(1, at.n + 1)[:, None]
+    return 2 * np.sqrt(at.stiffness / at.mass) * np.sin(k * np.pi / (2 * at.n)), np.cos(k * np.pi * (j - 0.5) / at.n)

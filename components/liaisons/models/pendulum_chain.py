@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import eval_laguerre, roots_laguerre
 
-from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Experiment, Joint, Parameter, Size, point
-from liaisons.models._linear import superposition
-from liaisons.models._validity import require, require_not_negative, require_positive
+from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions.linear import superposition
 
 
 class PendulumChain(Chain):
@@ -23,9 +23,8 @@ class PendulumChain(Chain):
         T = ½ m Σ |r_j'|²,    V = m g Σ z_j
         small angles:  L_N(Ω² l/g) = 0,    x_j ~ L_(N-j)(Ω² l/g)
 
-    θ_j [rad] angle of rod j from the downward vertical, absolute; m [kg] mass of each bob, l [m] length of each rod,
-    g [m/s2] gravity, N number of links, L_i Laguerre polynomials, x_j [m] horizontal displacements in a normal mode.
-    Large motions are chaotic: only the energy tells whether they are right.
+    L_i are Laguerre polynomials, x_j [m] horizontal displacements in a normal mode; the angles are absolute.  Large
+    motions are chaotic: only the energy tells whether they are right.
 
     Source: K 2.2 (eq. 12, 19) for any number of links; the small motions are those of D. Bernoulli's hanging chain.
     """
@@ -33,12 +32,11 @@ class PendulumChain(Chain):
     n = Size(10, "number of links")
     mass = Parameter(1.0, "kg", "mass of each bob", above=0)
     length = Parameter(1.0, "m", "length of each rod", above=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     theta = Coordinate("rad", "angles of the rods from the downward vertical", start=0.1)
-    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot")
-    pivot_z = ActiveCoordinate("m", "height of the pivot")
+    pivot_x = ActiveCoordinate("m", "horizontal position of the pivot", symbol="x_p")
+    pivot_z = ActiveCoordinate("m", "height of the pivot", symbol="z_p")
     joint = Joint("m", "x", "z")
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     @point("m", "the bobs")
     def bob(self) -> dict[str, ca.SX]:
@@ -57,31 +55,19 @@ class PendulumChain(Chain):
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.bob["z"]
 
+    @closed_form("the motion for sin θ ≈ θ with fixed pivot: the sum of the normal modes", t=">= 0", gravity="> 0")
     @staticmethod
-    def small_angles(
-        t: ArrayLike, *, theta_0: ArrayLike, theta_dot_0: ArrayLike = 0.0, length: float = 1.0, gravity: float = 9.81
-    ) -> dict[str, NDArray]:
-        """Motion for sin θ ≈ θ with fixed pivot: the superposition of the normal modes.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :param theta_0: angles at the start [rad], (n,); ``theta_dot_0`` the rates [rad/s], (n,) or one for all.
-        :returns: ``theta`` [rad], ``theta_dot`` [rad/s], (..., n).
-        :raises ValidityError: for a chain of less than 2, a length or gravity that is not positive, negative times.
-        """
-        require_not_negative("PendulumChain.small_angles", t=float(np.min(t)))
-        start = np.atleast_1d(np.asarray(theta_0, dtype=float))
-        frequencies, modes = PendulumChain.normal_modes(start.size, length=length, gravity=gravity)
-        theta, theta_dot = superposition(t, frequencies, modes, start, theta_dot_0)
+    def small_angles(t: NDArray, at: Values) -> dict[str, NDArray]:
+        theta, theta_dot = superposition(t, *_modes(at), at.theta_0, at.theta_dot_0)
         return {"theta": theta, "theta_dot": theta_dot}
 
+    @closed_form("frequencies [rad/s] from the slowest, (n,), and modes as columns of angles, (n, n)", gravity="> 0")
     @staticmethod
-    def normal_modes(n: int, *, length: float = 1.0, gravity: float = 9.81) -> tuple[NDArray, NDArray]:
-        """Frequencies [rad/s] from the slowest, (n,), and modes as columns of angles θ_j, (n, n).
+    def normal_modes(at: Values) -> tuple[NDArray, NDArray]:
+        return _modes(at)
 
-        :raises ValidityError: for n < 2, a length or gravity that is not positive.
-        """
-        require(n >= 2, f"PendulumChain: n = {n}: a chain has at least 2 links")
-        require_positive("PendulumChain", length=length, gravity=gravity)
-        zeros = roots_laguerre(n)[0]
-        displacements = eval_laguerre(np.arange(n, -1, -1)[:, None], zeros)  # of pivot and bobs, from the top
-        return np.sqrt(zeros * gravity / length), np.diff(displacements, axis=0) / length
+
+def _modes(at: Values) -> tuple[NDArray, NDArray]:
+    zeros = roots_laguerre(at.n)[0]
+    displacements = eval_laguerre(np.arange(at.n, -1, -1)[:, None], zeros)  # of pivot and bobs, from the top
+    return np.sqrt(zeros * at.gravity / at.length), np.diff(displacements, axis=0) / at.length

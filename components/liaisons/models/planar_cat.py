@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, output
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions.linear import free_fall
 
 
-@dataclass(frozen=True)
-class _Body:
+class _Body(NamedTuple):
     """One of the three rigid bodies; vectors have the axes of the trunk, so that φ appears in none of them."""
 
     mass: ca.SX
@@ -20,10 +22,6 @@ class _Body:
     position: tuple[ca.SX, ca.SX]  # relative to the common centre of mass
     velocity: tuple[ca.SX, ca.SX]  # relative to its velocity
     spin: ca.SX
-
-
-def _cross(a: tuple[ca.SX, ca.SX], b: tuple[ca.SX, ca.SX]) -> ca.SX:
-    return a[0] * b[1] - a[1] * b[0]
 
 
 class PlanarCat(Mechanism):
@@ -42,9 +40,6 @@ class PlanarCat(Mechanism):
     At p_φ = 0 the trunk turns by Δφ = -∮ (J_1 dψ_1 + J_2 dψ_2)/I in a closed loop of shapes, however fast the loop is
     run through: the holonomy of the kinetic connection (``analysis.holonomy``).
 
-    x_G, z_G [m] centre of mass; φ [rad] direction of the trunk from the x axis towards z; ψ_α [rad]; m_i [kg];
-    I_i [kg.m2] about each body's own centre of mass; h, c_α [m].
-
     Source: M 8.2, eq. 57-60.
     """
 
@@ -54,23 +49,21 @@ class PlanarCat(Mechanism):
     inertia_0 = Parameter(0.05, "kg.m2", "moment of inertia of the trunk about its centre of mass", above=0)
     inertia_1 = Parameter(0.02, "kg.m2", "moment of inertia of limb 1 about its centre of mass", above=0)
     inertia_2 = Parameter(0.02, "kg.m2", "moment of inertia of limb 2 about its centre of mass", above=0)
-    hinge = Parameter(0.2, "m", "distance from the trunk's centre of mass to either hinge", minimum=0)
-    arm_1 = Parameter(0.15, "m", "distance from hinge 1 to the centre of mass of limb 1", minimum=0)
-    arm_2 = Parameter(0.15, "m", "distance from hinge 2 to the centre of mass of limb 2", minimum=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
-    com_x = Coordinate("m", "position of the centre of mass along the horizontal")
-    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81)
+    hinge = Parameter(0.2, "m", "distance from the trunk's centre of mass to either hinge", minimum=0, symbol="h")
+    arm_1 = Parameter(0.15, "m", "distance from hinge 1 to the centre of mass of limb 1", minimum=0, symbol="c_1")
+    arm_2 = Parameter(0.15, "m", "distance from hinge 2 to the centre of mass of limb 2", minimum=0, symbol="c_2")
+    gravity = Gravity()
+    com_x = Coordinate("m", "position of the centre of mass along the horizontal", symbol="x_G")
+    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81, symbol="z_G")
     phi = Coordinate("rad", "direction of the trunk, from the x axis towards z", start_rate=1.0)
     psi_1 = ActiveCoordinate("rad", "angle of limb 1 from the trunk's forward direction")
     psi_2 = ActiveCoordinate("rad", "angle of limb 2 from the trunk's backward direction")
-    experiment = Experiment(stop_time=2.0, step_size=0.01)
+    experiment = Experiment(stop_time=2.0)
+
+    _total_mass = property(lambda self: self.mass_0 + self.mass_1 + self.mass_2)
 
     @property
-    def _total_mass(self) -> ca.SX:
-        return self.mass_0 + self.mass_1 + self.mass_2
-
-    @property
-    def _bodies(self) -> list[_Body]:
+    def _bodies(self) -> Iterator[_Body]:
         masses = self.mass_0, self.mass_1, self.mass_2
         inertias = self.inertia_0, self.inertia_1, self.inertia_2
         hinge = ca.vertcat(self.hinge, 0)
@@ -79,11 +72,9 @@ class PlanarCat(Mechanism):
         centre = sum(mass * place for mass, place in zip(masses, places, strict=True)) / self._total_mass
         turn = self.dot(self.phi)
         spins = turn, turn + self.dot(self.psi_1), turn + self.dot(self.psi_2)
-        bodies = []
         for mass, inertia, place, spin in zip(masses, inertias, places, spins, strict=True):
             x, z = ca.vertsplit(place - centre)
-            bodies.append(_Body(mass, inertia, (x, z), (self.dot(x) - turn * z, self.dot(z) + turn * x), spin))
-        return bodies
+            yield _Body(mass, inertia, (x, z), (self.dot(x) - turn * z, self.dot(z) + turn * x), spin)
 
     def kinetic_energy(self) -> ca.SX:
         fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)
@@ -95,31 +86,14 @@ class PlanarCat(Mechanism):
 
     @output("kg.m2/s", "angular momentum about the centre of mass, summed over the bodies")
     def angular_momentum(self) -> ca.SX:
-        return sum((b.mass * _cross(b.position, b.velocity) + b.inertia * b.spin for b in self._bodies), ca.SX(0))
+        turning = ((b, *b.position, *b.velocity) for b in self._bodies)
+        return sum((b.mass * (x * w - z * v) + b.inertia * b.spin for b, x, z, v, w in turning), ca.SX(0))
 
+    @closed_form("a parabola, and with the limbs held still a uniform turn")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        com_x_0: float = 0.0,
-        com_x_dot_0: float = 0.0,
-        com_z_0: float = 0.0,
-        com_z_dot_0: float = 9.81,
-        phi_0: float = 0.0,
-        phi_dot_0: float = 1.0,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion with the limbs held still: a parabola and a uniform turn.  The parabola holds for moving limbs, too.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``com_x``, ``com_z`` [m], ``phi`` [rad] and their rates.
-        """
-        t = np.asarray(t, dtype=float)
-        return {
-            "com_x": com_x_0 + com_x_dot_0 * t,
-            "com_x_dot": np.full_like(t, com_x_dot_0),
-            "com_z": com_z_0 + com_z_dot_0 * t - gravity * t**2 / 2,
-            "com_z_dot": com_z_dot_0 - gravity * t,
-            "phi": phi_0 + phi_dot_0 * t,
-            "phi_dot": np.full_like(t, phi_dot_0),
-        }
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        motion = free_fall(t, at)
+        for q in ("com_x", "phi"):
+            start, rate = at.array(f"{q}_0", f"{q}_dot_0")
+            motion |= {q: start + rate * t, f"{q}_dot": np.full_like(t, rate)}
+        return motion

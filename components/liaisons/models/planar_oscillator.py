@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.models._linear import oscillation
-from liaisons.models._validity import require_not_negative, require_positive
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
+from liaisons.models.solutions.linear import oscillation
 
 
 class PlanarOscillator(Mechanism):
@@ -19,17 +17,17 @@ class PlanarOscillator(Mechanism):
         L = ½ m (x'² + y'²) - ½ K (x² + y²)                   K eq. 35,  Ω² = K/m
         x'' + Ω² x = 0,    y'' + Ω² y = 0                     K eq. 36, 37
 
-    x, y [m], m [kg] mass, K [N/m] stiffness.  The orbit is an ellipse about the origin.  Energy and angular momentum
-    m (x y' - y x') are constant; the latter is p_φ of :class:`PolarOscillator`, the same motion in r and φ.
+    The orbit is an ellipse about the origin.  Energy and angular momentum m (x y' - y x') are constant; the latter is
+    p_φ of :class:`PolarOscillator`, the same motion in r and φ.
 
     Source: K Ex. 5.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0, symbol="K")
     x = Coordinate("m", "position along x", start=1.0)
     y = Coordinate("m", "position along y", start_rate=0.5)
-    experiment = Experiment(stop_time=20.0, step_size=0.01)
+    experiment = Experiment(stop_time=20.0)
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
@@ -41,25 +39,10 @@ class PlanarOscillator(Mechanism):
     def angular_momentum(self) -> ca.SX:
         return self.mass * (self.x * self.dot(self.y) - self.y * self.dot(self.x))
 
+    @closed_form("two oscillations of one frequency: an ellipse", t=">= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        x_0: float = 1.0,
-        y_0: float = 0.0,
-        x_dot_0: float = 0.0,
-        y_dot_0: float = 0.5,
-        mass: float = 1.0,
-        stiffness: float = 1.0,
-    ) -> dict[str, NDArray]:
-        """Two oscillations of one frequency: an ellipse.
-
-        :param t: times since the start [s], any shape, >= 0.
-        :returns: ``x``, ``y`` [m], ``x_dot``, ``y_dot`` [m/s].
-        :raises ValidityError: for mass <= 0, negative stiffness or times.
-        """
-        require_positive("PlanarOscillator.exact", mass=mass)
-        require_not_negative("PlanarOscillator.exact", stiffness=stiffness, t=float(np.min(t)))
-        x, x_dot = oscillation(t, x_0, x_dot_0, omega_squared=stiffness / mass, gamma=0.0)
-        y, y_dot = oscillation(t, y_0, y_dot_0, omega_squared=stiffness / mass, gamma=0.0)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        omega_squared = at.stiffness / at.mass
+        x, x_dot = oscillation(t, at.x_0, at.x_dot_0, omega_squared=omega_squared, gamma=0.0)
+        y, y_dot = oscillation(t, at.y_0, at.y_dot_0, omega_squared=omega_squared, gamma=0.0)
         return {"x": x, "y": y, "x_dot": x_dot, "y_dot": y_dot}

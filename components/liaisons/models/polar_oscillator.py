@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
-from liaisons.models._validity import require, require_not_negative, require_positive
+from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form
 
 
 class PolarOscillator(Mechanism):
@@ -19,18 +18,17 @@ class PolarOscillator(Mechanism):
         p_φ = m r² φ' = const                                 K eq. 42: φ is cyclic
         r'' - p_φ²/(m² r³) + Ω² r = 0                         K eq. 43, its centrifugal term restored
 
-    r [m] distance from the origin, φ [rad] polar angle, not wrapped, m [kg] mass, K [N/m] stiffness.  The same motion
-    as :class:`PlanarOscillator`'s, but singular at r = 0, which is reached if p_φ = 0 and only then.  φ grows by π in
-    each half period π/Ω.
+    The same motion as :class:`PlanarOscillator`'s, but singular at r = 0, which is reached if p_φ = 0 and only then.
+    φ is not wrapped: it grows by π in each half period π/Ω.
 
     Source: K Ex. 5.
     """
 
     mass = Parameter(1.0, "kg", "mass", above=0)
-    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0)
+    stiffness = Parameter(1.0, "N/m", "stiffness; 0 is a free mass", minimum=0, symbol="K")
     r = Coordinate("m", "distance from the origin", start=1.0, above=0)
     phi = Coordinate("rad", "polar angle", start_rate=0.5)  # at rest the default would fall into the origin
-    experiment = Experiment(stop_time=20.0, step_size=0.01)
+    experiment = Experiment(stop_time=20.0)
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * (self.dot(self.r) ** 2 + (self.r * self.dot(self.phi)) ** 2)
@@ -38,39 +36,22 @@ class PolarOscillator(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * self.r**2
 
+    @closed_form("the ellipse of PlanarOscillator in polar coordinates, not through r = 0", phi_dot_0="!= 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        r_0: float = 1.0,
-        phi_0: float = 0.0,
-        r_dot_0: float = 0.0,
-        phi_dot_0: float = 0.5,
-        mass: float = 1.0,
-        stiffness: float = 1.0,
-    ) -> dict[str, NDArray]:
-        """The ellipse of :meth:`PlanarOscillator.exact` in polar coordinates.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``r`` [m], ``phi`` [rad], ``r_dot`` [m/s], ``phi_dot`` [rad/s].
-        :raises ValidityError: for mass or r_0 <= 0, negative stiffness, or no angular momentum.
-        """
-        require_positive("PolarOscillator.exact", mass=mass, r_0=r_0)
-        require_not_negative("PolarOscillator.exact", stiffness=stiffness)
-        require(phi_dot_0 != 0, "PolarOscillator.exact: phi_dot_0 = 0 leads through r = 0; see PlanarOscillator.exact")
-        omega = np.sqrt(stiffness / mass)
-        phase = omega * np.asarray(t, dtype=float)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        omega = np.sqrt(at.stiffness / at.mass)
+        phase = omega * t
         half_turns = np.round(phase / np.pi)
         rest = phase - np.pi * half_turns  # in [-π/2, π/2], where the angle passed through is below π
-        lag = np.asarray(t, dtype=float) if omega == 0 else rest / omega
+        lag = t if omega == 0 else rest / omega
         cosine, sine = np.cos(rest), lag * np.sinc(rest / np.pi)  # sine is sin(rest)/Ω
-        velocity = r_dot_0 + 1j * r_0 * phi_dot_0
-        position = r_0 * cosine + velocity * sine  # x + i y, x along the radius at the start, but for its sign
-        rate = -(omega**2) * r_0 * sine + velocity * cosine
+        velocity = at.r_dot_0 + 1j * at.r_0 * at.phi_dot_0
+        position = at.r_0 * cosine + velocity * sine  # x + i y, x along the radius at the start, but for its sign
+        rate = -(omega**2) * at.r_0 * sine + velocity * cosine
         r = np.abs(position)
         return {
             "r": r,
-            "phi": phi_0 + np.copysign(np.pi, phi_dot_0) * half_turns + np.angle(position),
+            "phi": at.phi_0 + np.copysign(np.pi, at.phi_dot_0) * half_turns + np.angle(position),
             "r_dot": (position.conjugate() * rate).real / r,
-            "phi_dot": phi_dot_0 * (r_0 / r) ** 2,
+            "phi_dot": at.phi_dot_0 * (at.r_0 / r) ** 2,
         }

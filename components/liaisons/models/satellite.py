@@ -7,17 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
-from liaisons.models import _rotations
-from liaisons.models._euler_top import euler_top
-from liaisons.models._validity import require, require_positive
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions.euler_top import euler_top
+from liaisons.models.solutions.rotations import IDENTITY, turned, unit
+from liaisons.models.solutions.validity import positive_definite
 
+_TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
 _SIGNS = "minors of different order are compared: only their signs count"
 
 
 def _least_minor(matrix: ca.SX) -> ca.SX:
     """The smallest leading minor: positive when the symmetric matrix is positive definite (Sylvester)."""
-    two, three = ca.det(matrix[:2, :2]), ca.det(matrix)
-    return ca.fmin(matrix[0, 0], ca.fmin(two, three))
+    return ca.fmin(matrix[0, 0], ca.fmin(ca.det(matrix[:2, :2]), ca.det(matrix)))
 
 
 class Satellite(Mechanism):
@@ -30,9 +31,8 @@ class Satellite(Mechanism):
         J ω' + J_w φ'' = (J ω + J_w φ') × ω,      λ_k = J_w (φ_k'' + ω_k')               M eq. 27
         from rest, H = 0, one wheel after the other or all in proportion: a turn by -J⁻¹ J_w Δφ, for any φ(t)
 
-    J [kg.m2] inertia about the centre of mass with the wheels locked, J_w [kg.m2] inertia of each wheel about its axis;
-    H [kg.m2/s], ω [rad/s], λ [N.m] torques of the motors.  Turns about different axes do not commute: wheels that end
-    where they began leave the satellite turned.
+    The torques of the motors are λ.  Turns about different axes do not commute: wheels that end where they began leave
+    the satellite turned.
 
     Source: M 8.3, with 8.2.
     """
@@ -43,11 +43,11 @@ class Satellite(Mechanism):
     J_xy = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
     J_xz = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
     J_yz = Parameter(0.0, "kg.m2", "off-diagonal element of the inertia tensor")
-    J_wheel = Parameter(0.1, "kg.m2", "moment of inertia of each wheel about its axis", above=0)
+    J_wheel = Parameter(0.1, "kg.m2", "moment of inertia of each wheel about its axis", above=0, symbol="J_w")
     attitude = Orientation("attitude of the satellite")
-    wheel_1 = ActiveCoordinate("rad", "angle of the wheel along x")
-    wheel_2 = ActiveCoordinate("rad", "angle of the wheel along y")
-    wheel_3 = ActiveCoordinate("rad", "angle of the wheel along z")
+    wheel_1 = ActiveCoordinate("rad", "angle of the wheel along x", symbol="φ_1")
+    wheel_2 = ActiveCoordinate("rad", "angle of the wheel along y", symbol="φ_2")
+    wheel_3 = ActiveCoordinate("rad", "angle of the wheel along z", symbol="φ_3")
     experiment = Experiment(
         stop_time=60.0,
         step_size=0.05,
@@ -56,12 +56,7 @@ class Satellite(Mechanism):
 
     @property
     def _inertia(self) -> ca.SX:
-        rows = (
-            (self.J_xx, self.J_xy, self.J_xz),
-            (self.J_xy, self.J_yy, self.J_yz),
-            (self.J_xz, self.J_yz, self.J_zz),
-        )
-        return ca.vertcat(*(ca.horzcat(*row) for row in rows))
+        return ca.reshape(ca.vertcat(*(self.symbols[name] for name in _TENSOR)), 3, 3)
 
     def kinetic_energy(self) -> ca.SX:
         omega = self.attitude.rate
@@ -83,64 +78,22 @@ class Satellite(Mechanism):
     def inertia_is_of_masses(self) -> ca.SX:
         return _least_minor(ca.trace(self._inertia) / 2 * ca.SX.eye(3) - self._inertia)
 
+    @closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        omega_x_0: float = 0.0,
-        omega_y_0: float = 0.0,
-        omega_z_0: float = 0.0,
-        q_w_0: float = 1.0,
-        q_x_0: float = 0.0,
-        q_y_0: float = 0.0,
-        q_z_0: float = 0.0,
-        **inertia: float,
-    ) -> dict[str, NDArray]:
-        """Motion with the wheels locked: Euler's top by elliptic functions, attitude included.
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        J = positive_definite("Satellite.exact: J", at.array(*_TENSOR).reshape(3, 3))
+        start = unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
+        omega, q = euler_top(t, J, at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
+        return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
 
-        :param t: times since the start [s], any shape.
-        :param inertia: ``J_xx``, ... that differ from their defaults.
-        :returns: ``omega_x``, ... [rad/s] and ``q_w``, ..., the quaternion, continuous in t.
-        :raises ValidityError: for an inertia that is not positive definite, or a start on the separatrix.
-        """
-        start = _rotations.unit([q_w_0, q_x_0, q_y_0, q_z_0])
-        omega_0 = np.array([omega_x_0, omega_y_0, omega_z_0])
-        omega, q = euler_top(np.asarray(t, dtype=float), _tensor("Satellite.exact", inertia), omega_0, start)
-        names = (*Orientation.rates, *Orientation.quaternion)
-        return dict(zip(names, (*omega, *q), strict=True))
-
+    @closed_form("from rest, the wheels turned in proportion: a rotation by -J⁻¹ J_wheel Δφ")
     @staticmethod
     def slew(
-        turn_1: ArrayLike = 0.0,
-        turn_2: ArrayLike = 0.0,
-        turn_3: ArrayLike = 0.0,
-        *,
-        start: ArrayLike = (1.0, 0.0, 0.0, 0.0),
-        J_wheel: float = 0.1,
-        **inertia: float,
+        turn_1: ArrayLike = 0, turn_2: ArrayLike = 0, turn_3: ArrayLike = 0, *, at: Values, start: ArrayLike = IDENTITY
     ) -> dict[str, NDArray]:
-        """Attitude from rest after the wheels have turned in proportion: a rotation by -J⁻¹ J_wheel Δφ.
-
-        :param turn_1: and ``turn_2``, ``turn_3``: how far each wheel has turned [rad], any shape; Δφ(t) in a fixed
-            direction, at any pace.
-        :param start: quaternion before, shape (4,).  Its end is the start of the next slew of a sequence.
-        :param inertia: ``J_xx``, ... that differ from their defaults.
-        :returns: ``q_w``, ..., the quaternion.
-        :raises ValidityError: for an inertia that is not positive definite.
-        """
-        require_positive("Satellite.slew", J_wheel=J_wheel)
-        turns = np.stack(np.broadcast_arrays(*(np.asarray(turn, dtype=float) for turn in (turn_1, turn_2, turn_3))))
-        vector = -J_wheel * np.tensordot(np.linalg.inv(_tensor("Satellite.slew", inertia)), turns, 1)
-        before = _rotations.unit(start)[(...,) + (None,) * (turns.ndim - 1)]
-        q = _rotations.product(before, _rotations.exponential(vector))
+        """Δφ = (turn_1, turn_2, turn_3) [rad], any shape, in one direction at any pace, from the attitude ``start``."""
+        turns = np.stack(np.broadcast_arrays(turn_1, turn_2, turn_3))
+        J = positive_definite("Satellite.slew: J", at.array(*_TENSOR).reshape(3, 3))
+        vector = -at.J_wheel * np.tensordot(np.linalg.inv(J), turns, 1)
+        q = turned(unit(start), vector)
         return dict(zip(Orientation.quaternion, q, strict=True))
-
-
-def _tensor(where: str, inertia: dict[str, float]) -> NDArray:
-    elements = [["J_xx", "J_xy", "J_xz"], ["J_xy", "J_yy", "J_yz"], ["J_xz", "J_yz", "J_zz"]]
-    known = {p.name: p.start for p in Satellite.parameters if p.name != "J_wheel"}
-    unknown = inertia.keys() - known.keys()
-    require(not unknown, f"{where}: no parameter {', '.join(sorted(unknown))}; there are {', '.join(known)}")
-    tensor = np.array([[(known | inertia)[name] for name in row] for row in elements])
-    require(bool(np.all(np.linalg.eigvalsh(tensor) > 0)), f"{where}: J = {tensor.tolist()} must be positive definite")
-    return tensor

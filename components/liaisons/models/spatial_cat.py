@@ -6,9 +6,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Orientation, Parameter
-from liaisons.models import _rotations
-from liaisons.models._validity import require_positive
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions import rotations
+from liaisons.models.solutions.linear import free_fall
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
@@ -31,27 +32,27 @@ class SpatialCat(Mechanism):
 
     Going round at constant bend (χ by 2π) the cat has its shape again and is turned by Φ = 2π J c/(I s² + J c²).
 
-    m [kg] each half; I, J [kg.m2] about a transverse axis and about its own; d [m]; κ, χ, τ [rad].
-
     Source: M 8.2, eq. 57-60; the twist-free motion after Rademaker and ter Braak, Kane and Scher.
     """
 
     mass = Parameter(2.0, "kg", "mass of each half", above=0)
-    inertia_transverse = Parameter(0.10, "kg.m2", "of each half, about a transverse axis through its centre", above=0)
-    inertia_axial = Parameter(0.02, "kg.m2", "moment of inertia of each half about its own axis", above=0)
-    joint_distance = Parameter(
-        0.2, "m", "distance from the centre of each half to the joint, along its axis", minimum=0
+    inertia_transverse = Parameter(
+        0.10, "kg.m2", "of each half, about a transverse axis through its centre", above=0, symbol="I"
     )
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
-    com_x = Coordinate("m", "position of the centre of mass")
-    com_y = Coordinate("m", "position of the centre of mass")
-    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81)
+    inertia_axial = Parameter(0.02, "kg.m2", "moment of inertia of each half about its own axis", above=0, symbol="J")
+    joint_distance = Parameter(
+        0.2, "m", "distance from the centre of each half to the joint, along its axis", minimum=0, symbol="d"
+    )
+    gravity = Gravity()
+    com_x = Coordinate("m", "position of the centre of mass", symbol="x_G")
+    com_y = Coordinate("m", "position of the centre of mass", symbol="y_G")
+    com_z = Coordinate("m", "height of the centre of mass", start_rate=9.81, symbol="z_G")
     attitude = Orientation("attitude of half A", start="momentum")
-    bend = ActiveCoordinate("rad", "angle between the axes of the two halves")
-    azimuth = ActiveCoordinate("rad", "direction about which half B is bent, from the x axis of half A")
-    twist = ActiveCoordinate("rad", "turn of half B about its own axis")
+    bend = ActiveCoordinate("rad", "angle between the axes of the two halves", symbol="κ")
+    azimuth = ActiveCoordinate("rad", "direction about which half B is bent, from the x axis of half A", symbol="χ")
+    twist = ActiveCoordinate("rad", "turn of half B about its own axis", symbol="τ")
     experiment = Experiment(
-        stop_time=2.0, step_size=0.01, reference={"bend": 0.5, "bend_dot": 0.3, "azimuth_dot": 2.0, "twist_ddot": 1.0}
+        stop_time=2.0, reference={"bend": 0.5, "bend_dot": 0.3, "azimuth_dot": 2.0, "twist_ddot": 1.0}
     )
 
     def _half_B(self) -> tuple[ca.SX, ca.SX]:  # noqa: N802
@@ -64,8 +65,7 @@ class SpatialCat(Mechanism):
         return axis, spin
 
     def kinetic_energy(self) -> ca.SX:
-        omega = self.attitude.rate
-        axis, spin = self._half_B()
+        omega, (axis, spin) = self.attitude.rate, self._half_B()
         fall = self.mass * self.speed_squared({"x": self.com_x, "y": self.com_y, "z": self.com_z})
         apart = self.joint_distance * (_A + axis)
         orbit = self.mass / 4 * ca.sumsqr(self.dot(apart) + ca.cross(omega, apart))
@@ -78,42 +78,23 @@ class SpatialCat(Mechanism):
     def potential_energy(self) -> ca.SX:
         return 2 * self.mass * self.gravity * self.com_z
 
+    @closed_form("free fall, and without momentum and twist, at constant bend, a turn that χ alone determines")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        azimuth: ArrayLike,
-        bend: float,
-        azimuth_0: float = 0.0,
-        inertia_transverse: float = 0.10,
-        inertia_axial: float = 0.02,
-        com_z_0: float = 0.0,
-        com_z_dot_0: float = 9.81,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion without angular momentum and twist at constant bend: free fall, and a turn that χ alone determines.
+    def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
+        """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
+        chi = np.asarray(azimuth, dtype=float)
+        psi = _turn(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
+        start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
+        back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
+        q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)
+        return free_fall(t, at) | dict(zip(Orientation.quaternion, q.reshape(4, *chi.shape), strict=True))
 
-        :param t: times since the start [s], any shape.
-        :param azimuth: χ at these times [rad]; ``azimuth_0`` at the start, where half A has the attitude (1, 0, 0, 0).
-        :returns: ``com_z`` [m], ``com_z_dot`` [m/s], and ``q_w``, ..., the attitude of half A.
-        :raises ValidityError: for moments of inertia that are not positive.
-        """
-        t, chi = np.asarray(t, dtype=float), np.asarray(azimuth, dtype=float)
-        per_turn = SpatialCat.turn(bend, inertia_transverse=inertia_transverse, inertia_axial=inertia_axial)
-        psi = per_turn * (chi - azimuth_0) / (2 * np.pi)
-        start = _rotations.product(_rotations.about(2, azimuth_0), _rotations.about(0, bend / 2))
-        back = _rotations.product(_rotations.about(0, -bend / 2)[:, None], _rotations.about(2, -chi.ravel()))
-        q = _rotations.product(start[:, None], _rotations.about(2, psi.ravel()), back)
-        fall = {"com_z": com_z_0 + com_z_dot_0 * t - gravity * t**2 / 2, "com_z_dot": com_z_dot_0 - gravity * t}
-        return fall | {name: row.reshape(chi.shape) for name, row in zip(Orientation.quaternion, q, strict=True)}
-
+    @closed_form("the angle Φ [rad] by which χ turns the cat about a + b, once round at constant bend")
     @staticmethod
-    def turn(bend: float, *, inertia_transverse: float = 0.10, inertia_axial: float = 0.02) -> float:
-        """Angle Φ by which the cat has turned about a + b when χ has gone round once at constant bend [rad].
+    def turn(bend: float, at: Values) -> float:
+        return _turn(at, bend)
 
-        :raises ValidityError: for moments of inertia that are not positive.
-        """
-        moments = {"inertia_transverse": inertia_transverse, "inertia_axial": inertia_axial}
-        require_positive("SpatialCat.turn", **moments)
-        c, s = np.cos(bend / 2), np.sin(bend / 2)
-        return float(2 * np.pi * inertia_axial * c / (inertia_transverse * s**2 + inertia_axial * c**2))
+
+def _turn(at: Values, bend: float) -> float:
+    c, s = np.cos(bend / 2), np.sin(bend / 2)
+    return float(2 * np.pi * at.inertia_axial * c / (at.inertia_transverse * s**2 + at.inertia_axial * c**2))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Mechanism, Parameter, condition, output, point
-from liaisons.models import _elliptic
-from liaisons.models._validity import require, require_not_negative, require_positive
+from liaisons.mechanics import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions import elliptic
+from liaisons.models.solutions.validity import require
 
 
 class Swing(Mechanism):
@@ -22,20 +23,18 @@ class Swing(Mechanism):
         I = m_1 l² + m_2 (l² + b² + 2 l b cos ψ),  J_l = -m_2 b sin ψ,  J_ψ = m_2 (b² + l b cos ψ)
         D = g |m_1 r_1 + m_2 r_2|                                              M eq. 54, total mass included
 
-    θ [rad] angle of the rope from the downward vertical, θ_com [rad] that of the line to the centre of mass,
-    I [kg.m2], J_l [kg.m], J_ψ [kg.m2], D [N.m].  I, J, D depend on the posture alone, so X_K = 0 (M 8.4).
+    θ_com is the angle of the line to the centre of mass.  I, J, D depend on the posture alone, so X_K = 0 (M 8.4).
 
     Source: M 8.1, eq. 54-56.
     """
 
-    mass_seat = Parameter(20.0, "kg", "mass at the seat: board and legs", above=0)
-    mass_torso = Parameter(20.0, "kg", "mass of the torso", minimum=0)
-    torso_length = Parameter(0.5, "m", "distance from the seat to the torso's mass", minimum=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    mass_seat = Parameter(20.0, "kg", "mass at the seat: board and legs", above=0, symbol="m_1")
+    mass_torso = Parameter(20.0, "kg", "mass of the torso", minimum=0, symbol="m_2")
+    torso_length = Parameter(0.5, "m", "distance from the seat to the torso's mass", minimum=0, symbol="b")
+    gravity = Gravity()
     theta = Coordinate("rad", "angle of the rope from the downward vertical", start=0.5)
-    rope = ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0)
-    lean = ActiveCoordinate("rad", "angle of the torso from the rope's continuation", start=np.pi / 2)
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
+    rope = ActiveCoordinate("m", "distance from the pivot to the seat", start=2.0, above=0, symbol="l")
+    lean = ActiveCoordinate("rad", "angle of the torso from the rope's continuation", start=np.pi / 2, symbol="ψ")
 
     @point("m", "the seat")
     def seat(self) -> dict[str, ca.SX]:
@@ -88,32 +87,14 @@ class Swing(Mechanism):
     def com_off_the_pivot(self) -> ca.SX:
         return ca.hypot(*self._moment())
 
+    @closed_form("the motion in a fixed posture: the compound pendulum I θ_com'' = -D sin θ_com", gravity="> 0")
     @staticmethod
-    def exact(
-        t: ArrayLike,
-        *,
-        theta_0: float = 0.5,
-        theta_dot_0: float = 0.0,
-        rope: float = 2.0,
-        lean: float = np.pi / 2,
-        mass_seat: float = 20.0,
-        mass_torso: float = 20.0,
-        torso_length: float = 0.5,
-        gravity: float = 9.81,
-    ) -> dict[str, NDArray]:
-        """Motion in a fixed posture: the compound pendulum I θ_com'' = -D sin θ_com, by elliptic functions.
-
-        :param t: times since the start [s], any shape.
-        :returns: ``theta`` [rad], ``theta_dot`` [rad/s], ``theta_com`` [rad].
-        :raises ValidityError: for a parameter outside its domain, or the centre of mass on the pivot.
-        """
-        require_positive("Swing.exact", mass_seat=mass_seat, rope=rope, gravity=gravity)
-        require_not_negative("Swing.exact", mass_torso=mass_torso, torso_length=torso_length)
-        seat, torso = rope + 0j, rope + torso_length * np.exp(1j * lean)  # in the plane, seen along the rope
-        moment = mass_seat * seat + mass_torso * torso
-        inertia = mass_seat * abs(seat) ** 2 + mass_torso * abs(torso) ** 2
-        size = mass_seat * abs(seat) + mass_torso * abs(torso)
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        seat, torso = at.rope + 0j, at.rope + at.torso_length * np.exp(1j * at.lean)  # in the plane, along the rope
+        moment = at.mass_seat * seat + at.mass_torso * torso
+        inertia = at.mass_seat * abs(seat) ** 2 + at.mass_torso * abs(torso) ** 2
+        size = at.mass_seat * abs(seat) + at.mass_torso * abs(torso)
         require(abs(moment) > 1e-15 * size, "Swing.exact: the centre of mass lies on the pivot; change rope or lean")
-        offset, frequency = np.angle(moment), np.sqrt(gravity * abs(moment) / inertia)
-        theta_com, theta_dot = _elliptic.pendulum(t, theta_0 + offset, theta_dot_0, frequency)
+        offset, frequency = np.angle(moment), np.sqrt(at.gravity * abs(moment) / inertia)
+        theta_com, theta_dot = elliptic.pendulum(t, at.theta_0 + offset, at.theta_dot_0, frequency)
         return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}

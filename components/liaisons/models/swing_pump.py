@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.mechanics import Experiment, Input, InternalState, Operator, Parameter
+from liaisons.mechanics import Input, InternalState, Operator, Parameter
 from liaisons.units import ANY
 
 
@@ -28,7 +28,6 @@ class SwingPump(Operator):
     crouch_1 = InternalState("1", "wanted crouch after one filter", start=1.0)
     crouch_2 = InternalState("1", "wanted crouch after two filters", start=1.0)
     crouch_3 = InternalState("1", "crouch, 0 stands, 1 is down", start=1.0)
-    experiment = Experiment(stop_time=10.0, step_size=0.01)
 
     def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - time enters through the swing alone
         return self.low + (self.high - self.low) * self.crouch_3

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from html import escape
+
+from liaisons.mechanics.model import Model
 
 # fmt: off
 _GREEK: dict[str, str] = {
@@ -16,25 +18,19 @@ _GREEK: dict[str, str] = {
     "Sigma": "Σ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
 }
 # fmt: on
-# Letters that everybody uses for these words; the table of variables says what they stand for.
+# Letters that everybody uses for these words; a declaration may have another one.
 _LETTERS = {
     "kinetic_energy": "T",
     "potential_energy": "V",
     "energy": "E",
     "angular_frequency": "ω",
     "amplitude": "A",
-    "azimuth": "χ",
-    "bend": "κ",
-    "damping": "γ",
-    "friction": "η",
-    "gravity": "g",
     "inertia": "I",
     "length": "l",
     "mass": "m",
     "phase": "φ",
     "radius": "R",
     "stiffness": "k",
-    "twist": "τ",
 }
 _NAME = re.compile(r"(?P<stem>.+?)(?P<rate>_d?dot)?(?P<start>_0)?(?:\[(?P<index>.+)\])?")
 _DOTS = {"_dot": "˙", "_ddot": "¨"}
@@ -45,9 +41,13 @@ class Notation:
 
     :param names: names of variables, by rank: factors of a product stand in this order.
     :param active: those that an operator prescribes, whose forces are called λ.
+    :param symbols: what is declared for some of them: a letter, ``"m_1"`` with a subscript.
     """
 
-    def __init__(self, names: Iterable[str], active: Collection[str] = ()) -> None:
+    def __init__(
+        self, names: Iterable[str], active: Collection[str] = (), symbols: Mapping[str, str] | None = None
+    ) -> None:
+        self._letters = _LETTERS | {name.partition("[")[0]: symbol for name, symbol in (symbols or {}).items()}
         self._rank = {name: i for i, name in enumerate(names)}
         self._active = active
         written = {name: self._written(name) for name in self._rank}
@@ -56,6 +56,12 @@ class Notation:
 
     def __getitem__(self, name: str) -> str:
         return self._symbols.get(name) or self._written(name)
+
+    @classmethod
+    def of(cls, model: Model) -> Notation:
+        """That of a model's variables."""
+        symbols = {v.name: v.symbol for v in model.variables if v.symbol}
+        return cls([v.name for v in model.variables], {active.value for active in model.active}, symbols)
 
     def rank(self, name: str) -> int:
         """Place among the names; behind all of them for others."""
@@ -73,11 +79,13 @@ class Notation:
             if stem.endswith(ending):
                 stem = stem.removesuffix(ending)
                 prefix = ["λ" if ending == "_force" and stem in self._active else letter]
-        head, *subscripts = prefix + ([_LETTERS[stem]] if stem in _LETTERS else stem.split("_"))
-        is_word = not prefix and len(head) > 1 and head not in {*_GREEK, *_LETTERS}
-        if is_word and subscripts and subscripts[-1] in _LETTERS:
+        if stem.startswith("p_") and stem[2:] in self._letters:
+            stem, prefix = stem[2:], ["p"]
+        head, *subscripts = prefix + self._letters.get(stem, stem).split("_")
+        is_word = not prefix and len(head) > 1 and head not in {*_GREEK, *self._letters}
+        if is_word and subscripts and subscripts[-1] in self._letters:
             head, subscripts = subscripts[-1], [head, *subscripts[:-1]]  # the inertia of the hoop, I_hoop
-        base = _letter(_LETTERS.get(head, head))
+        base = _letter(self._letters.get(head, head))
         if match["rate"]:
             base = f"<mover>{base}<mo>{_DOTS[match['rate']]}</mo></mover>"
         below = [_letter(part) for part in subscripts if part]

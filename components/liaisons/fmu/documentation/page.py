@@ -69,7 +69,7 @@ _RECONSTRUCTION = (
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def index_page(model: Model) -> bytes:
     """The page, in UTF-8; the same bytes for the same model."""
-    notation = Notation([v.name for v in model.variables], {active.value for active in model.active})
+    notation = Notation.of(model)
     sections = {
         "About": _text(model.documentation.removeprefix(model.description)),
         "Equations": _equations(model, notation),
@@ -271,7 +271,7 @@ def _closed_form(model: Model) -> list[str]:
     if not model.closed_form:
         return []
     return [
-        f"<p><code>{escape(model.name)}.exact</code>, which knows nothing of the FMU:</p>",
+        f"<p><code>{escape(model.name)}.exact(t)</code>, which knows nothing of the FMU:</p>",
         *_text(model.closed_form),
     ]
 

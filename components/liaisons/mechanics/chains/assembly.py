@@ -17,7 +17,7 @@ from liaisons.mechanics.chains.chain import Chain, Link, column, link_of
 from liaisons.mechanics.chains.graphs import graph
 from liaisons.mechanics.chains.motion import Base, Motion, inertias, momenta, motion
 from liaisons.mechanics.model import ActiveInput, Dimension, Model, Variable
-from liaisons.mechanics.printing import closed_form, of_chain
+from liaisons.mechanics.printing import checked_against, of_chain
 from liaisons.mechanics.sweeps import Program, Step, Sum, Vector, program, renamed, substituted, sweep
 
 _VECTORS = {
@@ -107,7 +107,7 @@ def assemble(component: type[Chain], n: int) -> Model:
         ports=_ports(m),
         experiment=component.experiment,
         equations=of_chain(m),
-        closed_form=closed_form(component),
+        closed_form=checked_against(component),
         dimensions=(dimension,),
     )
 

@@ -16,7 +16,7 @@ from liaisons.mechanics.algebra import stack
 from liaisons.mechanics.component import Component, call, checked, declared, require_units, scalar
 from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate, Joint, Point, Size
 from liaisons.mechanics.dimensions import Declared, check_units
-from liaisons.mechanics.friction import Friction
+from liaisons.mechanics.friction import Dissipation, declared_coefficient
 from liaisons.mechanics.model import Model
 
 
@@ -65,8 +65,8 @@ class Chain(Component, abstract=True):
         return None
 
     def potential_energy(self) -> ca.SX:
-        """V of one link for itself; zero unless the component says otherwise."""
-        return ca.SX(0)
+        """V of one link for itself; the declared Friction, zero without one."""
+        return declared_coefficient(self)
 
     def bond_energy(self) -> ca.SX:
         """V of what joins a link to the one before or to the base; the first link of a free end has none."""
@@ -224,7 +224,7 @@ class Link:
     points: ca.SX  # (m,)
     kinetic: ca.SX  # T
     potential: ca.SX  # V
-    friction: Friction
+    friction: Dissipation
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a column of functions of the motion, less what accelerations bring."""
@@ -249,7 +249,7 @@ def link_of(m: Chain) -> Link:
         points=points,
         kinetic=kinetic,
         potential=ca.SX(m.potential_energy()) + bonded * ca.SX(m.bond_energy()),
-        friction=Friction(ca.SX(m.friction_coefficient()), kinetic, rubbing),
+        friction=Dissipation(ca.SX(m.friction_coefficient()), kinetic, rubbing),
     )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.special import exprel, lambertw
 
-from liaisons.models._validity import require
+from liaisons.models.solutions.validity import require
 
 _NEAREST = 0.04  # smallest r / largest r; the cosine series converge as exp(-2k) of it
 _MODES = 512  # of them, exp(-2 · 512 · 0.04) = 1e-18
@@ -87,6 +87,30 @@ class Orbit:
         w_dot = (self.outer - self.inner) / 2 * np.sin(theta) / _sum(self.time, theta)
         r = np.sqrt(w)
         return r, w_dot / (2 * r), _integral(self.angle, theta) - _integral(self.angle, np.array(phase))
+
+
+def isokinetic_motion(
+    t: NDArray, position: NDArray, velocity: NDArray, speed: float, a: float
+) -> tuple[NDArray, NDArray]:
+    """Place and velocity in space, shape (3, n) each, at times t of shape (n,); uniform where nothing turns it.
+
+    :param speed: v, which the velocity has up to rounding; ``a`` is stiffness over m v².
+    """
+    r_0, moment = float(np.linalg.norm(position)), np.cross(position, velocity)
+    area_rate = float(np.linalg.norm(moment))
+    if a == 0 or area_rate == 0:
+        r = position[:, None] + np.multiply.outer(velocity, t)
+        v = np.broadcast_to(velocity[:, None], r.shape)
+    else:
+        orbit = Orbit.of(speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
+        distance, rate, phi = orbit.at(t, orbit.phase(r_0**2, outwards=bool(position @ velocity >= 0)))
+        phi_dot = area_rate * np.exp(a * (distance**2 - r_0**2) / 2) / distance**2
+        radial = position / r_0
+        across = np.cross(moment / area_rate, radial)
+        e_r = np.multiply.outer(radial, np.cos(phi)) + np.multiply.outer(across, np.sin(phi))
+        e_phi = np.multiply.outer(across, np.cos(phi)) - np.multiply.outer(radial, np.sin(phi))
+        r, v = distance * e_r, rate * e_r + distance * phi_dot * e_phi
+    return r, v
 
 
 def _between(inner: float, outer: float, theta: NDArray) -> NDArray:

@@ -8,12 +8,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, constraint, point
-from liaisons.models import _elliptic
-from liaisons.models._validity import require_positive
+from liaisons.mechanics import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
+from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.models.solutions import elliptic
 
 
 class FourBars(Mechanism, abstract=True):
@@ -36,7 +36,7 @@ class FourBars(Mechanism, abstract=True):
     windows: int
     mass = Parameter(1.0, "kg", "mass of each rod", above=0)
     length = Parameter(1.0, "m", "length of each rod", above=0)
-    gravity = Parameter(9.81, "m/s2", "gravitational acceleration")
+    gravity = Gravity()
     experiment = Experiment(stop_time=20.0, step_size=0.05)
 
     @point("m", "B_0, the top of the first rod")
@@ -67,27 +67,15 @@ class FourBars(Mechanism, abstract=True):
         one, other = self._top(i - 1), self._top(i)
         return (sum((other[axis] - one[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
 
-    @classmethod
+    @closed_form("all standing rods at one angle: θ + π/2 moves like a pendulum, by Jacobi's functions", gravity="> 0")
+    @staticmethod
     def exact(
-        cls,
-        t: ArrayLike,
-        *,
-        theta_0: float = np.pi / 2,
-        theta_dot_0: float = -1.0,
-        length: float = 1.0,
-        gravity: float = 9.81,
+        t: NDArray, at: Values, component: type[FourBars], theta_0: float = np.pi / 2, theta_dot_0: float = -1.0
     ) -> dict[str, NDArray]:
-        """Motion as parallelograms: θ + π/2 moves like the angle of a pendulum, by Jacobi's elliptic functions.
-
-        :param t: times since the start [s], any shape.
-        :param theta_0: angle of all standing rods at the start [rad]; ``theta_dot_0`` its rate [rad/s].
-        :returns: ``theta`` [rad], ``theta_dot`` [rad/s].
-        :raises ValidityError: for length or gravity that are not positive.
-        """
-        require_positive("FourBars.exact", length=length, gravity=gravity)
-        inertia, weight = (cls.windows + 1) / 3 + cls.windows, (cls.windows + 1) / 2 + cls.windows
-        frequency = np.sqrt(gravity / length * weight / inertia)
-        angle, rate = _elliptic.pendulum(t, theta_0 + np.pi / 2, theta_dot_0, frequency)
+        count = component.windows
+        inertia, weight = (count + 1) / 3 + count, (count + 1) / 2 + count
+        frequency = np.sqrt(at.gravity / at.length * weight / inertia)
+        angle, rate = elliptic.pendulum(t, theta_0 + np.pi / 2, theta_dot_0, frequency)
         return {"theta": angle - np.pi / 2, "theta_dot": rate}
 
 

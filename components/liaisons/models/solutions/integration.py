@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from liaisons.models._validity import require
+from liaisons.models.solutions.validity import require
 
 
 def integrate(where: str, rates: Callable[[NDArray], NDArray], start: ArrayLike, t: ArrayLike) -> NDArray:

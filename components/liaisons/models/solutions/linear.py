@@ -17,6 +17,8 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.mechanics import Values
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -79,6 +81,12 @@ def superposition(
     ]
     x, v = (np.stack(part, axis=-1) @ modes.T for part in zip(*moving, strict=True))
     return x, v
+
+
+def free_fall(t: NDArray, at: Values) -> dict[str, NDArray]:
+    """Height ``com_z`` and speed of a centre of mass in free fall."""
+    height = at.com_z_0 + at.com_z_dot_0 * t - at.gravity * t**2 / 2
+    return {"com_z": height, "com_z_dot": at.com_z_dot_0 - at.gravity * t}
 
 
 def _roots(omega_squared: float, gamma: float) -> tuple[complex, complex]:

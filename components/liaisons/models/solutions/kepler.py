@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.models._stumpff import stumpff
+from liaisons.models.solutions.stumpff import stumpff
 
 
 def kepler_motion(

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 NAMES = ("q_w", "q_x", "q_y", "q_z")
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
 def product(*factors: NDArray) -> NDArray:
@@ -39,6 +40,11 @@ def exponential(vector: NDArray) -> NDArray:
     """Rotation by a rotation vector [rad], shape (3, ...); continuous in the vector."""
     half = np.linalg.norm(vector, axis=0) / 2
     return np.concatenate([np.cos(half)[None], np.sinc(half / np.pi) * vector / 2])
+
+
+def turned(q: NDArray, vector: NDArray) -> NDArray:
+    """The attitude q, shape (4,), turned about axes of the body by rotation vectors [rad], shape (3, ...)."""
+    return product(q[(...,) + (None,) * (vector.ndim - 1)], exponential(vector))
 
 
 def of_matrix(matrix: NDArray) -> NDArray:

@@ -45,6 +45,18 @@ def turning_motion(
     return np.moveaxis(r, -1, 0), np.moveaxis(r_dot, -1, 0)
 
 
+def centre_of_turns(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, turn: NDArray) -> NDArray:
+    """What a :func:`turning_motion` goes round, turn not 0: along the axis it goes with it, across it drifts evenly.
+
+    :returns: shape (3, ...).
+    """
+    square = turn @ turn
+    across = np.cross(turn, acceleration) / square
+    centre_0 = r_0 + np.cross(turn, v_0 - across) / square
+    rate, along = across + turn * (turn @ v_0) / square, turn * (turn @ acceleration) / square
+    return turning_motion(t, centre_0, rate, along, np.zeros(3))[0]
+
+
 def _c_1(z: NDArray) -> NDArray:
     theta = np.sqrt(np.abs(z))
     sine = np.where(z < 0, np.sinh(np.where(z < 0, theta, 0.0)), np.sin(theta))

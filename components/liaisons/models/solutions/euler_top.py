@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipkm1, elliprf, elliprj
 
-from liaisons.models import _rotations
-from liaisons.models._elliptic import jacobi
-from liaisons.models._validity import require
+from liaisons.models.solutions import rotations
+from liaisons.models.solutions.elliptic import jacobi
+from liaisons.models.solutions.validity import require
 
 _STEADY = 1e-15  # sine of the angle between ω and H that is rounding
 _SEPARATRIX = 1e-13  # 1 - k² that is rounding
@@ -38,7 +38,7 @@ def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) ->
     H = inertia @ rate
     if np.linalg.norm(np.cross(rate, H)) <= _STEADY * np.linalg.norm(rate) * np.linalg.norm(H):
         constant = np.broadcast_to(rate[(...,) + (None,) * t.ndim], (3, *t.shape))
-        return constant, _rotations.product(attitude, _rotations.exponential(constant * t))
+        return constant, rotations.product(attitude, rotations.exponential(constant * t))
 
     moments, axes = np.linalg.eigh(inertia)
     size = float(np.linalg.norm(H))
@@ -72,13 +72,13 @@ def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) ->
     third = _third_kind(u, n, complement) - _third_kind(np.array(u_0), n, complement)
     psi = size / A * t + size * (1 / C - 1 / A) / speed * third
     to_H = _to_momentum(omega, np.array([C, B, A]), am)
-    principal = _rotations.of_matrix(axes)
+    principal = rotations.of_matrix(axes)
     first = _to_momentum(
         np.array([omega_c, omega_b, omega_a]), np.array([C, B, A]), np.array(jacobi(u_0, complement)[0])
     )
-    at_start = _rotations.product(attitude, principal, _rotations.conjugate(first))
-    parts = (_column(at_start, t.ndim), _rotations.about(2, psi), to_H)
-    quaternion = _rotations.product(*parts, _column(_rotations.conjugate(principal), t.ndim))
+    at_start = rotations.product(attitude, principal, rotations.conjugate(first))
+    parts = (_column(at_start, t.ndim), rotations.about(2, psi), to_H)
+    quaternion = rotations.product(*parts, _column(rotations.conjugate(principal), t.ndim))
     return np.tensordot(axes, omega, 1), quaternion
 
 
@@ -88,7 +88,7 @@ def _to_momentum(omega: NDArray, moments: NDArray, am: NDArray) -> NDArray:
     spin = np.arctan2(H_b, H_c)
     spin = spin + 2 * np.pi * np.round((am - spin) / (2 * np.pi))  # it lies in the quadrant of am: continuous
     tilt = np.arctan2(np.hypot(H_b, H_c), H_a)
-    return _rotations.product(_rotations.about(1, -tilt), _rotations.about(2, -spin))
+    return rotations.product(rotations.about(1, -tilt), rotations.about(2, -spin))
 
 
 def _phase(sine: float, cosine: float, complement: float) -> float:
