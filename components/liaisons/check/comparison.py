@@ -8,7 +8,6 @@ from typing import Literal, Protocol, final, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline, interp1d
 
 from liaisons.arguments import shown
 from liaisons.check.verdicts import table
@@ -210,6 +209,8 @@ def _at(result: Signals, name: str, times: _Numbers, *, exact: bool) -> tuple[_N
         values = values.reshape(len(result.time), -1)
     if exact:
         return values[_nearest(result.time, times)], "same points"
+    from scipy.interpolate import CubicHermiteSpline, interp1d  # half a second, which most commands need not wait
+
     rate = _rate(name)
     if rate in result.entries and result[rate].shape == result[name].shape:
         rates = result[rate].reshape(values.shape)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from liaisons.cli._expressions import ExpressionError, expression
 from liaisons.errors import SimulationError, suggestion
@@ -197,6 +196,8 @@ def curve(
 
 
 def _spline(times: NDArray[np.float64], values: NDArray[np.float64]) -> Any:
+    from scipy.interpolate import make_interp_spline  # slow to load
+
     return make_interp_spline(times, values, k=min(5, len(times) - 1))
 
 
