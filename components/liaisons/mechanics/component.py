@@ -22,6 +22,7 @@ from liaisons.mechanics.declarations import (
     Declaration,
     InternalState,
     Parameter,
+    Point,
 )
 from liaisons.mechanics.dimensions import Declared
 from liaisons.mechanics.model import Experiment, Model
@@ -153,6 +154,16 @@ def _reason(error: Exception) -> str:
             "simulation; use ca.if_else(condition, a, b), ca.logic_and, ca.logic_or, ca.fmax, ca.fmin"
         )
     return f"{type(error).__name__}: {text[-1] if text else 'no reason is given'}"
+
+
+def components_of(picture: Component, item: Point) -> Mapping[str, ca.SX]:
+    """What a named point returns: its components, by axis; anything else is a ComponentError."""
+    components = call(picture, item.name)
+    if not isinstance(components, Mapping) or not components:
+        raise ComponentError(
+            f"{type(picture).__name__}.{item.name}: return the components, e.g. {{'x': ..., 'z': ...}}"
+        )
+    return components
 
 
 def formula_unit(owner: type[Component], name: str, unit: str) -> str | None:

@@ -20,6 +20,7 @@ from liaisons.mechanics.component import (
     call,
     check_internal_rates,
     checked,
+    components_of,
     declared,
     require_units,
     scalar,
@@ -226,7 +227,7 @@ class Mechanism(Component, abstract=True):
     def variable_names(cls) -> list[str]:
         picture = cls()
         names = [p.name for p in (*cls.parameters, *cls.outputs, *cls.calculated_parameters)]
-        for name in (f"{point.name}_{axis}" for point in cls.points for axis in _components(picture, point)):
+        for name in (f"{point.name}_{axis}" for point in cls.points for axis in components_of(picture, point)):
             names += [name, f"{name}_dot", f"{name}_ddot", f"{name}_load"]
         for q in (c.name for c in cls.coordinates):
             names += [f"{q}_0", f"{q}_dot_0", q, f"{q}_dot", f"{q}_ddot", f"p_{q}", f"p_{q}_dot"]
@@ -292,7 +293,7 @@ class Mechanism(Component, abstract=True):
             cls.calculated_parameters: parameters,
         }
         for item in cls.points:
-            for axis, component in _components(picture, item).items():
+            for axis, component in components_of(picture, item).items():
                 label = f"{item.name}[{axis!r}]"
                 formulas.extend(checked(cls, label, scalar(cls, label, component, configuration), item.unit))
         kinetic = check("kinetic_energy", motion, "J")
@@ -308,15 +309,6 @@ class Mechanism(Component, abstract=True):
         formulas += check_internal_rates(picture, cls.internal_states, motion | internal)
         check_units(_symbols_with_units(picture), formulas)
         _check_mass_matrix(picture, lagrangian, kinetic, motion)
-
-
-def _components(picture: Mechanism, item: Point) -> Mapping[str, ca.SX]:
-    components = call(picture, item.name)
-    if not isinstance(components, Mapping) or not components:
-        raise ComponentError(
-            f"{type(picture).__name__}.{item.name}: return the components, e.g. {{'x': ..., 'z': ...}}"
-        )
-    return components
 
 
 def _symbols_with_units(picture: Mechanism) -> dict[str, tuple[ca.SX, str]]:

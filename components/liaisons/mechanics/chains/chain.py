@@ -13,7 +13,7 @@ import casadi as ca
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.mechanics.algebra import stack
-from liaisons.mechanics.component import Component, call, checked, declared, require_units, scalar
+from liaisons.mechanics.component import Component, call, checked, components_of, declared, require_units, scalar
 from liaisons.mechanics.declarations import ActiveCoordinate, Calculated, Coordinate, Joint, Point, Size
 from liaisons.mechanics.dimensions import Declared, check_units
 from liaisons.mechanics.friction import Dissipation, declared_coefficient
@@ -160,7 +160,7 @@ class Chain(Component, abstract=True):
             formulas.extend(checked(cls, name, scalar(cls, name, value, symbols), unit))
 
         for item in cls.points:
-            for axis, component in _components(picture, item).items():
+            for axis, component in components_of(picture, item).items():
                 check(f"{item.name}[{axis!r}]", component, link, item.unit)
         for axis, component in _by_axis(picture, "tip").items():
             check(f"tip[{axis!r}]", component, link, places[axis])
@@ -175,15 +175,6 @@ class Chain(Component, abstract=True):
             check(name, call(picture, name), symbols, unit)
         check_units(_symbols_with_units(picture), formulas)
         _check_inertia(picture)
-
-
-def _components(picture: Chain, item: Point) -> Mapping[str, ca.SX]:
-    components = call(picture, item.name)
-    if not isinstance(components, Mapping) or not components:
-        raise ComponentError(
-            f"{type(picture).__name__}.{item.name}: return the components, e.g. {{'x': ..., 'z': ...}}"
-        )
-    return components
 
 
 def _symbols_with_units(m: Chain) -> dict[str, tuple[ca.SX, str]]:
