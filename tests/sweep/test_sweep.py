@@ -212,9 +212,11 @@ def test_a_file_has_the_same_numbers(pendulum, tmp_path) -> None:
     assert rows[1][3] == table.failures[1]
 
 
-def test_progress(pendulum, capsys) -> None:
+def test_progress(pendulum, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    monkeypatch.setenv("TERM", "xterm")
     sweep(pendulum, CASES, ["theta"], progress=True, **SPAN)
-    assert capsys.readouterr().err.endswith("12 of 12 cases, 0 s left \n")
+    assert "12 of 12 cases" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

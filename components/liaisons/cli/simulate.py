@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -97,8 +96,6 @@ def _simulate(arguments: argparse.Namespace) -> int:
             progress=long,
         )
     except (IncompleteError, Interrupted) as error:
-        if long:
-            print(file=sys.stderr)  # ends the line of the progress bar
         write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
         raise
     write(result)

@@ -28,13 +28,14 @@ from liaisons.cosim.coupling.signals import watched
 from liaisons.cosim.drive import SIGNALS, Signal
 from liaisons.cosim.explicit import Explicit
 from liaisons.cosim.instances import AnyInstance, extract, make
+from liaisons.cosim.interrupts import deferred_interrupts
 from liaisons.cosim.loop import Loop
 from liaisons.cosim.messages import DISCARD, ERROR, WARNING, Action
 from liaisons.cosim.probe import try_to_start
-from liaisons.cosim.progress import deferred_interrupts, progress_bar
 from liaisons.cosim.refusal import RefusedError
 from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.folders import passing_folder
+from liaisons.progress import progress_bar
 
 _PORTION = 0.02  # [s] between two looks at the keyboard, about
 
@@ -125,7 +126,8 @@ class Execution:
                 asks = self._iterates and component.asks
                 self._instances[name] = stack.enter_context(make(name, component.fmu, folders[path], asks=asks))
             calls = self._initialize()
-            show = self._progress_bar()
+            span = self._planned[0], self._planned[-1]
+            show = stack.enter_context(progress_bar(self._settings.progress, "t = {:.6g} of {:.6g} s", *span))
             interrupts = stack.enter_context(deferred_interrupts())
             if self._settings.error_tolerance is None:
                 self._advance(calls, show, interrupts)
@@ -193,7 +195,7 @@ class Execution:
         self._owners[call] = ("get", name)
         return [call]
 
-    def _advance(self, calls: Sequence[Call], show: Callable[[float], None] | None, interrupts: list[int]) -> None:
+    def _advance(self, calls: Sequence[Call], show: Callable[[float], None], interrupts: list[int]) -> None:
         """The steps from each communication point to the next one, so many at a time that nobody waits for long."""
         loop = Loop(calls, self._clock, self._bus, self._planned, rows=self._rows, judge=self._judge)
         loop.begin()
@@ -203,14 +205,13 @@ class Execution:
                 begin = perf_counter()
                 loop.advance(min(loop.done + many, len(self._planned)))
                 many = max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2)
-                if show is not None:
-                    show(self._planned[loop.done - 1])
+                show(self._planned[loop.done - 1])
                 if interrupts:
                     raise KeyboardInterrupt
         finally:
             self._points = list(self._planned[: loop.done])
 
-    def _adapt(self, calls: Sequence[Call], show: Callable[[float], None] | None, interrupts: list[int]) -> None:
+    def _adapt(self, calls: Sequence[Call], show: Callable[[float], None], interrupts: list[int]) -> None:
         """The same, with steps as long as their error allows."""
         begin, first, end = self._planned[0], self._planned[1], self._planned[-1]
         tolerance = self._settings.error_tolerance
@@ -227,8 +228,7 @@ class Execution:
         )
         for time, values in adaptive.points(begin, end, first - begin):
             self._record(time, values)
-            if show is not None:
-                show(time)
+            show(time)
             if interrupts:
                 raise KeyboardInterrupt
 
@@ -263,7 +263,3 @@ class Execution:
 
     def _depends_initially(self, output: Place, input_: Place) -> bool:
         return self._components[output[0]].fmu.depends(output[1], input_[1], initially=True)
-
-    def _progress_bar(self) -> Callable[[float], None] | None:
-        title = self._settings.progress
-        return progress_bar(title, self._planned[0], self._planned[-1]) if title else None

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import sys
-import time
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from numbers import Real
@@ -21,6 +19,7 @@ from liaisons.cosim.component import Component, component
 from liaisons.cosim.ports import Link
 from liaisons.cosim.schedule import Coupling
 from liaisons.cosim.simulation import check_positive, communication_points
+from liaisons.progress import progress_bar
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.errors import SweepError
@@ -105,21 +104,17 @@ def sweep(
     with book as written:
         outcomes: dict[int, Outcome] = {} if written is None else dict(written.done)
         todo = [case for case in range(plan.cases.count) if case not in outcomes]
-        bar = _ProgressBar(plan.title, plan.cases.count, len(todo)) if progress else None
+        title = plan.title if progress and todo else ""
+        with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), plan.cases.count) as show:
 
-        def deliver(found: Mapping[int, Outcome]) -> None:
-            outcomes.update(found)
-            if written is not None:
-                written.add(found)
-            if bar is not None:
-                bar.show(len(outcomes))
+            def deliver(found: Mapping[int, Outcome]) -> None:
+                outcomes.update(found)
+                if written is not None:
+                    written.add(found)
+                show(len(outcomes))
 
-        try:
             if todo:
                 _simulate(plan, todo, deliver, workers=workers, client=client, time_limit=time_limit)
-        finally:
-            if bar is not None:
-                bar.close()
     return _table(plan, outcomes)
 
 
@@ -234,29 +229,3 @@ def _table(plan: Plan, outcomes: Mapping[int, Outcome]) -> Table:
     unfinished = tuple(sorted(case for case, failure in failures.items() if not failure.refused))
     reasons = {case: failure.reason for case, failure in failures.items()}
     return Table(plan.title, rows, units, reasons, unfinished)
-
-
-class _ProgressBar:
-    """Cases done, and the time that is left, on stderr ten times a second."""
-
-    def __init__(self, title: str, total: int, todo: int) -> None:
-        self._title, self._total, self._before = title, total, total - todo
-        self._begin = self._shown = time.monotonic()
-        self._open = False
-
-    def show(self, done: int) -> None:
-        now = time.monotonic()
-        if now - self._shown < 0.1 and done < self._total:
-            return
-        self._shown = now
-        rest = (now - self._begin) * (self._total - done) / (done - self._before)
-        bar = f"[{'#' * (30 * done // self._total):30}]"
-        sys.stderr.write(f"\r{self._title} {bar} {done} of {self._total} cases, {rest:.0f} s left ")
-        sys.stderr.flush()
-        self._open = True
-
-    def close(self) -> None:
-        """End the line, whether all is done or not."""
-        if self._open:
-            sys.stderr.write("\n")
-            self._open = False

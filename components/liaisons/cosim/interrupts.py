@@ -1,12 +1,10 @@
-"""What a long run has to do with the one who waits for it: an interrupt from the keyboard, a progress bar."""
+"""Interrupts from the keyboard, which wait for the end of a communication step."""
 
 from __future__ import annotations
 
 import signal
-import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -32,22 +30,3 @@ def deferred_interrupts() -> Iterator[list[int]]:
         yield interrupts
     finally:
         signal.signal(signal.SIGINT, usual)
-
-
-def progress_bar(title: str, first: float, last: float) -> Callable[[float], None]:
-    """A function that is told the time reached [s]; it writes to stderr ten times a second, and at the end."""
-    begin = shown = time.monotonic()
-
-    def show(t: float) -> None:
-        nonlocal shown
-        now = time.monotonic()
-        if now - shown < 0.1 and t < last:
-            return
-        shown = now
-        part = (t - first) / (last - first)
-        rest = (now - begin) * (1 / part - 1)
-        bar = f"[{'#' * int(30 * part):30}]"
-        sys.stderr.write(f"\r{title} {bar} t = {t:.6g} of {last:.6g} s, {rest:.0f} s left " + "\n" * (t == last))
-        sys.stderr.flush()
-
-    return show

@@ -1,0 +1,49 @@
+"""A bar for one who waits at a terminal or a notebook."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+_PAUSE = 0.1  # [s] between two looks
+
+
+@contextmanager
+def progress_bar(title: str, words: str, first: float, last: float) -> Iterator[Callable[[float], None]]:
+    """A function that is told how far a run has come, and shows it on stderr; in a file or a pipe it leaves nothing.
+
+    :param title: what runs; nothing is shown when empty.
+    :param words: how to say it, for example ``"t = {:g} of {:g} s"``.
+    :param first: where the run begins, and
+    :param last: where it ends.
+    """
+    if not title:
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        auto_refresh=False,  # no thread draws, for the run may start processes
+        redirect_stdout=False,
+        redirect_stderr=False,
+        disable=not (console.is_interactive or console.is_jupyter),
+    ) as bar:
+        task = bar.add_task(title, total=last - first)
+        shown = time.monotonic()
+
+        def show(reached: float) -> None:
+            nonlocal shown
+            now = time.monotonic()
+            if now - shown >= _PAUSE or reached >= last:
+                shown = now
+                said = f"{title}: {words.format(reached, last)}"
+                bar.update(task, completed=reached - first, description=said, refresh=True)
+
+        yield show
