@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import io
 import re
-import struct
-import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -18,10 +17,13 @@ import numpy as np
 import pytest
 from handmade import fall, pendulum
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without stubs
+from matplotlib.pyplot import imread
 
 from liaisons.errors import ComponentError
+from liaisons.fmu import build
+from liaisons.fmu.archive import read_member
 from liaisons.fmu.extras import extra_members
-from liaisons.fmu.icon import SIZE, icons
+from liaisons.fmu.icon import SIZE, icon_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import FOLDER, INTERVALS, columns, trajectory
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
@@ -112,46 +114,40 @@ def test_arrays_are_one_terminal_in_fmi_3_and_one_an_element_in_fmi_2() -> None:
 # ---- icon ----------------------------------------------------------------------------------------------------------
 
 
-def pixels(png: bytes) -> np.ndarray:
-    """Opacity of each pixel, read by the PNG specification; every checksum is checked."""
-    assert png.startswith(b"\x89PNG\r\n\x1a\n")
-    place, chunks = 8, {}
-    while place < len(png):
-        (length,) = struct.unpack(">I", png[place : place + 4])
-        kind, data = png[place + 4 : place + 8], png[place + 8 : place + 8 + length]
-        assert struct.unpack(">I", png[place + 8 + length : place + 12 + length])[0] == zlib.crc32(kind + data)
-        chunks[kind] = data
-        place += 12 + length
-    width, height, depth, colour, *_ = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
-    assert (width, height, depth, colour) == (SIZE, SIZE, 8, 3)
-    assert len(chunks[b"tRNS"]) * 3 == len(chunks[b"PLTE"])
-    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), dtype=np.uint8).reshape(height, width + 1)
-    assert not rows[:, 0].any()  # no filter
-    return np.frombuffer(chunks[b"tRNS"], dtype=np.uint8)[rows[:, 1:]]
+def opacity(icon: dict[str, bytes]) -> np.ndarray:
+    """Of each pixel, shape (SIZE, SIZE)."""
+    pixels = imread(io.BytesIO(icon["terminalsAndIcons/icon.png"]))
+    assert pixels.shape == (SIZE, SIZE, 4)
+    return pixels[:, :, 3]
 
 
 @every_component
 def test_icon_shows_something_inside_its_frame(component) -> None:
-    model = component.model()
-    svg, png = icons(model, trajectory(model))
-    opacity = pixels(png)
-    assert 0.01 < np.mean(opacity > 0) < 0.5
-    assert not opacity[[0, -1]].any()
-    assert not opacity[:, [0, -1]].any()
-    root = ElementTree.fromstring(svg)
+    icon = icon_members(component.model(), "2")
+    shown = opacity(icon)
+    assert 0.01 < np.mean(shown > 0) < 0.5
+    assert not shown[[0, -1]].any()
+    assert not shown[:, [0, -1]].any()
+    root = ElementTree.fromstring(icon["terminalsAndIcons/icon.svg"])
     assert root.get("viewBox") == f"0 0 {SIZE} {SIZE}"
-    strokes = root.findall("{http://www.w3.org/2000/svg}polyline")
-    assert strokes
-    for stroke in strokes:  # both files show the same: each corner of the one is covered in the other
-        for x, y in re.findall(r"([-\d.]+),([-\d.]+)", stroke.attrib["points"]):
-            assert opacity[int(float(y)), int(float(x))] > 0
+    assert root.findall(".//{http://www.w3.org/2000/svg}path")
+    for content in icon.values():
+        assert not re.search(rb"tEXt|iTXt|zTXt|tIME|matplotlib\.org|20\d\d-\d\d", content), "who drew it, and when"
 
 
 def test_icon_of_what_cannot_be_integrated_has_letters() -> None:
-    svg, png = icons(Satellite.model(), None)
-    assert svg.count(b"<polyline") == 2  # the frame and one S
-    assert pixels(png).any()
-    assert icons(DoublePendulum.model(), None)[0].count(b"<polyline") > 2
+    one, two = (opacity(icon_members(replace(Collapse.model(), name=name), "2")) for name in ("Fall", "FreeFall"))
+    assert one.any()
+    assert np.any(one != two)
+
+
+def test_an_fmu_with_another_icon_is_the_same(tmp_path, monkeypatch) -> None:
+    fmu = build(pendulum(), tmp_path, backend="python")
+    module = importlib.import_module("liaisons.fmu.build")  # the package's attribute of this name is the function
+    monkeypatch.setattr(module, "icon_members", lambda *_: {"model.png": b"another"})
+    other = build(pendulum(), tmp_path / "other", backend="python")
+    assert read_member(fmu, "modelDescription.xml") == read_member(other, "modelDescription.xml")
+    assert read_member(fmu, "model.png") != read_member(other, "model.png")
 
 
 # ---- reference results ---------------------------------------------------------------------------------------------
@@ -275,7 +271,6 @@ def test_experiment_that_cannot_be_integrated_is_left_out_and_said_so() -> None:
     found = extra_members(model, "2")
     assert not [name for name in found if name.endswith(".csv")]
     assert b"<!-- No results" in found[f"{FOLDER}/fmi-ls-manifest.xml"]
-    assert "terminalsAndIcons/icon.png" in found
 
 
 @every_component
@@ -293,9 +288,10 @@ def test_manifest_names_files_that_are_there(component) -> None:
 
 
 def test_members_of_both_versions() -> None:
-    two, three = (extra_members(pendulum(), fmi) for fmi in get_args(Fmi))
+    two, three = (icon_members(pendulum(), fmi) for fmi in get_args(Fmi))
     assert two.keys() - three.keys() == {"model.png"}
     assert two["model.png"] == two["terminalsAndIcons/icon.png"]
-    assert {"documentation/index.html", "documentation/licenses/license.txt"} <= three.keys()
-    assert b"MIT License" in three["documentation/licenses/license.txt"]
-    assert extra_members(pendulum(), "3") == three
+    found = extra_members(pendulum(), "3")
+    assert {"documentation/index.html", "terminalsAndIcons/terminalsAndIcons.xml"} <= found.keys()
+    assert b"MIT License" in found["documentation/licenses/license.txt"]
+    assert extra_members(pendulum(), "3") == found

@@ -17,6 +17,7 @@ from liaisons.fmu.code import source_files
 from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.extras import extra_members
+from liaisons.fmu.icon import icon_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.origin import signed
 from liaisons.mechanics.model import Model
@@ -89,7 +90,7 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi) -> Path:
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
     for name, target in targets.items():
         members[name] = compile_library(code, target, cross=platforms == "all")
-    write_archive(path, members)
+    write_archive(path, members | icon_members(model, fmi))
     return path
 
 
@@ -97,9 +98,10 @@ def _build_python(model: Model, output: Path) -> Path:
     from liaisons.fmu.python_backend import python_members
 
     path = output / "python" / f"{model.name}.fmu"
-    members = _identified(python_members(model.flat(), _NO_GUID), model)
+    flat = model.flat()
+    members = _identified(python_members(flat, _NO_GUID), model)
     if not _is_current(path, members):
-        write_archive(path, members)
+        write_archive(path, members | icon_members(flat, "2"))
     return path
 
 

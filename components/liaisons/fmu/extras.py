@@ -1,4 +1,4 @@
-"""What an FMU carries for the people who import it: documentation, terminals, icon, reference results."""
+"""What an FMU carries for the people who import it, beside its icon: documentation, terminals, reference results."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from functools import cache
 from importlib import metadata
 
 from liaisons.fmu.documentation import index_page
-from liaisons.fmu.icon import icons
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import reference_members, trajectory
 from liaisons.fmu.terminals import terminals_and_icons
@@ -26,20 +25,15 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
     """Members beside the model description, sources and binaries, by path in the archive.
 
     :param model: the component.
-    :param fmi: FMI 2.0 shows the elements of arrays as variables of their own and has its icon at the root.
+    :param fmi: FMI 2.0 shows the elements of arrays as variables of their own.
     :returns: the same bytes for the same arguments, on every machine.
     """
-    results = trajectory(model)
-    svg, png = icons(model, results)
-    members = {
+    return {
         "documentation/index.html": index_page(model),
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(model, fmi),
-        "terminalsAndIcons/icon.svg": svg,
-        "terminalsAndIcons/icon.png": png,
         "documentation/licenses/license.txt": _license(),
-        **reference_members(model, results, fmi),
+        **reference_members(model, trajectory(model), fmi),
     }
-    return members | ({"model.png": png} if fmi == "2" else {})
 
 
 @cache
