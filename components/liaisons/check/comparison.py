@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol, final, runtime_checkable
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +11,11 @@ from numpy.typing import NDArray
 from liaisons.arguments import shown
 from liaisons.check.verdicts import table
 from liaisons.errors import ValidityError
+from liaisons.results import Result
 
 Method = Literal["same points", "Hermite", "linear"]
 
 _Numbers = NDArray[np.float64]
-
-
-@runtime_checkable
-class Signals(Protocol):
-    """What can be compared: a :class:`liaisons.Result`, for example."""
-
-    @property
-    def title(self) -> str: ...
-    @property
-    def time(self) -> _Numbers: ...
-    @property
-    def entries(self) -> tuple[str, ...]: ...
-    @property
-    def units(self) -> Mapping[str, str]: ...
-    def __getitem__(self, name: str, /) -> _Numbers: ...
 
 
 @final
@@ -120,7 +105,7 @@ class Comparison:
         return "\n".join(lines)
 
 
-def compare(first: Signals, second: Signals) -> Comparison:
+def compare(first: Result, second: Result) -> Comparison:
     """Compare the signals that two results have in common, over the time that they have in common.
 
     Where all points of one, within that time, are points of the other, the values stand there and are taken as they
@@ -131,7 +116,7 @@ def compare(first: Signals, second: Signals) -> Comparison:
     :raises ValidityError: if they have no signal or no time span in common, or a signal has different units or sizes.
     """
     for result in (first, second):
-        if not isinstance(result, Signals):
+        if not isinstance(result, Result):
             raise ValidityError(f"compare: {shown(result)} is no Result; read a file with Result.from_csv")
     names = [name for name in first.entries if name in second.entries]
     if not names:
@@ -166,7 +151,7 @@ def compare(first: Signals, second: Signals) -> Comparison:
     )
 
 
-def _check(first: Signals, second: Signals, name: str) -> None:
+def _check(first: Result, second: Result, name: str) -> None:
     units = first.units[name], second.units[name]
     if all(units) and units[0] != units[1]:
         raise ValidityError(f"{name} is in {units[0]} in {first.title}, in {units[1]} in {second.title}; convert one")
@@ -175,7 +160,7 @@ def _check(first: Signals, second: Signals, name: str) -> None:
         raise ValidityError(f"{name} has shape {shapes[0]} in {first.title}, {shapes[1]} in {second.title}")
 
 
-def _times(first: Signals, second: Signals) -> tuple[_Numbers, bool]:
+def _times(first: Result, second: Result) -> tuple[_Numbers, bool]:
     """Where to compare [s], and whether both results have these very points."""
     begin, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
     if begin > end:
@@ -203,7 +188,7 @@ def _rounding(end: float) -> float:
     return 1e-9 * max(1.0, abs(end))
 
 
-def _at(result: Signals, name: str, times: _Numbers, *, exact: bool) -> tuple[_Numbers, Method]:
+def _at(result: Result, name: str, times: _Numbers, *, exact: bool) -> tuple[_Numbers, Method]:
     values = result[name]
     if values.ndim == 1 or values.shape[0] != len(result.time):
         values = values.reshape(len(result.time), -1)

@@ -9,24 +9,19 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from liaisons.check import table
 from liaisons.cli._command import add_unpacked_limit, command
 from liaisons.cli._inputs import drives
 from liaisons.cli._mismatch import mismatches, taken_out
 from liaisons.cosim import System, ssp
-from liaisons.cosim.files import check_writable
-from liaisons.cosim.result import IncompleteError, Interrupted, Result
 from liaisons.errors import SimulationError
+from liaisons.files import check_writable
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError
+from liaisons.results import IncompleteError, Interrupted, Result
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
-
-_MOST_ROWS = 10
-"""An array with more elements is one row of the table."""
 
 
 def register(commands: Commands) -> None:
@@ -182,7 +177,7 @@ class Outputs:
         :param words: what to say of the files besides their names.
         :raises SimulationError: if one of them cannot be written.
         """
-        print(table([row for name in result.entries for row in _rows(result, name)]))
+        print(table(result.summary()))
         for remark in remarks:
             print(remark)
         for file, write in ((self.csv, result.to_csv), (self.parquet, result.to_parquet)):
@@ -192,18 +187,6 @@ class Outputs:
         if self.figure:
             result.plot(path=self.figure)
             print(f"figure: {self.figure}{words}")
-
-
-def _rows(result: Result, name: str) -> list[dict[str, str]]:
-    """A row a signal; one for all elements of a long array."""
-    values = result[name]
-    elements = [n for n in result.names if n == name or n.startswith(f"{name}[")]
-    if values.ndim > 1 and len(elements) <= _MOST_ROWS:
-        return [row for element in elements for row in _rows(result, element)]
-    columns = {"smallest": f"{np.min(values):.6g}", "largest": f"{np.max(values):.6g}"}
-    ends = {"start": f"{values[0]:.6g}", "end": f"{values[-1]:.6g}"} if values.ndim == 1 else {"start": "", "end": ""}
-    label = name if values.ndim == 1 else f"{name} ({'×'.join(map(str, values.shape[1:]))})"
-    return [{"signal": label, "unit": result.units[name] or "-"} | ends | columns]
 
 
 def add_experiment(parser: argparse.ArgumentParser, start_value: str) -> None:

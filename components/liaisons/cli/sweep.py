@@ -19,7 +19,8 @@ from liaisons.project import ProjectError, load_module
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
-    from liaisons.sweeps import Cases, Table
+    from liaisons.results import Result
+    from liaisons.sweeps import Cases
 
 _TRUST = """\
 An FMU and a Python file are code that runs here with your rights, and so does a Dask scheduler run code on its workers
@@ -107,9 +108,10 @@ def _sweep(arguments: argparse.Namespace) -> int:
         raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
     with _interrupted(journal):
         result = _simulated(arguments, journal)
-    print(table(_rows(result)))
-    if len(result) > _SHOWN:
-        print(f"... {len(result) - _SHOWN} more; --csv FILE writes all")
+    print(table(result.summary(_SHOWN)))
+    count = len(result.index["case"])
+    if count > _SHOWN:
+        print(f"... {count - _SHOWN} more; --csv FILE writes all")
     if csv is not None:
         result.to_csv(csv)
         print(f"table: {csv}")
@@ -123,7 +125,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
         cure = (
             "the same command tries them again" if journal else "give --journal, and the same command tries them again"
         )
-        print(f"{len(result.unfinished)} of {len(result)} cases not finished; {cure}")
+        print(f"{len(result.unfinished)} of {count} cases not finished; {cure}")
     return 1 if result.failures else 0
 
 
@@ -141,7 +143,7 @@ def _check_csv(csv: Path, journal: Path | None) -> None:
         raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
 
 
-def _simulated(arguments: argparse.Namespace, journal: Path | None) -> Table:
+def _simulated(arguments: argparse.Namespace, journal: Path | None) -> Result:
     from liaisons.sweeps import sweep
 
     return sweep(
@@ -210,14 +212,6 @@ def _cases(arguments: argparse.Namespace) -> Cases:
         over = dict(arguments.random)
         return sample(arguments.samples, over, seed=arguments.seed or 0, latin_hypercube=arguments.latin_hypercube)
     return grid(dict(arguments.over))
-
-
-def _rows(result: Table) -> list[dict[str, str]]:
-    titles = {name: f"{name} [{unit}]" if unit else name for name, unit in result.units.items()}
-    return [
-        {titles[name]: f"{value:.6g}" for name, value in zip(result.names, row, strict=True)}
-        for row in result.rows[:_SHOWN].tolist()
-    ]
 
 
 def _values(text: str) -> tuple[str, list[float]]:

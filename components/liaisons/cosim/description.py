@@ -11,9 +11,10 @@ from typing import final
 
 import fmpy
 
+from liaisons.array_names import Shape, split
 from liaisons.cosim.archive import Archive, plain_file
 from liaisons.cosim.model_description import Description, Table, Unit, parse
-from liaisons.cosim.variables import Array, Shape, Variables, split
+from liaisons.cosim.variables import Array, Variables
 from liaisons.errors import SimulationError, suggestion
 
 LONGEST = 1000

@@ -24,9 +24,9 @@ from liaisons import cache
 from liaisons.compiler import FLAGS, compile_library, host
 from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.calls import Call, Prepared, Record
-from liaisons.cosim.files import replacing
 from liaisons.cosim.messages import logger
 from liaisons.errors import BuildError, SimulationError
+from liaisons.files import replacing
 from liaisons.folders import passing_folder
 
 

@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import IO, final
 
+from liaisons.array_names import Shape, complete, split
 from liaisons.cosim import documents
-from liaisons.cosim.variables import Array, Shape, Variable, Variables, VariableType, complete, split
+from liaisons.cosim.variables import Array, Variable, Variables, VariableType
 
 Attributes = Mapping[str, str]
 

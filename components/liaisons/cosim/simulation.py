@@ -16,9 +16,9 @@ from liaisons.cosim.drive import Function, Signal, evaluate
 from liaisons.cosim.execution import Execution, Settings
 from liaisons.cosim.memory import check_memory
 from liaisons.cosim.ports import Link
-from liaisons.cosim.result import IncompleteError, Interrupted, Result
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.errors import SimulationError
+from liaisons.results import IncompleteError, Interrupted, Result
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from liaisons.arguments import shown
+from liaisons.array_names import offset, split
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.variables import Array, Variable, VariableType, offset, split
+from liaisons.cosim.variables import Array, Variable, VariableType
 from liaisons.errors import SimulationError, suggestion
 
 Start = float | int | bool | str

@@ -23,10 +23,10 @@ from liaisons.cosim import ssp
 from liaisons.cosim.component import Component, End, component
 from liaisons.cosim.drive import Function
 from liaisons.cosim.ports import Link, links
-from liaisons.cosim.result import Result
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.cosim.simulation import communication_points, first_points, reals, run, signals
 from liaisons.errors import ConnectionError, SimulationError, suggestion  # noqa: A004 - the field's word for it
+from liaisons.results import Result
 
 
 class System:

@@ -10,16 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Literal, TypeVar, final
+
+from liaisons.array_names import Shape, indices, offset, split
 
 VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "Binary", "Clock"]
 
-Shape = tuple[int, ...]
-
 _T = TypeVar("_T")
-
-_DIGITS = 20  # no index has more
 
 
 @final
@@ -122,46 +119,6 @@ class Variables(Mapping[str, Variable]):
         """The array of FMI 3.0 of this name or with this element; None if there is none, or it is a list of scalars."""
         entry = self.entries.get(name) or self.entries.get(split(name)[0])
         return entry if isinstance(entry, Array) and entry.whole else None
-
-
-def indices(shape: Shape) -> Iterator[str]:
-    """``"1"``, ``"2"``, ... or ``"1,1"``, ``"1,2"``, ..., the last index running fastest."""
-    if len(shape) == 1:
-        return map(str, range(1, shape[0] + 1))
-    return (",".join(map(str, index)) for index in product(*(range(1, n + 1) for n in shape)))
-
-
-def split(name: str) -> tuple[str, Shape | None]:
-    """``"theta[3]"`` is ``("theta", (3,))``; a name without an index at its end is itself and None."""
-    if not name.endswith("]"):
-        return name, None
-    base, bracket, index = name[:-1].rpartition("[")
-    numbers = index.split(",")
-    if not (
-        base and bracket and all(n.isascii() and n.isdigit() and len(n) < _DIGITS and str(int(n)) == n for n in numbers)
-    ):
-        return name, None
-    return base, tuple(map(int, numbers))
-
-
-def offset(index: Shape, shape: Shape) -> int | None:
-    """Place of an element, from 0, the last index running fastest; None if there is no such element."""
-    if len(index) != len(shape):
-        return None
-    place = 0
-    for i, n in zip(index, shape, strict=True):
-        if not 1 <= i <= n:
-            return None
-        place = place * n + i - 1
-    return place
-
-
-def complete(found: Sequence[Shape]) -> Shape | None:
-    """The shape whose indices these are, all of them and in order; None if they are no such thing."""
-    shape = found[-1]
-    if math.prod(shape) != len(found) or any(len(index) != len(shape) for index in found):
-        return None
-    return shape if all(offset(index, shape) == place for place, index in enumerate(found)) else None
 
 
 def _at(values: Sequence[_T], position: int) -> _T:

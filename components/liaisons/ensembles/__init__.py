@@ -1,5 +1,5 @@
 """Ensembles: one component with many parameter sets and initial states, integrated together in compiled code."""
 
-from liaisons.ensembles.ensemble import Ensemble, ensemble
+from liaisons.ensembles.ensemble import ensemble
 
-__all__ = ["Ensemble", "ensemble"]
+__all__ = ["ensemble"]

@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Literal, final, get_args
 
 import numpy as np
@@ -16,10 +15,11 @@ from liaisons.arguments import chosen, finite, listed, named, numbers, whole
 from liaisons.ensembles.equations import Equations, Settable, default_record, equations
 from liaisons.ensembles.kernel import LANES, Advance, kernel
 from liaisons.ensembles.methods import METHODS
-from liaisons.errors import SimulationError, suggestion
+from liaisons.errors import SimulationError
 from liaisons.library import Target
 from liaisons.library import component as find
 from liaisons.mechanics.model import Variable
+from liaisons.results import Result
 from liaisons.statements import program
 
 Method = Literal["rk4", "rk8"]
@@ -27,60 +27,6 @@ Backend = Literal["auto", "native", "numpy"]
 Floats = NDArray[np.float64]
 
 _CHUNK = 16  # blocks that a thread takes at once
-
-
-@final
-@dataclass(frozen=True, eq=False, repr=False)
-class Ensemble:
-    """Signals of all members at the recorded times; ``ensemble["theta"]`` is one of them, shape (times, members).
-
-    :param title: name of the component.
-    :param time: recorded times [s], shape (times,).
-    :param names: names of the signals.
-    :param values: shape (len(names), times, members); not-a-number from where a member has failed.
-    :param units: name -> unit.
-    :param errors: estimate of the largest error of each signal over the times, shape (len(names), members): the
-        difference from a run with steps twice as long, over 2**order - 1.  None if it was not asked for.
-    :param failures: member -> why it is not to be used.
-    :param compiled: whether compiled code has done it, or NumPy.
-    """
-
-    title: str
-    time: Floats
-    names: tuple[str, ...]
-    values: Floats
-    units: Mapping[str, str]
-    errors: Floats | None
-    failures: Mapping[int, str]
-    compiled: bool
-
-    def __getitem__(self, name: str) -> Floats:
-        """A signal by its name, shape (times, members).
-
-        :raises SimulationError: with the nearest name, if there is none of this name.
-        """
-        return self.values[self._row(name)]
-
-    def error(self, name: str) -> Floats:
-        """Estimated largest error of a signal, shape (members,).
-
-        :raises SimulationError: for an unknown name, or if no estimate was asked for.
-        """
-        if self.errors is None:
-            raise SimulationError(f"the ensemble of {self.title} has no error estimate; leave estimate=False out")
-        return self.errors[self._row(name)]
-
-    def _row(self, name: str) -> int:
-        if name not in self.names:
-            hint = suggestion(name, self.names)
-            raise SimulationError(f"the ensemble of {self.title} has no signal {name!r}{hint}; name it in record=[...]")
-        return self.names.index(name)
-
-    def __repr__(self) -> str:
-        return (
-            f"<Ensemble of {self.title}: {self.values.shape[2]} members, {len(self.failures)} failed, "
-            f"t = {self.time[0]:g} to {self.time[-1]:g} s, {', '.join(self.names)}>"
-        )
 
 
 def ensemble(
@@ -97,7 +43,7 @@ def ensemble(
     estimate: bool = True,
     threads: int | None = None,
     backend: Backend = "auto",
-) -> Ensemble:
+) -> Result:
     """Integrate many members of a component with steps of one size.
 
     A million steps of a pendulum take some milliseconds.  Inputs keep their values; a coordinate that moves takes an
@@ -157,7 +103,7 @@ def ensemble(
     for member, (first, _) in failures.items():
         fine[:, first:, member] = np.nan
     units = {variable.name: variable.unit for variable in settable.model.outputs}
-    return Ensemble(
+    return Result(
         title=title,
         time=time,
         names=names,

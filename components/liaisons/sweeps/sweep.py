@@ -1,4 +1,4 @@
-"""The sweep: arguments are checked, cases are simulated, a table comes of it."""
+"""The sweep: arguments are checked, cases are simulated, a result comes of it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from liaisons.cosim.ports import Link
 from liaisons.cosim.schedule import Coupling
 from liaisons.cosim.simulation import check_positive, communication_points
 from liaisons.progress import progress_bar
+from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.errors import SweepError
@@ -27,7 +28,6 @@ from liaisons.sweeps.journal import Journal
 from liaisons.sweeps.kept import Measure, measures, signals, split
 from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.plan import Plan, places
-from liaisons.sweeps.table import Table
 from liaisons.sweeps.workers import Deliver
 from liaisons.sweeps.workers import simulate as simulate_here
 
@@ -51,7 +51,7 @@ def sweep(
     workers: int | None = None,
     client: Any = None,
     progress: bool = False,
-) -> Table:
+) -> Result:
     """Simulate an FMU or a system for many cases, on all cores of this machine or on a Dask cluster.
 
     ::
@@ -115,7 +115,7 @@ def sweep(
 
             if todo:
                 _simulate(plan, todo, deliver, workers=workers, client=client, time_limit=time_limit)
-    return _table(plan, outcomes)
+    return _result(plan, outcomes)
 
 
 def _simulate(
@@ -213,19 +213,20 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
             raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
 
 
-def _table(plan: Plan, outcomes: Mapping[int, Outcome]) -> Table:
-    names = [*plan.cases, *plan.keep]
-    rows = np.full(plan.cases.count, np.nan, dtype=[(name, float) for name in names])
-    for name, column in plan.cases.items():
-        rows[name] = column
+def _result(plan: Plan, outcomes: Mapping[int, Outcome]) -> Result:
     finished = {case: outcome for case, outcome in outcomes.items() if not isinstance(outcome, Failure)}
-    where = np.fromiter(finished, int)
-    for name, values in zip(plan.keep, zip(*finished.values(), strict=True), strict=False):  # none if all failed
-        rows[name][where] = values
+    kept = np.full((len(plan.keep), plan.cases.count), np.nan)
+    kept[:, list(finished)] = np.reshape(list(finished.values()), (-1, len(plan.keep))).T
     units = {name: plan.unit(place) for name, place in plan.varied.items()}
     for name, measure in plan.keep.items():
         units[name] = plan.unit(plan.recorded[split(measure)[0]]) if isinstance(measure, str) else ""
     failures = {case: outcome for case, outcome in outcomes.items() if isinstance(outcome, Failure)}
-    unfinished = tuple(sorted(case for case, failure in failures.items() if not failure.refused))
-    reasons = {case: failure.reason for case, failure in failures.items()}
-    return Table(plan.title, rows, units, reasons, unfinished)
+    return Result(
+        plan.title,
+        np.empty(0),
+        (*plan.cases, *plan.keep),
+        np.vstack([*plan.cases.values(), kept]),
+        units,
+        failures={case: failure.reason for case, failure in failures.items()},
+        unfinished=tuple(sorted(case for case, failure in failures.items() if not failure.refused)),
+    )

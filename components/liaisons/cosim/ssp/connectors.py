@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Literal, final
 from xml.etree.ElementTree import Element, SubElement
 
+from liaisons.array_names import Shape, split
 from liaisons.cosim.component import Component
 from liaisons.cosim.description import LONGEST
 from liaisons.cosim.model_description import Unit
 from liaisons.cosim.ports import Link
 from liaisons.cosim.ssp.xml import BASE_UNITS, tag
-from liaisons.cosim.variables import Array, Shape, Variable, split
+from liaisons.cosim.variables import Array, Variable
 
 Form = Literal["portable", "full"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement
 
+from liaisons.array_names import offset, split
 from liaisons.cosim.component import Component
 from liaisons.cosim.ssp.connectors import Form, Units, add_type, add_units
 from liaisons.cosim.ssp.xml import document, tag
 from liaisons.cosim.starts import Value
-from liaisons.cosim.variables import offset, split
 
 Parameter = tuple[str, Component, str]
 """Its name in the set, and the component and variable that it is for."""

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
+from liaisons.array_names import Shape
 from liaisons.cosim.ssp.xml import path, tag
-from liaisons.cosim.variables import Shape
 from liaisons.errors import SimulationError
 
 Path = tuple[str, ...]

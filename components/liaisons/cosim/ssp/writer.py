@@ -17,7 +17,6 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 from liaisons.arguments import chosen
 from liaisons.cosim.component import Component
-from liaisons.cosim.files import replacing
 from liaisons.cosim.ports import Link
 from liaisons.cosim.ssp.baking import baked, takes_starts
 from liaisons.cosim.ssp.connectors import (
@@ -37,6 +36,7 @@ from liaisons.cosim.ssp.experiment import Experiment, add_experiment, add_master
 from liaisons.cosim.ssp.parameters import bind, mapping, parameter_set, scalars
 from liaisons.cosim.ssp.xml import STRUCTURE, document, tag
 from liaisons.errors import SimulationError
+from liaisons.files import replacing
 
 Files = dict[str, bytes | Path]
 

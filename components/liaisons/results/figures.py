@@ -1,21 +1,24 @@
-"""Signals over time, drawn: one diagram a unit, what matters first."""
+"""Signals, drawn: one diagram a unit, what matters first."""
 
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.variables import split
+from liaisons.array_names import split
+from liaisons.errors import SimulationError
+from liaisons.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Signals = Mapping[str, NDArray[np.float64]]
-"""Name -> values, shape (times,) or (times, elements)."""
+"""Name -> values, shape (points,) or (points, elements)."""
 
 DIAGRAMS, CURVES = 6, 8
 """So many fit on a screen, and so many in one diagram can be told apart."""
@@ -46,31 +49,76 @@ def essential(signals: Signals, units: Mapping[str, str]) -> list[str]:
     return chosen or [name for name in signals if _largest(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
 
-def draw(figure: Figure, title: str, time: NDArray[np.float64], signals: Signals, units: Mapping[str, str]) -> None:
-    """Draw signals into an empty figure, those of one unit in one diagram, its legend beside it."""
+def draw(
+    title: str,
+    over: tuple[str, NDArray[np.float64]],
+    signals: Signals,
+    units: Mapping[str, str],
+    *,
+    joined: bool = True,
+    path: Path | None = None,
+) -> Figure:
+    """Draw signals, those of one unit in one diagram, its legend beside it.
+
+    :param over: label and values of the horizontal axis, shape (points,) or that of each signal.
+    :param joined: by lines; else dots.
+    :param path: where to save the figure, which pyplot does not know then.
+    :raises SimulationError: if the axis has another shape than a signal, or the file cannot be written.
+    """
     groups: dict[str, list[str]] = {}
     for name in signals:
         groups.setdefault(units[name], []).append(name)
     count = max(1, len(groups))
+    figure = _new_figure(alone=path is not None)
     figure.set_size_inches(10.0, 1.0 + max(3.0, 1.6 * count))
     diagrams = figure.subplots(count, sharex=True, squeeze=False)[:, 0]
+    label, x = over
     for diagram, (unit, names) in zip(diagrams, groups.items(), strict=False):
         for number, name in enumerate(names):
-            _draw_curves(diagram, name, time, signals[name], f"C{number}")
+            if x.ndim > 1 and x.shape != signals[name].shape:
+                raise SimulationError(f"plot: {name} and {label} have different shapes; choose another over=...")
+            style = {"color": f"C{number}", "linestyle": "-" if joined else "", "marker": "" if joined else "."}
+            _draw_curves(diagram, name, x, signals[name], style)
         diagram.set_ylabel(f"[{unit}]" if unit else "")
         diagram.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize="small")
         diagram.grid(visible=True, alpha=0.3)
         diagram.margins(x=0.0)
     diagrams[0].set_title(title)
-    diagrams[-1].set_xlabel("time [s]")
+    diagrams[-1].set_xlabel(label)
     figure.align_ylabels(diagrams)
+    if path is not None:
+        try:
+            with replacing(path) as part:
+                figure.savefig(part, format=path.suffix[1:] or "png")
+        except (ValueError, RuntimeError) as error:  # of an unknown kind, or one that needs a program
+            raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
+    return figure
 
 
-def _draw_curves(diagram: Axes, name: str, time: NDArray[np.float64], values: NDArray[np.float64], color: str) -> None:
+def _new_figure(*, alone: bool) -> Figure:
+    """An empty figure; if it is not to be alone, one that pyplot knows and shows.
+
+    A notebook shows what pyplot knows, and what a cell returns: there it is alone, or it would be seen twice.
+    """
+    import matplotlib as mpl
+
+    if alone or "inline" in mpl.get_backend():
+        from matplotlib.figure import Figure
+
+        return Figure(layout="constrained")
+    from matplotlib.pyplot import figure
+
+    return figure(layout="constrained")
+
+
+def _draw_curves(
+    diagram: Axes, name: str, x: NDArray[np.float64], values: NDArray[np.float64], style: Mapping[str, Any]
+) -> None:
     """One curve, or those of an array from its first element, pale, to its last one."""
-    columns = values.reshape(len(time), -1).T
-    for column, alpha in zip(columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
-        diagram.plot(time, column, color=color, alpha=alpha, linewidth=1.2)
+    columns = values.reshape(len(values), -1).T
+    along = np.broadcast_to(x.reshape(len(values), -1).T, columns.shape)
+    for one, column, alpha in zip(along, columns, np.linspace(0.25, 1.0, len(columns) + 1)[1:], strict=True):
+        diagram.plot(one, column, **style, alpha=alpha, linewidth=1.2)
     if len(columns):
         size = "×".join(map(str, values.shape[1:]))
         diagram.lines[-1].set_label(f"{name} ({size})" if size else name)

@@ -1,0 +1,413 @@
+"""Named signals with units over time, over cases, or over both; in and out of files, and drawn."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from itertools import islice
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+from numpy.lib.recfunctions import unstructured_to_structured
+from numpy.typing import NDArray
+
+from liaisons.arguments import as_path, listed, shown
+from liaisons.array_names import Shape, complete, split
+from liaisons.errors import SimulationError, suggestion
+from liaisons.files import replacing
+from liaisons.results.notebook import curve, html_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_FEW = 10
+"""An array with more elements is one row of a summary."""
+_MOST_ROWS = 100
+"""So many has a table in a notebook."""
+_FAILURE = "failure"
+"""The last column of a file in which there are cases."""
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """What a simulation, a sweep or an ensemble gives back: signals by name, read-only.
+
+    ``result["swing.theta"]`` is one of them, over time, shape (times,), after a simulation; over the cases, shape
+    (cases,), after a sweep; over both, shape (times, cases), of an ensemble.  Where ``chain.theta[1]`` to
+    ``chain.theta[10]`` are there, ``result["chain.theta"]`` is all of them, with one more axis of 10.  As of a
+    dictionary, ``in``, ``len``, ``keys()`` and iteration go by names, an array under its own: ``dict(result)`` is all
+    signals.
+
+    :param title: what was simulated.
+    :param time: communication points, or recorded times [s], shape (times,); of a sweep, which keeps one number a case,
+        empty.
+    :param names: names of the signals, those of elements one by one; of a sweep, what was varied, then what was kept.
+    :param values: shape (len(names), times), (len(names), cases) or (len(names), times, cases).
+    :param units: name -> unit, of whole arrays too; empty where there is none.
+    :param failures: number of a case, from 0 -> why it has failed; its values are not-a-number from there on.
+    :param unfinished: those of them that the machine did not finish, rather than the model refused: the same sweep with
+        its journal tries them again.
+    :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
+        (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.
+    :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
+    """
+
+    title: str
+    time: NDArray[np.float64]
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    units: Mapping[str, str]
+    failures: Mapping[int, str] = field(default_factory=dict)
+    unfinished: tuple[int, ...] = ()
+    errors: NDArray[np.float64] | None = None
+    compiled: bool = False
+
+    def __post_init__(self) -> None:
+        self.time.flags.writeable = False
+        self.values.flags.writeable = False
+        arrays = {name: self.units.get(self.names[rows[0]], "") for name, (rows, _) in self._arrays.items()}
+        object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
+        object.__setattr__(self, "failures", MappingProxyType(dict(sorted(self.failures.items()))))
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """A signal or an array of them by its name.
+
+        :raises SimulationError: with the nearest name, if there is none of this name.
+        """
+        if not isinstance(name, str):
+            raise SimulationError(
+                f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
+            )
+        if name in self._rows:
+            return self.values[self._rows[name]]
+        if name not in self._arrays:
+            raise SimulationError(self._unknown(name))
+        rows, shape = self._arrays[name]
+        together = rows[-1] - rows[0] + 1 == len(rows)
+        values = self.values[rows[0] : rows[-1] + 1] if together else self.values[rows]
+        array = np.moveaxis(values, 0, -1).reshape(*values.shape[1:], *shape)
+        array.flags.writeable = False
+        return array
+
+    def error(self, name: str) -> NDArray[np.float64]:
+        """Estimated largest error of a signal of an ensemble, shape (cases,).
+
+        :raises SimulationError: for an unknown name, or if there is no estimate.
+        """
+        if self.errors is None:
+            raise SimulationError(f"the result of {self.title} has no error estimate; leave estimate=False out")
+        if name not in self._rows:
+            raise SimulationError(self._unknown(name))
+        return self.errors[self._rows[name]]
+
+    def _unknown(self, name: str) -> str:
+        hint = f"has to be named in {'record' if self.time.size else 'keep'}=[...]"
+        return (
+            f"the result of {self.title} has no signal {name!r}{suggestion(name, self.entries)}"
+            f"; what is not recorded by default {hint}"
+        )
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Names, with those of whole arrays in place of their elements'."""
+        return self._grouped(0)
+
+    def _grouped(self, size: int) -> tuple[str, ...]:
+        """Names, with those of arrays of more elements than this in place of their elements'."""
+        elements = {row: name for name, (rows, _) in self._arrays.items() if len(rows) > size for row in rows}
+        return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
+
+    @property
+    def index(self) -> dict[str, NDArray[Any]]:
+        """What the signals are over, axis by axis: ``"time"`` [s], ``"case"``, counted from 0, or both."""
+        time = {"time": self.time} if self.time.size else {}
+        return time if len(time) == self.values.ndim - 1 else {**time, "case": np.arange(self.values.shape[-1])}
+
+    @property
+    def rows(self) -> NDArray[Any]:
+        """The signals as a structured array with a field of doubles each."""
+        return unstructured_to_structured(self.values.T, np.dtype([(name, float) for name in self.names]))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._rows or name in self._arrays if isinstance(name, str) else False
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names, as :attr:`entries`."""
+        return self.entries
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        return {name: row for row, name in enumerate(self.names)}
+
+    @cached_property
+    def _arrays(self) -> dict[str, tuple[list[int], Shape]]:
+        """Arrays of which every element is there, in order: rows of the values, and shape."""
+        found: dict[str, tuple[list[int], list[Shape]]] = {}
+        for row, name in enumerate(self.names):
+            base, index = split(name)
+            if index is not None and base not in self._rows:
+                rows, indices = found.setdefault(base, ([], []))
+                rows.append(row)
+                indices.append(index)
+        shapes = {base: (rows, complete(indices)) for base, (rows, indices) in found.items()}
+        return {base: (rows, shape) for base, (rows, shape) in shapes.items() if shape is not None}
+
+    def to_csv(self, path: Path | str) -> None:
+        """Write a file: names in its first line, units in the second after ``#``, then a line a point or case.
+
+        Numbers are written so that the same doubles are read again, by :meth:`from_csv`,
+        ``pandas.read_csv(path, comment="#")`` or ``numpy.genfromtxt(path, delimiter=",", names=True)``.  Where there
+        are cases, the last column, ``failure``, says why one has failed.  The file appears when it is complete.
+
+        :raises SimulationError: if it cannot be written.
+        """
+        names, (unit, *units), contents = zip(*self._columns(), strict=True)
+        with replacing(as_path("to_csv", path)) as part, part.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerows([names, [f"# {unit}", *units]])
+            writer.writerows(zip(*(content.tolist() for content in contents), strict=True))
+
+    @classmethod
+    def from_csv(cls, path: Path | str) -> Result:
+        """Read what :meth:`to_csv` has written, or another table of numbers with time first and names above.
+
+        :raises SimulationError: if it cannot be read, or is not such a file.
+        """
+        path = as_path("from_csv", path)
+        try:
+            with path.open(encoding="utf-8", newline="") as file:
+                names, *rows = csv.reader(file)
+            units = rows.pop(0) if rows and "".join(rows[0][:1]).startswith("#") else [""] * len(names)
+            units[:1] = [unit.removeprefix("# ") for unit in units[:1]]
+            columns = zip(names, units, *rows, strict=True)
+            return cls._of_columns(path.stem, names, units, [content for _, _, *content in columns])
+        except OSError as error:
+            raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
+        except (ValueError, csv.Error) as error:
+            raise SimulationError(f"{path}: not a result that to_csv has written: {error}") from None
+
+    def to_parquet(self, path: Path | str) -> None:
+        """Write a Parquet file: the columns that :meth:`to_csv` writes, units in their metadata.
+
+        Needs PyArrow (``pip install 'liaisons[parquet]'``); pandas, polars and DuckDB read it.  The file appears when
+        it is complete.
+
+        :raises SimulationError: if it cannot be written, or PyArrow is missing.
+        """
+        path = as_path("to_parquet", path)
+        arrow, parquet = _pyarrow(path)
+        names, units, contents = zip(*self._columns(), strict=True)
+        arrays = [arrow.array(content) for content in contents]
+        columns = zip(names, arrays, units, strict=True)
+        fields = [arrow.field(name, array.type, metadata={"unit": unit}) for name, array, unit in columns]
+        with replacing(path) as part:
+            parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields, metadata={"title": self.title})), part)
+
+    @classmethod
+    def from_parquet(cls, path: Path | str) -> Result:
+        """Read what :meth:`to_parquet` has written, or other columns of numbers with time first.
+
+        :raises SimulationError: if it cannot be read, or PyArrow is missing.
+        """
+        path = as_path("from_parquet", path)
+        arrow, parquet = _pyarrow(path)
+        try:
+            with path.open("rb") as file:
+                table = parquet.ParquetFile(file).read()
+        except (OSError, ValueError, arrow.ArrowException) as error:
+            reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+            raise SimulationError(f"{path}: cannot be read as Parquet: {reason}") from None
+        title = (table.schema.metadata or {}).get(b"title", path.stem.encode()).decode()
+        units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
+        try:
+            return cls._of_columns(title, table.column_names, units, [c.to_numpy() for c in table.columns])
+        except ValueError as error:
+            raise SimulationError(f"{path}: not a result that to_parquet has written: {error}") from None
+
+    def _columns(self) -> Iterator[tuple[str, str, NDArray[Any]]]:
+        """Name, unit and content of the columns of a file: a row a point, a case, or a case at a point."""
+        index = self.index
+        axes = dict(zip(index, map(np.ravel, np.meshgrid(*index.values(), indexing="ij")), strict=True))
+        if self.time.size:  # the cases of a sweep count themselves
+            yield from ((name, "s" if name == "time" else "", axis) for name, axis in axes.items())
+        yield from zip(self.names, map(self.units.__getitem__, self.names), map(np.ravel, self.values), strict=True)
+        if "case" in axes:
+            yield _FAILURE, "", self._reasons(axes["case"])
+
+    def _reasons(self, cases: NDArray[Any]) -> NDArray[Any]:
+        """Why each of these cases has failed, empty if it has not."""
+        return np.array([self.failures.get(case, "") for case in cases.tolist()], dtype=object)
+
+    @classmethod
+    def _of_columns(
+        cls, title: str, names: Sequence[str], units: Sequence[str], contents: Sequence[Sequence[Any]]
+    ) -> Result:
+        """What :meth:`_columns` has made.
+
+        :raises ValueError: if it has not, with the reason.
+        """
+        last = len(names) - (names[-1:] == [_FAILURE])
+        first = 1 if last == len(names) else 2 if names[:2] == ["time", "case"] else 0
+        numbers = np.array(contents[:last], dtype=float)
+        if len(set(names)) < len(names) or not numbers.size:
+            raise ValueError("it has a name twice, or no numbers")
+        time, values = numbers[0].copy() if first else np.empty(0), numbers[first:]
+        if first == 2:
+            time = np.unique(time)
+            values = values.reshape(len(values), len(time), -1)
+        failures = [] if last == len(names) else list(contents[last])[: values.shape[-1]]
+        return cls(
+            title,
+            time,
+            tuple(names[first:last]),
+            np.ascontiguousarray(values),
+            dict(zip(names[first:last], units[first:last], strict=True)),
+            failures={case: reason for case, reason in enumerate(failures) if reason},
+        )
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame``: a column a signal, over time, cases or both; units and failures in its ``attrs``.
+
+        :raises SimulationError: if pandas is missing (``pip install 'liaisons[pandas]'``).
+        """
+        pandas = _extra("to_pandas", "pandas", "pandas")
+        levels = [pandas.Index(axis, name=name) for name, axis in self.index.items()]
+        index = levels[0] if len(levels) == 1 else pandas.MultiIndex.from_product(levels)
+        columns = zip(self.names, self.values, strict=True)
+        frame = pandas.DataFrame({name: values.ravel() for name, values in columns}, index=index)
+        frame.attrs = {"title": self.title, "units": dict(self.units), "failures": dict(self.failures)}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """An ``xarray.Dataset``: a variable a signal or array, over ``time``, ``case`` or both.
+
+        The axes of arrays are called by place and length, ``i_10``, so that those of one length go together.  Units are
+        attributes; what has failed is the coordinate ``failure`` of the cases.
+
+        :raises SimulationError: if xarray is missing (``pip install 'liaisons[xarray]'``).
+        """
+        xarray = _extra("to_xarray", "xarray", "xarray")
+        index = self.index
+        dataset = xarray.Dataset(coords=index, attrs={"title": self.title})
+        if "time" in index:
+            dataset["time"].attrs["units"] = "s"
+        for name in self.entries:
+            if name not in index:  # an FMU may record the time
+                lengths = self[name].shape[len(index) :]
+                axes = [f"{letter}_{length}" for letter, length in zip("ijklmn", lengths, strict=False)]
+                dataset[name] = ([*index, *axes], self[name], {"units": self.units[name]})
+        if "case" in index:
+            dataset.coords[_FAILURE] = ("case", self._reasons(index["case"]))
+        return dataset
+
+    def plot(self, *names: str | Iterable[str], over: str | None = None, path: Path | str | None = None) -> Figure:
+        """Draw signals, those of one unit in one diagram.
+
+        :param names: what to draw, one by one or in a list; if nothing is named, what
+            :func:`liaisons.results.figures.essential` finds worth it.
+        :param over: signal on the horizontal axis; else time, or of a sweep what was varied, if it is one ascending
+            value, else the number of the case.
+        :param path: where to save the figure, its kind by the suffix; without it, a notebook shows what is returned,
+            and elsewhere ``matplotlib.pyplot.show`` shows it.
+        :raises SimulationError: if a name is unknown or the file cannot be written.
+        """
+        from liaisons.results.figures import draw, essential
+
+        path = None if path is None else as_path("plot: path", path)
+        chosen = [name for group in names for name in listed("plot", group)]
+        if over is None and not self.time.size and np.all(np.diff(self.values[0]) > 0):
+            over = self.names[0]
+        signals = {name: self[name] for name in chosen or self.entries if chosen or name != over}
+        if not chosen:
+            signals = {name: signals[name] for name in essential(signals, self.units)}
+        axis, values = next(iter(self.index.items())) if over is None else (over, self[over])
+        unit = "s" if axis == "time" else self.units.get(axis)
+        horizontal = f"{axis} [{unit}]" if unit else axis, values
+        joined = bool(self.time.size) or over is not None
+        return draw(self.title, horizontal, signals, self.units, joined=joined, path=path)
+
+    def summary(self, most: int | None = None) -> list[dict[str, str]]:
+        """Rows of a table: what each signal did, cases that failed aside; or of a sweep, its cases.
+
+        :param most: how many rows; None: all.
+        """
+        if not self.time.size:
+            names = [self._label(name) for name in self.names]
+            cases = self.values.T[:most].tolist()
+            return [dict(zip(names, (f"{value:.6g}" for value in case), strict=True)) for case in cases]
+        return [self._did(name) for name in self._grouped(_FEW)[:most]]
+
+    def _did(self, name: str) -> dict[str, str]:
+        values = self[name]
+        start, end = (f"{value:.6g}" for value in values[[0, -1]]) if values.ndim == 1 else ("", "")
+        sound = np.delete(values, list(self.failures), axis=1) if self.failures else values
+        smallest, largest = (f"{f(sound):.6g}" if sound.size else "" for f in (np.min, np.max))
+        ends = {"start": start, "end": end, "smallest": smallest, "largest": largest}
+        return {"signal": self._sized(name), "unit": self.units[name] or "-", **ends}
+
+    def _sized(self, name: str) -> str:
+        return f"{name} ({'×'.join(map(str, self._arrays[name][1]))})" if name in self._arrays else name
+
+    def _label(self, name: str) -> str:
+        return f"{self._sized(name)} [{self.units[name]}]" if self.units[name] else self._sized(name)
+
+    def _headline(self) -> str:
+        parts = [f"{len(self.time)} points, t = {self.time[0]:g} to {self.time[-1]:g} s"] if self.time.size else []
+        if "case" in self.index:
+            parts.append(f"{self.values.shape[-1]} cases, {len(self.failures)} failed")
+        return f"Result of {self.title}: {', '.join(parts)}, {len(self.names)} signals"
+
+    def __repr__(self) -> str:
+        rest = f", and {len(self) - 8} more" if len(self) > 8 else ""
+        return f"<{self._headline()}: {', '.join(map(self._label, self.entries[:8]))}{rest}>"
+
+    def _repr_html_(self) -> str:
+        curves = [curve(self[name]) for name in self._grouped(_FEW)[:_MOST_ROWS]] if self.time.size else []
+        remarks = [f"case {case} failed: {reason}" for case, reason in islice(self.failures.items(), _MOST_ROWS)]
+        return html_table(self._headline(), self.summary(_MOST_ROWS), curves=curves, remarks=remarks)
+
+
+@final
+class IncompleteError(SimulationError):
+    """An FMU failed on the way; :attr:`result` has everything up to the last communication point that was reached."""
+
+    def __init__(self, message: str, result: Result) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+@final
+class Interrupted(KeyboardInterrupt):
+    """The user stopped a run; :attr:`result` has everything up to the last communication point that was reached.
+
+    A ``KeyboardInterrupt``, so that a script stops where it stands; who wants to go on with what there is catches it.
+    """
+
+    def __init__(self, message: str, result: Result) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+def _extra(what: str, package: str, extra: str, part: str = "") -> Any:
+    """A package that not everybody has, or a part of it."""
+    try:
+        return import_module(f"{package.lower()}{part}")
+    except ImportError:
+        raise SimulationError(f"{what} needs {package}; pip install 'liaisons[{extra}]'") from None
+
+
+def _pyarrow(path: Path) -> tuple[Any, Any]:
+    what = f"{path}: Parquet", "PyArrow", "parquet"
+    return _extra(*what), _extra(*what, ".parquet")
