@@ -30,6 +30,7 @@ from liaisons import models
 from liaisons.compiler import FLAGS, compile_library, host
 from liaisons.fmu.code import model_code, source_files
 from liaisons.fmu.loops import PREAMBLE, loops
+from liaisons.mechanics import assemble
 
 CHAINS = {"PendulumChain": (10, 30, 100, 300, 1000), "OscillatorChain": (100, 1000, 10_000, 100_000)}
 QUICK = {"PendulumChain": (10, 100), "OscillatorChain": (100, 1000)}
@@ -140,10 +141,10 @@ def _in_a_process(name: str, n: int) -> Built:
 
 def _built(name: str, n: int) -> Built:
     component = getattr(models, name)
-    source_files(component.model(3), GUID, "3")  # what is loaded and done once is left out
+    source_files(assemble(component, 3), GUID, "3")  # what is loaded and done once is left out
     before = _peak()
     start = time.process_time()
-    model = component.model(n)
+    model = assemble(component, n)
     derived = time.process_time()
     code = source_files(model, GUID, "3")
     generated = time.process_time()
@@ -175,7 +176,7 @@ def _compilers() -> float:
 
 
 def _run(name: str, n: int, *, rounds: int) -> Run:
-    model = getattr(models, name).model(n)
+    model = assemble(getattr(models, name), n)
     with tempfile.TemporaryDirectory() as scratch:
         library = _library(Path(scratch), source_files(model, GUID) | {"model.c": model_code(model, GUID).encode()})
     for function in ("chain_time", "chain_difference", "chain_start", "chain_advance"):

@@ -21,6 +21,7 @@ import numpy as np
 from _measure import Row, command, interleaved
 from native_code import component_library, doubles, open_component
 
+from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 
 STEP = 0.01  # [s]
@@ -40,7 +41,7 @@ class Bench:
     """The FMU's sources and the hand-written steps, compiled together."""
 
     def __init__(self, folder: Path) -> None:
-        self._model = Pendulum.model().flat()
+        self._model = assemble(Pendulum).flat()
         self._library = component_library(self._model, folder, "rates.c", "pendulum_steps.c")
         for name in ("runge_kutta_of_two", "gauss_of_two", "runge_kutta_of_four"):
             getattr(self._library, name).restype = ctypes.c_double

@@ -26,7 +26,7 @@ from liaisons.compiler import compile_library, host
 from liaisons.ensembles.equations import Equations, Settable, default_record, equations
 from liaisons.ensembles.kernel import LANES, kernel
 from liaisons.ensembles.methods import METHODS
-from liaisons.mechanics import Component
+from liaisons.language import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
 
 MEMBERS = 64 * LANES

@@ -26,6 +26,7 @@ from step_cost import compile_by_hand, load, load_by_hand, stepper
 
 from liaisons.compiler import FLAGS
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum
 
 CONFORMANCE = HERE.parent / "tests" / "conformance"
@@ -86,7 +87,7 @@ class Bench:
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        fmus = {version: build(Pendulum.model(), folder, backend="native", fmi=version) for version in VERSIONS}
+        fmus = {version: build(assemble(Pendulum), folder, backend="native", fmi=version) for version in VERSIONS}
         trials = {version: unpack(fmu, folder / f"unpacked{version}") for version, fmu in fmus.items()}
         bench = _bench(folder, trials, rounds=3 if quick else 15, share=10 if quick else 1)
         return [
@@ -159,7 +160,7 @@ def _instances(bench: Bench) -> list[Row]:
 
 def _through_fmpy(bench: Bench, folder: Path, n: int = 20_000) -> list[Row]:
     nothing = load_by_hand("nothing", folder / "nothing_in_fmpy")
-    slaves = {c.__name__: load(build(c.model(), folder, backend="native")) for c in (Constant, Pendulum)}
+    slaves = {c.__name__: load(build(assemble(c), folder, backend="native")) for c in (Constant, Pendulum)}
     steppers = {name: stepper(slave) for name, slave in {"nothing": nothing, **slaves}.items()}
     times = interleaved(
         {name: lambda run=run: 1e9 * run(n // bench.share) for name, run in steppers.items()}, bench.rounds

@@ -29,6 +29,7 @@ from iftomm_exudyn import Attempt, peers
 from native_code import component_library, doubles, open_component
 from numpy.typing import NDArray
 
+from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
 from liaisons.models import CartesianPendulum, Pendulum
 from liaisons.models.parallelograms import four_bars
@@ -76,10 +77,10 @@ def cases(windows: Sequence[int]) -> list[Case]:
         4000,
         lambda t: _place(Pendulum.exact(t, theta_0=np.pi / 2)["theta"]),
         [
-            Description("one angle", Pendulum.model(), {"theta_0": np.pi / 2}, lambda y, _: _place(y[0])),
+            Description("one angle", assemble(Pendulum), {"theta_0": np.pi / 2}, lambda y, _: _place(y[0])),
             Description(
                 "constraints",
-                CartesianPendulum.model(),
+                assemble(CartesianPendulum),
                 {"x_0": 1.0, "z_0": 1.0},
                 lambda y, _: y[[0, 2]] - [[0.0], [1.0]],
             ),
@@ -99,7 +100,7 @@ def _parallelograms(windows: int) -> Case:
         x, z = np.cos(theta), np.sin(theta)
         return np.array([x, z, -z * theta_dot, x * theta_dot])
 
-    ours = [Description("constraints", component.model(), {}, lambda y, y_dot: top(y[0], y_dot[0]))]
+    ours = [Description("constraints", assemble(component), {}, lambda y, y_dot: top(y[0], y_dot[0]))]
     return Case(f"A02, N = {windows}", 20.0, 400, lambda t: top(**component.exact(t)), ours, windows)
 
 

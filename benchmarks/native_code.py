@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from liaisons.compiler import FLAGS
-from liaisons.fmu.build import source_files
+from liaisons.fmu.building import source_files
 from liaisons.mechanics.model import Model
 
 BY_HAND = Path(__file__).parent / "by_hand"

@@ -36,6 +36,7 @@ from fmpy.sundials import CVodeSolver
 from step_cost import compile_by_hand, instantiate
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 
 STEP = 0.01  # [s]
@@ -121,8 +122,8 @@ def _error(peer: Peer) -> float:
 def _peers(folder: Path) -> dict[str, Peer]:
     hand_written = folder / "by_hand"
     compile_by_hand("pendulum", hand_written)
-    native2, native3 = (build(Pendulum.model(), folder / v, backend="native", fmi=v) for v in ("2", "3"))
-    python = build(Pendulum.model(), folder / "python", backend="python")
+    native2, native3 = (build(assemble(Pendulum), folder / v, backend="native", fmi=v) for v in ("2", "3"))
+    python = build(assemble(Pendulum), folder / "python", backend="python")
     plain, plain3, naive = (
         builder.build_FMU(HERE / "by_hand" / f"{script}.py", dest=folder / script)
         for builder, script in (

@@ -27,6 +27,7 @@ from fmpy.simulation import instantiate_fmu
 from pythonfmu import FmuBuilder
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 
 STEP_SIZE = 0.01
@@ -39,9 +40,9 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
     rounds, steps = (3, 500) if quick else (15, 5000)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        native = build(Pendulum.model(), folder, backend="native")
-        three = build(Pendulum.model(), folder / "fmi3", backend="native", fmi="3")
-        python = build(Pendulum.model(), folder / "python", backend="python")
+        native = build(assemble(Pendulum), folder, backend="native")
+        three = build(assemble(Pendulum), folder / "fmi3", backend="native", fmi="3")
+        python = build(assemble(Pendulum), folder / "python", backend="python")
         plain = FmuBuilder.build_FMU(HERE / "by_hand" / "plain_python_pendulum.py", dest=folder)
         by_hand, nothing = load_by_hand("pendulum", folder / "by_hand"), load_by_hand("nothing", folder / "nothing")
         slaves = {"native": load(native), "by hand": by_hand, "Python": load(python), "plain": load(plain)}

@@ -29,6 +29,7 @@ import numpy as np
 from _measure import Row, command
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 from liaisons.sweeps import Cases, sample, sweep
 
@@ -53,7 +54,7 @@ class Cost:
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
     rounds, few = (3, 5) if quick else (9, 20)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
-        fmu = build(Pendulum.model(), Path(name), backend="native")
+        fmu = build(assemble(Pendulum), Path(name), backend="native")
         folder = fmpy.extract(str(fmu), str(Path(name) / "extracted"))
         prepared = {"model_description": fmpy.read_model_description(str(fmu))}
         rows = []

@@ -30,7 +30,9 @@ from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients as published
 
 from liaisons import models
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Variable
+from liaisons.mechanics import assemble
+from liaisons.mechanics.model import Model
 
 TOLERANCES = 10.0 ** -np.arange(4.0, 12.5, 0.5)
 ERROR = 1e-8  # at which times are compared
@@ -169,7 +171,7 @@ def _fairness_row(case: Case, problem: Problem) -> Row:
 
 
 def _prepare(case: Case, folder: Path) -> Problem:
-    model: Model = getattr(models, case.component).model().flat()
+    model: Model = assemble(getattr(models, case.component)).flat()
     (folder / "stages.h").write_text(_stages())
     library = component_library(model, folder, "solvers.c", "rates.c")
     library.dop853.restype = library.cvode.restype = ctypes.c_double

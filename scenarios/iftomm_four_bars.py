@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Result, Verdict, build, max_error, run_scenario, simulate, verdict
+from liaisons import Result, Verdict, assemble, build, max_error, run_scenario, simulate, verdict
 from liaisons.models import FourBars, four_bars
 
 WINDOWS = (2, 6)
@@ -23,7 +23,7 @@ GRAVITY = 9.81
 
 
 def run(component: type[FourBars]) -> Result:
-    fmu = build(component.model())
+    fmu = build(assemble(component))
     return simulate(fmu, stop_time=STOP, step_size=STEP, tolerance=TOLERANCE)
 
 

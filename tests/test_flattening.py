@@ -12,12 +12,13 @@ from liaisons import System, flatten, simulate
 from liaisons.check import max_error, slope
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import DoublePendulum, Oscillator, OscillatorChain, Pendulum, Ramp, Sinusoid
 
 
 @pytest.fixture(scope="module")
 def pair(shared_folder: Path) -> System:
-    pendulum = build(Pendulum.model(), shared_folder)
+    pendulum = build(assemble(Pendulum), shared_folder)
     system = System("two pendulums")
     upper = system.add("upper", pendulum, theta_0=0.4)
     lower = system.add("lower", pendulum, theta_0=-0.2, mass=2.0)
@@ -30,7 +31,7 @@ def test_flattened_co_simulated_and_single_fmu(pair: System, shared_folder: Path
     path = pair.flatten(tmp_path)
     assert path == tmp_path / "TwoPendulums.fmu"
     whole = simulate(path, step_size=0.04, **run)
-    double = build(DoublePendulum.model(), shared_folder)
+    double = build(assemble(DoublePendulum), shared_folder)
     single = simulate(double, step_size=0.04, theta_1_0=0.4, theta_2_0=-0.2, mass_2=2.0, **run)
     # The same equations of motion: solver tolerance, amplification below 100.
     assert max_error(whole["upper.theta"], single["theta_1"]) <= 1e-10
@@ -46,8 +47,8 @@ def test_flattened_co_simulated_and_single_fmu(pair: System, shared_folder: Path
 def test_an_operator_inside_that_jumps_in_rate_is_booked(shared_folder: Path, tmp_path: Path, step_size: float) -> None:
     """The ramp starts at 0.5 s, at the end of a step or inside one: an impulse works m r'²/2 on the swing."""
     system = System("ramped")
-    ramp = system.add("ramp", build(Ramp.model(), shared_folder), offset=1.0, rate=0.2, start_time=0.55)
-    swing = system.add("swing", build(Pendulum.model(), shared_folder), theta_0=1.0, input_reconstruction=2)
+    ramp = system.add("ramp", build(assemble(Ramp), shared_folder), offset=1.0, rate=0.2, start_time=0.55)
+    swing = system.add("swing", build(assemble(Pendulum), shared_folder), theta_0=1.0, input_reconstruction=2)
     system.connect(ramp["y"], swing["length"])
     path = system.flatten(tmp_path)
     for start_time in (0.5, 0.55):
@@ -59,8 +60,8 @@ def test_an_operator_inside_that_jumps_in_rate_is_booked(shared_folder: Path, tm
 
 def test_driven_oscillator_is_its_closed_form(shared_folder: Path, tmp_path: Path) -> None:
     system = System("shaken mass")
-    shaker = system.add("shaker", build(Sinusoid.model(), shared_folder), amplitude=0.2, angular_frequency=1.7)
-    mass = system.add("mass", build(Oscillator.model(), shared_folder), x_0=0.0)
+    shaker = system.add("shaker", build(assemble(Sinusoid), shared_folder), amplitude=0.2, angular_frequency=1.7)
+    mass = system.add("mass", build(assemble(Oscillator), shared_folder), x_0=0.0)
     system.connect(shaker["y"], mass["support"])
     result = simulate(flatten(system, tmp_path), stop_time=20.0, step_size=0.5, tolerance=1e-11)
     exact = Oscillator.exact(result.time, x_0=0.0, amplitude=0.2, angular_frequency=1.7)
@@ -69,8 +70,8 @@ def test_driven_oscillator_is_its_closed_form(shared_folder: Path, tmp_path: Pat
 
 def test_chain_keeps_its_size(shared_folder: Path, tmp_path: Path) -> None:
     system = System("pulled chain")
-    chain = system.add("chain", build(OscillatorChain.model(4), shared_folder / "n=4"), u_0=[0.1, 0.0, 0.0, 0.3])
-    hand = system.add("hand", build(Oscillator.model(), shared_folder), x_0=0.3)
+    chain = system.add("chain", build(assemble(OscillatorChain, 4), shared_folder / "n=4"), u_0=[0.1, 0.0, 0.0, 0.3])
+    hand = system.add("hand", build(assemble(Oscillator), shared_folder), x_0=0.3)
     system.connect(chain["u[4]"], hand["support"])
     result = simulate(flatten(system, tmp_path), stop_time=2.0, step_size=0.1, tolerance=1e-11)
     assert result["chain.u[4]"][0] == 0.3
@@ -83,7 +84,7 @@ def test_foreign_fmus_are_named(tmp_path: Path) -> None:
         """A component that is not in the catalogue."""
 
     system = System("strange")
-    system.add("one", build(Strange.model(), tmp_path))
+    system.add("one", build(assemble(Strange), tmp_path))
     with pytest.raises(SimulationError, match=r"one: Strange\.fmu is a 'Strange'.*flatten\(components="):
         flatten(system, tmp_path)
     assert flatten(system, tmp_path, components={"Strange": Strange}).is_file()

@@ -13,6 +13,7 @@ import pytest
 
 from liaisons import System, build, ensemble, fmu_path, grid, simulate, sweep
 from liaisons.errors import LiaisonsError
+from liaisons.mechanics import assemble
 from liaisons.models import Constant, Pendulum, PendulumChain
 from liaisons.project import ProjectError
 
@@ -120,7 +121,7 @@ def test_what_is_neither_is_one_line(call: Callable[[Any], object], target: Any,
 
 
 def test_models_are_built_and_are_no_fmus(folder: Path) -> None:
-    model = PendulumChain.model(2)
+    model = assemble(PendulumChain, 2)
     assert build(model) == folder / "PendulumChain.fmu"
     with pytest.raises(ProjectError, match="is no FMU and no component"):
         simulate(model)  # type: ignore[arg-type]
@@ -139,7 +140,7 @@ def test_the_catalogue_keeps_its_names(own: Callable[..., Path], folder: Path) -
     class Pendulum(Constant):
         """Another one."""
 
-    for target in (Pendulum, Pendulum.model()):
+    for target in (Pendulum, assemble(Pendulum)):
         with pytest.raises(ProjectError, match=r"is the FMU of the catalogue's component of this name"):
             build(target)
     assert (folder / "Pendulum.fmu").read_bytes() == before

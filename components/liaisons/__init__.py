@@ -9,15 +9,18 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from liaisons.version import __date__ as __date__
+from liaisons.version import __version__ as __version__
+
 if TYPE_CHECKING:
+    from liaisons import analysis
     from liaisons.check import Verdict, compare, max_error, slope, table, verdict
     from liaisons.cosim import Result
     from liaisons.ensembles import ensemble
     from liaisons.errors import LiaisonsError
     from liaisons.flattening import flatten
     from liaisons.interface import System, simulate, sweep
-    from liaisons.library import build, fmu_path
-    from liaisons.mechanics import (
+    from liaisons.language import (
         ActiveCoordinate,
         Chain,
         Coordinate,
@@ -33,23 +36,20 @@ if TYPE_CHECKING:
         Parameter,
         Size,
         Values,
-        analysis,
         calculated,
         closed_form,
         condition,
         constraint,
-        derive,
         non_holonomic,
         output,
         point,
         submersion,
         unchecked,
     )
+    from liaisons.library import build, fmu_path
+    from liaisons.mechanics import assemble, derive
     from liaisons.scenario import run_scenario
     from liaisons.sweeps import grid, sample
-
-__version__ = "0.1.0"
-__date__ = "2026-11-22"  # of this version
 
 __all__ = [
     "ActiveCoordinate",
@@ -72,6 +72,7 @@ __all__ = [
     "Values",
     "Verdict",
     "analysis",
+    "assemble",
     "build",
     "calculated",
     "closed_form",
@@ -103,6 +104,7 @@ _HOME = {
     "ensemble": "ensembles",
     "flatten": "flattening",
     "Result": "cosim",
+    **dict.fromkeys(("assemble", "derive"), "mechanics"),
     "run_scenario": "scenario",
     **dict.fromkeys(("System", "simulate", "sweep"), "interface"),
     **dict.fromkeys(("build", "fmu_path"), "library"),
@@ -114,7 +116,9 @@ _HOME = {
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'liaisons' has no attribute {name!r}")
-    return getattr(import_module(f"liaisons.{_HOME.get(name, 'mechanics')}"), name)
+    if name == "analysis":
+        return import_module("liaisons.analysis")
+    return getattr(import_module(f"liaisons.{_HOME.get(name, 'language')}"), name)
 
 
 def __dir__() -> list[str]:

@@ -26,7 +26,7 @@ class BuildError(LiaisonsError):
     """An FMU could not be built; nothing was written."""
 
 
-class ConnectionError(LiaisonsError):  # noqa: A001 - the field's word for it; import it qualified
+class ConnectError(LiaisonsError):
     """Two ports or variables of a system do not fit each other."""
 
 

@@ -23,7 +23,8 @@ from liaisons.project import fmus_directory
 
 if TYPE_CHECKING:
     from liaisons.cosim.component import Component as Part
-    from liaisons.mechanics import Component, Model
+    from liaisons.language import Component
+    from liaisons.mechanics import Model
 
 Backend = Literal["auto", "native", "python"]
 

@@ -16,7 +16,8 @@ from liaisons.project import ProjectError, fmus_directory, load_module
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from liaisons.mechanics import Component, Model
+    from liaisons.language import Component
+    from liaisons.mechanics import Model
 
 Backend = Literal["auto", "native", "python"]
 Target: TypeAlias = "str | Path | type[Component]"
@@ -89,15 +90,16 @@ def model(component: type[Component], **sizes: object) -> Model:
     :raises ProjectError: if the component has no size of that name.
     :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
     """
-    from liaisons.mechanics import Chain
+    from liaisons.language import Chain
+    from liaisons.mechanics import assemble
 
     if not sizes:
-        return component.model()
+        return assemble(component)
     if not issubclass(component, Chain) or set(sizes) != {"n"}:
         given = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
         raise ProjectError(f"{component.__name__}: {given}: only chains have a size, and it is called n")
     whole(f"{component.__name__}: n", sizes["n"], ProjectError)
-    return component.model(sizes["n"])
+    return assemble(component, sizes["n"])
 
 
 def build(
@@ -110,7 +112,7 @@ def build(
 ) -> Path:
     """Build the FMU of a component; one that is there already and up to date is left as it is.
 
-    :param target: name, file or class of a component, or a model (``PendulumChain.model(20)``).
+    :param target: name, file or class of a component, or a model (``assemble(PendulumChain, 20)``).
     :param output: folder, ``fmus/`` unless given; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of
         the Python back end ``python/NAME.fmu``.
     :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
@@ -133,7 +135,7 @@ def build(
     else:
         chosen = component(target)
         claim(chosen, folder)
-        found = chosen.model()
+        found = model(chosen)
     return fmu.build(found, folder, backend=backend, platforms=platforms, fmi=fmi)
 
 
@@ -155,7 +157,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     path, seen = _built.get(key, (None, None))
     if path is None or seen != _identity(path):
         claim(found, folder)
-        path = build(sized or found.model(), folder, backend=backend)
+        path = build(sized or model(found), folder, backend=backend)
         _built[key] = (path, _identity(path))
     return path
 
@@ -218,7 +220,7 @@ def fmu_file(target: Target) -> Path:
 
 
 def _buildable(value: type) -> type[Component]:
-    from liaisons.mechanics import Component
+    from liaisons.language import Component
 
     if not issubclass(value, Component) or value.is_abstract:
         what = "is abstract" if issubclass(value, Component) else "is no component"
@@ -230,7 +232,7 @@ def _buildable(value: type) -> type[Component]:
 
 def _defined_in(module: ModuleType) -> dict[str, type[Component]]:
     """The components that a file defines; what it imports, and abstract bases, are left out."""
-    from liaisons.mechanics import Component
+    from liaisons.language import Component
 
     return {
         name: value

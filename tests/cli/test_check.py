@@ -8,6 +8,7 @@ import pytest
 from pythonfmu.builder import FmuBuilder
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Oscillator
 
 from .conftest import Cli, is_misuse
@@ -50,7 +51,7 @@ def test_our_fmus_hold(liaisons: Cli, tmp_path: Path, name: str, backend: str) -
 
 
 def test_our_fmus_of_fmi_3_hold(liaisons: Cli, tmp_path: Path) -> None:
-    path = build(Oscillator.model(), tmp_path, backend="native", fmi="3")
+    path = build(assemble(Oscillator), tmp_path, backend="native", fmi="3")
     reply = liaisons("check", path)
     assert reply.status == 0, reply.out + reply.err
     assert verdicts(reply.out) == dict.fromkeys(
@@ -78,7 +79,7 @@ def test_what_does_not_hold_is_named(liaisons: Cli, tmp_path: Path, name: str, s
 
 def test_default_experiment_that_cannot_be_simulated_is_named(liaisons: Cli, tmp_path: Path) -> None:
     """The schema lets a step of 0 pass; so did FMUs of ours."""
-    with ZipFile(build(Oscillator.model(), tmp_path / "built")) as archive:
+    with ZipFile(build(assemble(Oscillator), tmp_path / "built")) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     description = members["modelDescription.xml"]
     members["modelDescription.xml"] = re.sub(rb' stepSize="[^"]*"', b' stepSize="0.0"', description)

@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # trial.py is no test, but their
 from trial import COMPONENTS, SOURCES, Trial, Version, compile_program, unpack
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +23,7 @@ def fmu(shared_folder: Path) -> Callable[[str, Version], Path]:
 
     @cache
     def built(name: str, version: Version) -> Path:
-        return build(COMPONENTS[name].model(), shared_folder, backend="native", fmi=version)
+        return build(assemble(COMPONENTS[name]), shared_folder, backend="native", fmi=version)
 
     return built
 

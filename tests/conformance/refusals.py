@@ -27,6 +27,8 @@ from typing import Any, Literal
 import fmpy
 import numpy as np
 
+from liaisons.mechanics import assemble
+
 Master = Literal["fmpy 2", "fmpy 3", "libcosimpy 2", "ecospy 2", "ecospy 3", "ours 2", "ours 3"]
 MASTERS: tuple[Master, ...] = ("fmpy 2", "fmpy 3", "libcosimpy 2", "ecospy 2", "ecospy 3", "ours 2", "ours 3")
 LONGEST = 20.0
@@ -385,7 +387,7 @@ def main(names: Sequence[str]) -> None:
         def fmu(name: str, master: Master) -> Path:
             version = "3" if master.endswith("3") else "2"
             found = Path(folder, "fmi3" * (version == "3"), f"{name}.fmu")
-            return found if found.exists() else build(models[name].model(), folder, backend="native", fmi=version)
+            return found if found.exists() else build(assemble(models[name]), folder, backend="native", fmi=version)
 
         chosen = [case for name in names for case in cases(name, fmu(name, "ours 2"))] or list(CASES)
         rows: list[tuple[Case, Master, Outcome]] = []

@@ -20,6 +20,8 @@ import pytest
 from numpy.typing import NDArray
 from trial import COMPONENTS, VERSIONS, Trial, Version, every_component, every_version, reals, run
 
+from liaisons.mechanics import assemble
+
 STEPS = 40
 
 # A task is [name, path, names of outputs, their references, communication step].  The last one is done with each of the
@@ -178,7 +180,7 @@ def test_cvode_agrees_with_co_simulation(trial, name, version) -> None:
 
 def symbolic(name: str) -> tuple[dict[str, ca.Function], list[NDArray], list[list[str]]]:
     """Our own functions of (t, x, u) in continuous time, rates "ode" and outputs "y"; x, u at the start; all names."""
-    model = COMPONENTS[name].model()
+    model = assemble(COMPONENTS[name])
     u0, k = (ca.DM([start for v in variables for start in v.starts]) for variables in (model.inputs, model.parameters))
     x0, m0 = model.start.call([ca.DM(0), u0, k])
     arguments = t, x, u = ca.MX.sym("t"), ca.MX.sym("x", x0.numel()), ca.MX.sym("u", u0.numel())

@@ -28,6 +28,7 @@ from trial import (
 
 from liaisons import compiler
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
 COMPILERS = {"gcc": ["gcc"], "clang": ["clang"], "zig": ZIG}
@@ -48,7 +49,7 @@ def everywhere(tmp_path_factory) -> Callable[[Version], Path]:
     @cache
     def built(version: Version) -> Path:
         folder = tmp_path_factory.mktemp("everywhere")
-        return build(COMPONENTS["Pendulum"].model(), folder, backend="native", platforms="all", fmi=version)
+        return build(assemble(COMPONENTS["Pendulum"]), folder, backend="native", platforms="all", fmi=version)
 
     return built
 

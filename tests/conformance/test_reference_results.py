@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from trial import COMPONENTS, every_component, every_version
 
+from liaisons.mechanics import assemble
+
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 
 pytestmark = pytest.mark.slow
@@ -51,7 +53,7 @@ def test_fmu_agrees_with_its_own_reference_results(name: str, version: str, fmu)
     if "testcase" in files:
         names, rows = table(path, files["testcase"])
         moved["input"] = np.array([tuple(row) for row in rows], dtype=[(column, float) for column in names])
-    experiment = COMPONENTS[name].model().experiment
+    experiment = assemble(COMPONENTS[name]).experiment
     result = fmpy.simulate_fmu(
         str(path),
         output=head[1:],

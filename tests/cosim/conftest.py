@@ -18,6 +18,7 @@ import pytest
 from liaisons.cosim import loop
 from liaisons.fmu import build
 from liaisons.library import catalogue
+from liaisons.mechanics import assemble
 
 sys.path.insert(0, str(Path(__file__).parent))  # masters.py and schemas.py are no tests, but theirs
 
@@ -435,6 +436,6 @@ def component(tmp_path_factory: pytest.TempPathFactory) -> Components:
     def path(name: str) -> Path:
         kind, _, plain = name.rpartition("/")
         folder, fmi = (directory / "fmi3", "3") if kind == "fmi3" else (directory, "2")
-        return build(catalogue()[plain].model(), folder, backend="python" if kind == "python" else "auto", fmi=fmi)
+        return build(assemble(catalogue()[plain]), folder, backend="python" if kind == "python" else "auto", fmi=fmi)
 
     return path

@@ -9,7 +9,7 @@ import pytest
 
 from liaisons.cosim import Component, System
 from liaisons.cosim.ports import links
-from liaisons.errors import ConnectionError, SimulationError  # noqa: A004 - the field's word for it
+from liaisons.errors import ConnectError, SimulationError
 
 FmuPaths = Callable[[str], Path]
 
@@ -109,20 +109,20 @@ def test_what_does_not_fit_is_said_with_both_ends(
     system: System, fmu: FmuPaths, one: tuple[str, str], other: tuple[str, str], words: list[str]
 ) -> None:
     parts = {name: system.add(name, fmu(name.capitalize())) for name in ("spring", "mass", "probe", "faulty")}
-    with pytest.raises(ConnectionError) as caught:
+    with pytest.raises(ConnectError) as caught:
         system.connect(parts[one[0]][one[1]], parts[other[0]][other[1]])
     assert all(word in str(caught.value) for word in words)
     assert _joined(system) == []
 
 
 def test_unknown_variable_is_answered_with_the_nearest(spring: Component) -> None:
-    with pytest.raises(ConnectionError, match=r"Spring\.fmu has no variable 'lenght'; did you mean 'length'"):
+    with pytest.raises(ConnectError, match=r"Spring\.fmu has no variable 'lenght'; did you mean 'length'"):
         spring["lenght"]
 
 
 def test_unknown_variable_is_answered_with_the_nearest_point(system: System, fmu: FmuPaths) -> None:
     points = system.add("points", fmu("Points"))
-    with pytest.raises(ConnectionError, match=r"Points\.fmu has no variable 'bobb'; did you mean 'bob'\?"):
+    with pytest.raises(ConnectError, match=r"Points\.fmu has no variable 'bobb'; did you mean 'bob'\?"):
         points["bobb"]
 
 
@@ -130,20 +130,20 @@ def test_input_has_one_source_and_nothing_is_connected_by_halves(
     system: System, cubic: Component, probe: Component, spring: Component
 ) -> None:
     system.connect(probe["echo"], spring["length_ddot"])
-    with pytest.raises(ConnectionError, match=r"cubic\.y_ddot .* spring\.length_ddot: probe\.echo feeds it already"):
+    with pytest.raises(ConnectError, match=r"cubic\.y_ddot .* spring\.length_ddot: probe\.echo feeds it already"):
         system.connect(cubic["y"], spring["length"])
     assert _joined(system) == ["probe.echo -> spring.length_ddot"]
 
 
 def test_end_of_another_system_is_refused(system: System, spring: Component, fmu: FmuPaths) -> None:
     stranger = System("other").add("spring", fmu("Spring"))
-    with pytest.raises(ConnectionError, match=r"spring\.seen is no component of test"):
+    with pytest.raises(ConnectError, match=r"spring\.seen is no component of test"):
         system.connect(stranger["seen"], spring["length"])
 
 
 def test_points_with_different_axes_are_refused(system: System, fmu: FmuPaths, cubic: Component) -> None:
     points = system.add("points", fmu("Points"))
-    with pytest.raises(ConnectionError, match=r"points\.bob has the port components x, z, cubic\.y has none"):
+    with pytest.raises(ConnectError, match=r"points\.bob has the port components x, z, cubic\.y has none"):
         links(points["bob"], cubic["y"])
 
 

@@ -17,7 +17,7 @@ from liaisons.cosim import IncompleteError, System, simulate
 from liaisons.cosim.description import read
 from liaisons.cosim.instance3 import Instance3
 from liaisons.cosim.variables import Variable
-from liaisons.errors import ConnectionError, SimulationError  # noqa: A004 - the field's word for it
+from liaisons.errors import ConnectError, SimulationError
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 HERE = Path(__file__).parent
@@ -158,7 +158,7 @@ def test_arrays_connect_whole_and_by_element(row: Path) -> None:
     one, two = other.add("one", row, u=1.0), other.add("two", row, u=[0.0, 0.0, 7.0])
     other.connect(one["y[3]"], two["u[1]"])
     np.testing.assert_array_equal(other.simulate(1.0, 0.25)["two.y"][-1], [3, 0, 21])
-    with pytest.raises(ConnectionError, match=r"one\.y.*two\.u\[2\]"):
+    with pytest.raises(ConnectError, match=r"one\.y.*two\.u\[2\]"):
         other.connect(one["y"], two["u[2]"])
 
 

@@ -19,6 +19,7 @@ from liaisons import cache
 from liaisons.cosim import System, simulate
 from liaisons.cosim.archive import Archive
 from liaisons.errors import SimulationError
+from liaisons.mechanics import assemble
 
 FmuPaths = Callable[[str], Path]
 
@@ -255,7 +256,7 @@ def test_fmu_that_was_built_here_is_not_tried(trials: list[object], tmp_path: Pa
     from liaisons import build
     from liaisons.library import catalogue
 
-    path = build(catalogue()["Sinusoid"].model(), tmp_path / "fmus")
+    path = build(assemble(catalogue()["Sinusoid"]), tmp_path / "fmus")
     _again(path)
     assert trials == []
     with path.open("ab") as file:  # any change

@@ -20,6 +20,7 @@ from liaisons.errors import BuildError
 from liaisons.fmu import build
 from liaisons.fmu.layout import Fmi
 from liaisons.library import catalogue
+from liaisons.mechanics import assemble
 
 pytestmark = pytest.mark.skipif(not (compiler.system_compiler() or compiler.zig_compiler()), reason="no C compiler")
 
@@ -32,7 +33,7 @@ def versions(tmp_path_factory: pytest.TempPathFactory) -> Versions:
     """Native FMUs by component and version of FMI."""
     folder = tmp_path_factory.mktemp("versions")
     kinds = [(name, fmi) for name in ("Pendulum", "Sinusoid") for fmi in get_args(Fmi)]
-    return {(n, fmi): build(catalogue()[n].model(), folder, backend="native", fmi=fmi) for n, fmi in kinds}
+    return {(n, fmi): build(assemble(catalogue()[n]), folder, backend="native", fmi=fmi) for n, fmi in kinds}
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from liaisons.cosim import System, simulate, ssp
 from liaisons.cosim.description import read
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 
 FmuPaths = Callable[[str], Path]
@@ -169,7 +170,7 @@ def test_unpacked_files_go_with_the_system(system: System, tmp_path: Path) -> No
 @pytest.fixture(params=["native, FMI 2.0", "native, FMI 3.0", "Python"])
 def pendulum(request: pytest.FixtureRequest, component: Callable[[str], Path], tmp_path: Path) -> Path:
     if request.param == "native, FMI 3.0":
-        return build(Pendulum.model(), tmp_path / "3", backend="native", fmi="3")
+        return build(assemble(Pendulum), tmp_path / "3", backend="native", fmi="3")
     return component("python/Pendulum" if request.param == "Python" else "Pendulum")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from liaisons.cosim import System
-from liaisons.errors import ConnectionError, LiaisonsError, SimulationError  # noqa: A004 - the field's word for it
+from liaisons.errors import ConnectError, LiaisonsError, SimulationError
 
 FmuPaths = Callable[[str], Path]
 Archive = Callable[..., Path]
@@ -275,5 +275,5 @@ def test_nothing_unpacked_stays_behind_an_error(
     path = archive(
         _system("root", _component("c", "Cubic") + _component("s", "Spring"), _connection("c.z", "s.length"))
     )
-    _message(path, ConnectionError)
+    _message(path, ConnectError)
     assert list((tmp_path / "temporary").iterdir()) == []

@@ -14,6 +14,7 @@ from liaisons.ensembles import ensemble, kernel
 from liaisons.ensembles.equations import Settable, equations
 from liaisons.ensembles.methods import METHODS
 from liaisons.errors import ComponentError, SimulationError
+from liaisons.mechanics import assemble
 from liaisons.models import (
     CartesianPendulum,
     CircularHoop,
@@ -120,9 +121,9 @@ def test_an_operator_moves_the_length_as_an_fmu_does(fmus) -> None:
     )
     for member, amplitude in enumerate(amplitudes):
         system = System("swing")
-        swing = system.add("swing", build(Pendulum.model(), fmus), theta_0=0.4, input_reconstruction=2)
+        swing = system.add("swing", build(assemble(Pendulum), fmus), theta_0=0.4, input_reconstruction=2)
         motor = system.add(
-            "motor", build(Sinusoid.model(), fmus), offset=1.0, amplitude=amplitude, angular_frequency=6.0
+            "motor", build(assemble(Sinusoid), fmus), offset=1.0, amplitude=amplitude, angular_frequency=6.0
         )
         system.connect(motor["y"], swing["length"])
         result = system.simulate(5.0, 0.01, tolerance=1e-11)
@@ -167,7 +168,7 @@ def test_constraints_hold() -> None:
 
 def test_a_chain_agrees_with_another_integrator() -> None:
     found = ensemble(PendulumChain, {"gravity": [5.0, 9.0]}, stop_time=1.0, step_size=0.01)
-    model = PendulumChain.model().flat()
+    model = assemble(PendulumChain).flat()
     k = [9.0 if v.name == "gravity" else v.starts[0] for v in model.parameters]
     u = [v.starts[0] for v in model.inputs]
     start = np.array(model.start(0.0, u, k)[0]).reshape(-1)

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from liaisons.mechanics.model import ActiveInput, Causality, Dimension, Experiment, Model, State, Variable
+from liaisons.language import Causality, Dimension, Experiment, Variable
+from liaisons.mechanics.model import ActiveInput, Model, State
 
 GRAVITY = 9.81
 NOTHING = ca.SX(0, 1)

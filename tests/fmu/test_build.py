@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import os
 import re
 import shutil
@@ -24,7 +23,7 @@ from liaisons import compiler
 from liaisons.errors import BuildError
 from liaisons.fmu import archive, build
 from liaisons.fmu.code import source_files
-from liaisons.mechanics.model import Experiment
+from liaisons.language import Experiment
 
 needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
 
@@ -116,8 +115,7 @@ def test_documentation(pendulum_fmu) -> None:
 def test_nothing_is_compiled_twice(tmp_path, monkeypatch) -> None:
     fmu = build(kick(), tmp_path, backend="native")
     before = fmu.stat().st_mtime_ns
-    module = importlib.import_module("liaisons.fmu.build")  # the package's attribute of this name is the function
-    monkeypatch.setattr(module, "compile_library", lambda *_, **__: pytest.fail("compiled again"))
+    monkeypatch.setattr("liaisons.fmu.building.compile_library", lambda *_, **__: pytest.fail("compiled again"))
     assert build(kick(), tmp_path, backend="native") == fmu
     assert fmu.stat().st_mtime_ns == before
 

@@ -21,6 +21,7 @@ from liaisons.fmu import build
 from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
 from liaisons.fmu.origin import origin
+from liaisons.mechanics import assemble
 from liaisons.models import Constant, OscillatorChain
 
 GUID = "{00000000-0000-0000-0000-000000000001}"
@@ -67,7 +68,7 @@ BUILDS: list[dict[str, Any]] = [{"backend": "native"}, {"backend": "native", "fm
 @pytest.mark.parametrize("options", BUILDS, ids=["fmi2", "fmi3", "python"])
 def test_author_version_licence_and_date(options, tmp_path, monkeypatch) -> None:
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
-    fmu = build(Constant.model(), tmp_path, **options)
+    fmu = build(assemble(Constant), tmp_path, **options)
     before = fmu.read_bytes()
     about = root_of(fmu).attrib
     assert (about["author"], about["license"]) == ("the liaisons authors", "MIT")
@@ -76,13 +77,13 @@ def test_author_version_licence_and_date(options, tmp_path, monkeypatch) -> None
     assert validate_fmu(str(fmu)) == []
 
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
-    other = root_of(build(Constant.model(), tmp_path, **options)).attrib
+    other = root_of(build(assemble(Constant), tmp_path, **options)).attrib
     assert other["generationDateAndTime"] == "2001-09-09T01:46:40Z"
     token = "instantiationToken" if options.get("fmi") else "guid"
     assert other[token] == about[token]  # the same model, whenever it was built
 
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
-    assert build(Constant.model(), tmp_path, **options).read_bytes() == before
+    assert build(assemble(Constant), tmp_path, **options).read_bytes() == before
 
 
 def test_a_component_of_somebody_elses_does_not_claim_our_authorship(tmp_path, monkeypatch) -> None:
@@ -90,20 +91,20 @@ def test_a_component_of_somebody_elses_does_not_claim_our_authorship(tmp_path, m
         """A component of one's own."""
 
     monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
-    for model in (Mine.model(), pendulum()):
+    for model in (assemble(Mine), pendulum()):
         about = root_of(build(model, tmp_path, backend="native")).attrib
         assert not {"author", "license", "version", "copyright", "generationDateAndTime"} & about.keys()
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
-    about = root_of(build(Mine.model(), tmp_path, backend="native")).attrib
+    about = root_of(build(assemble(Mine), tmp_path, backend="native")).attrib
     assert about["generationDateAndTime"] == "1970-01-01T00:00:00Z"
     assert "author" not in about
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
     with pytest.raises(BuildError, match=r"SOURCE_DATE_EPOCH = 'yesterday': set seconds since 1970-01-01"):
-        build(Mine.model(), tmp_path, backend="native")
+        build(assemble(Mine), tmp_path, backend="native")
 
 
 def test_chains_of_any_size_are_ours() -> None:
-    assert origin(OscillatorChain.model(n=5))["author"] == "the liaisons authors"
+    assert origin(assemble(OscillatorChain, n=5))["author"] == "the liaisons authors"
 
 
 def test_references_are_positions(native) -> None:
@@ -162,7 +163,7 @@ def test_units_carry_base_units_and_display_factors(native) -> None:
 
 
 def test_variable_without_unit_has_no_unit_attribute() -> None:
-    root = ElementTree.fromstring(model_description(Constant.model(), guid=GUID, backend="native"))
+    root = ElementTree.fromstring(model_description(assemble(Constant), guid=GUID, backend="native"))
     assert "unit" not in scalar(root, "y")[1]
     assert root.find("ModelVariables/ScalarVariable[@name='input_reconstruction']") is None  # there are no inputs
 

@@ -18,7 +18,8 @@ from liaisons.fmu.documentation.algebra import Algebra
 from liaisons.fmu.documentation.mathml import LONGEST, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import bibliography
-from liaisons.mechanics import Mechanism, Operator
+from liaisons.language import Mechanism, Operator
+from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
 from liaisons.mechanics.printing import of_mechanism
 from liaisons.models import CATALOGUE, IsokineticOscillator, Pendulum, PlanarCat, SpatialCat
@@ -153,7 +154,7 @@ def read(written: object, symbols: Mapping[str, Value]) -> Value:
 
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
 def test_formulas_read_back_from_mathml_have_the_values_of_the_symbols(component) -> None:
-    model = component.model()
+    model = assemble(component)
     written_as, rng = Notation.of(model), np.random.default_rng(7)
     printed = 0
     for equation in model.equations:
@@ -225,7 +226,7 @@ def test_names_become_letters_dots_and_subscripts() -> None:
     assert declared["bend_force"] == "<msub><mi>λ</mi><mi>κ</mi></msub>"
     assert declared["p_bend"] == "<msub><mi>p</mi><mi>κ</mi></msub>"
     assert declared["arm_1"] == "<msub><mi>c</mi><mn>1</mn></msub>"
-    assert Notation.of(PlanarCat.model())["arm_1"] == declared["arm_1"]
+    assert Notation.of(assemble(PlanarCat))["arm_1"] == declared["arm_1"]
     alike = Notation(["mass", "m"])
     assert alike["mass"] != alike["m"]
 
@@ -265,7 +266,7 @@ def test_textbook_equations_agree_with_those_that_the_fmu_solves(component) -> N
 def test_operators_have_their_signal() -> None:
     for component in CATALOGUE:
         if issubclass(component, Operator):
-            assert component.model().equations[0].left == "y"
+            assert assemble(component).equations[0].left == "y"
 
 
 # ---- the page ------------------------------------------------------------------------------------------------------
@@ -273,7 +274,7 @@ def test_operators_have_their_signal() -> None:
 
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
 def test_page_is_whole(component) -> None:
-    model = component.model()
+    model = assemble(component)
     page = index_page(model).decode()
     assert page == index_page.__wrapped__(model).decode()  # written anew
     body = page[page.index("<body>") : page.index("</html>")].replace(" class=wide", "").replace(" class=equations", "")
@@ -291,14 +292,14 @@ def test_page_is_whole(component) -> None:
 
 
 def test_page_says_what_the_component_is_checked_against() -> None:
-    page = index_page(Pendulum.model()).decode()
+    page = index_page(assemble(Pendulum)).decode()
     assert "Pendulum.exact" in page
     assert "elliptic functions" in page
     assert "input_reconstruction" in page
 
 
 def test_page_names_its_sources_in_full() -> None:
-    page = index_page(SpatialCat.model()).decode()
+    page = index_page(assemble(SpatialCat)).decode()
     sources = page[page.index('<section id="sources">') :]
     for words in ("Kneller", "Marle", "falling cat phenomenon", "Das Umdrehen"):
         assert words in sources
@@ -308,7 +309,7 @@ def test_page_names_its_sources_in_full() -> None:
 def test_every_mark_in_a_docstring_stands_in_the_bibliography() -> None:
     known = bibliography()
     assert {"K", "M", "Kane"} <= set(known)
-    marks = {m for c in CATALOGUE for m in re.findall(r"\b([A-Z])(?= (?:eq|Ex)\.)", c.model().documentation)}
+    marks = {m for c in CATALOGUE for m in re.findall(r"\b([A-Z])(?= (?:eq|Ex)\.)", assemble(c).documentation)}
     assert {"K", "M"} <= marks <= set(known)
 
 
@@ -324,24 +325,24 @@ def test_a_formula_breaks_before_it_runs_off_the_page() -> None:
     assert len(written.terms) == 4
     ((_, bracket),) = written.where
     assert len(bracket) == 12
-    page = index_page(SpatialCat.model()).decode()
+    page = index_page(assemble(SpatialCat)).decode()
     assert 'accent="true"' not in page  # without a mathematics font accents fall into their letters
 
 
 def test_each_equation_is_shown_or_named_as_too_long() -> None:
-    model = SpatialCat.model()  # some of its formulas are too long
+    model = assemble(SpatialCat)  # some of its formulas are too long
     page, written_as = index_page(model).decode(), Notation.of(model)
     for equation in model.equations:
         written = formula(equation.right, written_as)
         assert (written.terms[0] if written else written_as[equation.left]) in page
     assert "Too long to be read" in page
-    nothing = [equation for equation in IsokineticOscillator.model().equations if equation.left == "0"]
+    nothing = [equation for equation in assemble(IsokineticOscillator).equations if equation.left == "0"]
     assert nothing
-    assert "<mn>0</mn><mo>=</mo>" in index_page(IsokineticOscillator.model()).decode()
+    assert "<mn>0</mn><mo>=</mo>" in index_page(assemble(IsokineticOscillator)).decode()
 
 
 def test_links_of_a_chain_are_shown_with_their_joints() -> None:
-    model = PendulumChain.model(3)
+    model = assemble(PendulumChain, 3)
     page = index_page(model).decode()
     assert "One link" in page
     assert "where the link before ends" in page

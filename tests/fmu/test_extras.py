@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib
 import io
 import re
 from dataclasses import replace
@@ -27,8 +26,9 @@ from liaisons.fmu.icon import SIZE, icon_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.reference_results import FOLDER, INTERVALS, columns, trajectory
 from liaisons.fmu.terminals import MOST_ELEMENTS, terminals_and_icons
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Variable
+from liaisons.mechanics import assemble
+from liaisons.mechanics.model import Model
 from liaisons.models import CATALOGUE, CartesianPendulum, DoublePendulum, Pendulum, Satellite, Sinusoid
 from liaisons.models.pendulum_chain import PendulumChain
 
@@ -55,7 +55,7 @@ def terminals(model: Model, fmi: Fmi = "2") -> dict[str, ElementTree.Element]:
 @every_component
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_terminals_are_valid_and_name_what_is_there(component, fmi) -> None:
-    model = component.model()
+    model = assemble(component)
     text = terminals_and_icons(model, fmi)
     assert SCHEMA.validate(etree.fromstring(text)), SCHEMA.error_log
     shown = model.flat() if fmi == "2" else model
@@ -67,8 +67,8 @@ def test_terminals_are_valid_and_name_what_is_there(component, fmi) -> None:
 
 
 def test_free_and_active_terminal_fit_together() -> None:
-    pivot, bob = terminals(Pendulum.model())["pivot/x"], terminals(Pendulum.model())["bob/x"]
-    causality = {v.name: v.causality for v in Pendulum.model().variables}
+    pivot, bob = terminals(assemble(Pendulum))["pivot/x"], terminals(assemble(Pendulum))["bob/x"]
+    causality = {v.name: v.causality for v in assemble(Pendulum).variables}
     assert pivot.get("terminalKind") == bob.get("terminalKind")
     assert members(pivot).keys() == members(bob).keys() == {"s", "v", "a", "f"}
     for role in ("s", "v", "a", "f"):
@@ -80,7 +80,7 @@ def test_free_and_active_terminal_fit_together() -> None:
 
 
 def test_places_are_nested_and_lone_components_are_not() -> None:
-    found = terminals(DoublePendulum.model())
+    found = terminals(assemble(DoublePendulum))
     assert {"bob_1", "bob_1/x", "bob_1/z", "bob_2/x", "pivot", "pivot/z", "theta_1"} <= found.keys()
     assert "pivot_x" not in found
     assert members(found["theta_1"]).keys() == {"phi", "w", "a", "tau"}
@@ -88,12 +88,12 @@ def test_places_are_nested_and_lone_components_are_not() -> None:
 
 
 def test_signal_goes_with_lengths_and_angles() -> None:
-    found = terminals(Sinusoid.model())
+    found = terminals(assemble(Sinusoid))
     assert [members(found[name])["s" if name == "y" else "phi"]["variableName"] for name in ("y", "y_rotation")] == [
         "y"
     ] * 2
     # An operator gives no force: an active port must not insist on one.
-    assert terminals(Pendulum.model())["length"].get("matchingRule") == "bus"
+    assert terminals(assemble(Pendulum))["length"].get("matchingRule") == "bus"
 
 
 def test_model_without_ports_has_an_icon_only() -> None:
@@ -103,11 +103,11 @@ def test_model_without_ports_has_an_icon_only() -> None:
 
 
 def test_arrays_are_one_terminal_in_fmi_3_and_one_an_element_in_fmi_2() -> None:
-    model = PendulumChain.model(3)
+    model = assemble(PendulumChain, 3)
     name = model.ports[0].name
     assert {f"{name}[1]", f"{name}[3]"} <= terminals(model, "2").keys()
     assert name in terminals(model, "3")
-    long = terminals_and_icons(PendulumChain.model(MOST_ELEMENTS + 1), "2").decode()
+    long = terminals_and_icons(assemble(PendulumChain, MOST_ELEMENTS + 1), "2").decode()
     assert f"{name}[" not in long
 
 
@@ -123,7 +123,7 @@ def opacity(icon: dict[str, bytes]) -> np.ndarray:
 
 @every_component
 def test_icon_shows_something_inside_its_frame(component) -> None:
-    icon = icon_members(component.model(), "2")
+    icon = icon_members(assemble(component), "2")
     shown = opacity(icon)
     assert 0.01 < np.mean(shown > 0) < 0.5
     assert not shown[[0, -1]].any()
@@ -136,15 +136,14 @@ def test_icon_shows_something_inside_its_frame(component) -> None:
 
 
 def test_icon_of_what_cannot_be_integrated_has_letters() -> None:
-    one, two = (opacity(icon_members(replace(Collapse.model(), name=name), "2")) for name in ("Fall", "FreeFall"))
+    one, two = (opacity(icon_members(replace(assemble(Collapse), name=name), "2")) for name in ("Fall", "FreeFall"))
     assert one.any()
     assert np.any(one != two)
 
 
 def test_an_fmu_with_another_icon_is_the_same(tmp_path, monkeypatch) -> None:
     fmu = build(pendulum(), tmp_path, backend="python")
-    module = importlib.import_module("liaisons.fmu.build")  # the package's attribute of this name is the function
-    monkeypatch.setattr(module, "icon_members", lambda *_: {"model.png": b"another"})
+    monkeypatch.setattr("liaisons.fmu.building.icon_members", lambda *_: {"model.png": b"another"})
     other = build(pendulum(), tmp_path / "other", backend="python")
     assert read_member(fmu, "modelDescription.xml") == read_member(other, "modelDescription.xml")
     assert read_member(fmu, "model.png") != read_member(other, "model.png")
@@ -160,7 +159,7 @@ def table(model: Model, fmi: Fmi = "2") -> tuple[list[str], np.ndarray]:
 
 
 def test_reference_results_are_the_closed_form() -> None:
-    head, rows = table(Pendulum.model())
+    head, rows = table(assemble(Pendulum))
     assert rows.shape == (INTERVALS + 1, len(head))
     exact = Pendulum.exact(rows[:, 0])
     # Nine digits of the greatest number, 0.1 and 0.31: half of the last one; twenty steps with errors of 1e-11.
@@ -169,21 +168,21 @@ def test_reference_results_are_the_closed_form() -> None:
 
 
 def test_reference_results_of_arrays_and_signals() -> None:
-    head, rows = table(Sinusoid.model())
+    head, rows = table(assemble(Sinusoid))
     assert head == ["time", "y", "y_dot", "y_ddot"]
     np.testing.assert_allclose(rows[:, 3], -np.sin(rows[:, 0]), atol=1e-9)  # its digits
-    chain = PendulumChain.model(3)
+    chain = assemble(PendulumChain, 3)
     (flat, numbers), (arrays, same) = table(chain, "2"), table(chain, "3")
     assert len(arrays) < len(flat) == numbers.shape[1]
     np.testing.assert_array_equal(numbers, same)
 
 
 def test_noise_is_rounded_away() -> None:
-    head, rows = table(CartesianPendulum.model())
+    head, rows = table(assemble(CartesianPendulum))
     assert not rows[:, head.index("y")].any()  # it swings in the x-z plane
 
 
-WITH_REFERENCE = [c for c in CATALOGUE if c.model().experiment.reference]
+WITH_REFERENCE = [c for c in CATALOGUE if assemble(c).experiment.reference]
 UNSEEN = {  # cyclic, or the places where springs are at rest
     *("beta", "wheel_1", "wheel_2", "wheel_3", "azimuth", "twist", "spacing"),
     *("length", "pivot_x", "pivot_z"),
@@ -215,7 +214,7 @@ def changed(model: Model, name: str) -> Model:
 @pytest.mark.parametrize("component", WITH_REFERENCE, ids=lambda c: c.__name__)
 def test_reference_results_notice_one_percent_of_everything(component) -> None:
     """Where the default experiment shows nothing: a wrong parameter or input would be seen in some column."""
-    model = component.model()
+    model = assemble(component)
     results = trajectory(model)
     assert results is not None
     names = [v.name for v in (*model.parameters, *model.inputs) if v.causality != "calculatedParameter"]
@@ -236,18 +235,18 @@ def test_experiments_that_show_something_have_references() -> None:
         "FourierHoop",
         "Flywheel",
     }
-    found = extra_members(Satellite.model(), "3")
+    found = extra_members(assemble(Satellite), "3")
     values = ElementTree.fromstring(found[f"{FOLDER}/Satellite.ssv"])
     given = {p.attrib["name"]: float(p[0].attrib["value"]) for p in values.iter() if p.tag.endswith("Parameter")}
     head, *rows = csv.reader(io.StringIO(found[f"{FOLDER}/Satellite_in.csv"].decode()))
     start = given | dict(zip(head, map(float, rows[0]), strict=True))
-    assert Satellite.model().experiment.reference.items() <= start.items()
+    assert assemble(Satellite).experiment.reference.items() <= start.items()
     motion = {name: np.array(column, float) for name, *column in zip(head, *rows, strict=True)}
     np.testing.assert_allclose(
         np.gradient(motion["wheel_2"], motion["time"])[1:-1], motion["wheel_2_dot"][1:-1], rtol=1e-8
     )
     with pytest.raises(ComponentError, match=r"Satellite: Experiment\(reference=...\): 'wheel_1_dto' .* did you mean"):
-        trajectory(replace(Satellite.model(), experiment=Experiment(reference={"wheel_1_dto": 1.0})))
+        trajectory(replace(assemble(Satellite), experiment=Experiment(reference={"wheel_1_dto": 1.0})))
 
 
 class Collapse(Mechanism):
@@ -266,7 +265,7 @@ class Collapse(Mechanism):
 
 
 def test_experiment_that_cannot_be_integrated_is_left_out_and_said_so() -> None:
-    model = Collapse.model()
+    model = assemble(Collapse)
     assert trajectory(model) is None
     found = extra_members(model, "2")
     assert not [name for name in found if name.endswith(".csv")]
@@ -275,7 +274,7 @@ def test_experiment_that_cannot_be_integrated_is_left_out_and_said_so() -> None:
 
 @every_component
 def test_manifest_names_files_that_are_there(component) -> None:
-    found = extra_members(component.model(), "2")
+    found = extra_members(assemble(component), "2")
     root = ElementTree.fromstring(found[f"{FOLDER}/fmi-ls-manifest.xml"])
     assert root.tag == "fmiReferences"
     assert root.get("{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-name") == "org.fmi-standard.fmi-ls-ref"

@@ -15,17 +15,18 @@ from numpy.typing import NDArray
 
 from liaisons.fmu import build
 from liaisons.fmu.layout import first_reference, places
+from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
 from liaisons.models import CartesianPendulum, CircularHoop, OscillatorChain, PendulumChain, Ramp
 
 MODELS = {
     "pendulum": pendulum,
-    "hoop": CircularHoop.model,  # an active coordinate, points
-    "rod": CartesianPendulum.model,  # constraints: projection after each step of the solver
-    "ramp": Ramp.model,  # no states, no inputs, an event
+    "hoop": lambda: assemble(CircularHoop),  # an active coordinate, points
+    "rod": lambda: assemble(CartesianPendulum),  # constraints: projection after each step of the solver
+    "ramp": lambda: assemble(Ramp),  # no states, no inputs, an event
     "ring": lambda: ring(3),  # arrays
-    "masses": lambda: OscillatorChain.model(9),  # loops, links at the ends written out
-    "chain": lambda: PendulumChain.model(4),  # loops that carry something; active coordinates
+    "masses": lambda: assemble(OscillatorChain, 9),  # loops, links at the ends written out
+    "chain": lambda: assemble(PendulumChain, 4),  # loops that carry something; active coordinates
 }
 STEP = 0.1
 

@@ -12,6 +12,7 @@ from driver3 import CO_SIMULATION, MODEL_EXCHANGE, Instance3, Library3
 from numpy.typing import NDArray
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Sinusoid
 
 UNKNOWNS = ("x", "x_dot", "p", "p_dot", "anchor_force", "kinetic_energy", "work", "power")
@@ -121,7 +122,7 @@ def check(instance: Instance3, direction: Mapping[str, NDArray], move: Callable)
 
 def test_time_is_a_known_variable(folder) -> None:
     """y' of a sinusoid at a communication point; forward and back."""
-    instance = Library3(build(Sinusoid.model(), folder, backend="native", fmi="3")).start(angular_frequency=2.0)
+    instance = Library3(build(assemble(Sinusoid), folder, backend="native", fmi="3")).start(angular_frequency=2.0)
     assert instance.step(0.0, 0.4).status == OK
     expected = [2 * np.cos(0.8), -4 * np.sin(0.8), -8 * np.cos(0.8)]
     np.testing.assert_allclose(instance.directional(["y", "y_dot", "y_ddot"], {"time": 1.0}), expected, rtol=1e-13)

@@ -11,6 +11,7 @@ from driver3 import CO_SIMULATION, Instance3, Library3
 from handmade import breathing
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import Ramp
 
 WITH_EVENTS = {"events": True, "early": True}
@@ -59,7 +60,7 @@ def test_instant_at_the_end_of_a_step(kick3, t_1, size) -> None:
 
 
 def test_operator_without_states_stops_too(folder) -> None:
-    instance = stepping(Library3(build(Ramp.model(), folder, backend="native", fmi="3")), start_time=0.25)
+    instance = stepping(Library3(build(assemble(Ramp), folder, backend="native", fmi="3")), start_time=0.25)
     assert instance.step(0.0, 1.0) == (OK, True, True, 0.25)
     assert instance.get("y", "y_dot").tolist() == [0.0, 0.0]
     assert instance.call("EnterEventMode") == OK

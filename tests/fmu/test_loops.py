@@ -18,7 +18,8 @@ from liaisons.compiler import FLAGS, system_compiler
 from liaisons.fmu.code import model_code
 from liaisons.fmu.dependencies import at_start, coupled, states_that_jump, while_running
 from liaisons.fmu.loops import PREAMBLE, Code, loop_functions
-from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Joint, Model, Parameter, point
+from liaisons.language import ActiveCoordinate, Chain, Coordinate, Joint, Parameter, point
+from liaisons.mechanics import Model, assemble
 from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
 
 GUID = "{00000000-0000-0000-0000-000000000000}"
@@ -138,7 +139,7 @@ CHAINS += [(PendulumChain, 12), (Arm, 3)]
 
 @pytest.mark.parametrize(("component", "n"), CHAINS)
 def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path) -> None:
-    model = component.model(n)
+    model = assemble(component, n)
     codes = loop_functions(model.programs, coupled(model), adjoint=True)
     # The long ones take gcc seconds when it optimises; that these are right when optimised is shown by their FMUs.
     library = compiled(codes, tmp_path, *(() if component in (OscillatorChain, DrivenChain) else ("-O0",)))
@@ -159,7 +160,7 @@ def test_loops_agree_with_casadi(component: type[Chain], n: int, tmp_path: Path)
 
 def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
     """Their mass matrix is diagonal: one loop over independent links, which compilers vectorise."""
-    model = OscillatorChain.model(1000)
+    model = assemble(OscillatorChain, 1000)
     codes = loop_functions(model.programs, coupled(model), adjoint=True)
     assert all(code.reals == 0 for code in codes.values())
     assert codes["derivatives"].text.count("i < ") == 1
@@ -167,7 +168,7 @@ def test_masses_in_a_row_need_neither_sweeps_nor_work_space() -> None:
 
 
 def test_sines_are_calculated_once_a_link() -> None:
-    model = PendulumChain.model(50)
+    model = assemble(PendulumChain, 50)
     text = loop_functions(model.programs, coupled(model), adjoint=False)["derivatives"].text
     assert text.count(" sin(") == text.count(" cos(") == 1
     assert text.count("for (") == 3  # inward, outward, inward
@@ -176,7 +177,7 @@ def test_sines_are_calculated_once_a_link() -> None:
 @pytest.mark.parametrize("component", [OscillatorChain, PendulumChain])
 def test_code_is_as_long_for_any_chain(component: type[Chain], tmp_path: Path) -> None:
     """Only digits are added; without warnings."""
-    small, large = (model_code(component.model(n), GUID, "3") for n in (10, 10_000))
+    small, large = (model_code(assemble(component, n), GUID, "3") for n in (10, 10_000))
     assert len(large) < 1.05 * len(small)
     compiler = system_compiler()
     if compiler is not None:
@@ -189,7 +190,7 @@ def test_code_is_as_long_for_any_chain(component: type[Chain], tmp_path: Path) -
 @pytest.mark.parametrize("component", [OscillatorChain, DrivenChain, PendulumChain, PendulumRow])
 def test_dependencies_are_those_of_the_functions(component: type[Chain]) -> None:
     """The same whether they are found in the description of one link or in the functions."""
-    model = component.model(3)
+    model = assemble(component, 3)
     plain = replace(model, programs=())
     np.testing.assert_array_equal(while_running(model), while_running(plain))
     differing = np.flatnonzero((at_start(model) != at_start(plain)).any(axis=1))

@@ -23,7 +23,8 @@ from test_python_backend import Instance as PythonInstance
 from liaisons.cosim import System, simulate
 from liaisons.flattening import flatten
 from liaisons.fmu import build
-from liaisons.mechanics import Component
+from liaisons.language import Component
+from liaisons.mechanics import assemble
 from liaisons.models import (
     Pendulum,
     PlanarCat,
@@ -45,7 +46,7 @@ def fmu(shared_folder: Path) -> Callable[..., Path]:
 
     @cache
     def built(component: type[Component], backend: Literal["native", "python"] = "native") -> Path:
-        return build(component.model(), shared_folder, backend=backend)
+        return build(assemble(component), shared_folder, backend=backend)
 
     return built
 
@@ -57,7 +58,7 @@ def library(fmu) -> Callable[[type[Component]], Library]:
 
 @pytest.fixture(scope="session")
 def swing3(shared_folder: Path) -> Library3:
-    return Library3(build(Swing.model(), shared_folder, backend="native", fmi="3"))
+    return Library3(build(assemble(Swing), shared_folder, backend="native", fmi="3"))
 
 
 def swing_forms(rope: float, lean: float) -> tuple[float, float, float]:
@@ -177,7 +178,7 @@ def test_jumps_are_fast_motions(library, component) -> None:
         assert instance.step(0.0, 0.1) == OK
         assert instance.set(POSTURES[component]) == OK
         assert instance.step(0.1, size) == OK
-        states = [state.name for state in component.model().states if state.name not in ("work", "dissipated")]
+        states = [state.name for state in assemble(component).states if state.name not in ("work", "dissipated")]
         found.append(instance.get(*states))
         if mode != INTERPOLATE:
             assert abs(instance["energy_balance"]) <= 1e-9
@@ -187,7 +188,7 @@ def test_jumps_are_fast_motions(library, component) -> None:
 
 def _rates(component: type[Any]) -> list[str]:
     """Parameters that are rates at the start."""
-    return [p.name for p in component.model().parameters if p.name.endswith("_dot_0") or p.name.startswith("omega")]
+    return [p.name for p in assemble(component).parameters if p.name.endswith("_dot_0") or p.name.startswith("omega")]
 
 
 @pytest.mark.parametrize("moved", [{"length": 0.7}, {"pivot_x": 0.5}, {"length": 1.2, "pivot_z": 0.3}])
@@ -378,7 +379,7 @@ def pendulum_in(request, library, fmu, shared_folder) -> Callable[..., Any]:
             assert instance.call("ExitInitializationMode") == OK
             return instance, lambda: instance.call("Terminate") or [m for s, _, m in instance.log if s == 1]
         if request.param == "FMI 3":
-            path = build(Pendulum.model(), shared_folder, backend="native", fmi="3")
+            path = build(assemble(Pendulum), shared_folder, backend="native", fmi="3")
             instance = Library3(path).start(options={"logging": True}, input_reconstruction=mode, **values)
             return instance, lambda: instance.call("Terminate") or [m for s, _, m in instance.log if s == 1]
         instance = PythonInstance(unpacked(fmu(Pendulum, "python"))).initialize(None, mode, **values)
@@ -522,8 +523,8 @@ def test_impulses_do_the_whole_work(library, swing3, fmu, kind: str) -> None:
 def test_an_impulse_inside_does_the_whole_work(shared_folder, tmp_path) -> None:
     """The ramp of a composition starts inside a step: m r'²/2 on a weightless pendulum at rest."""
     system = System("ramped")
-    ramp = system.add("ramp", build(Ramp.model(), shared_folder), offset=1.0, rate=0.2, start_time=0.55)
-    pendulum = system.add("pendulum", build(Pendulum.model(), shared_folder), theta_0=0.0, gravity=0.0)
+    ramp = system.add("ramp", build(assemble(Ramp), shared_folder), offset=1.0, rate=0.2, start_time=0.55)
+    pendulum = system.add("pendulum", build(assemble(Pendulum), shared_folder), theta_0=0.0, gravity=0.0)
     system.connect(ramp["y"], pendulum["length"])
     result = simulate(flatten(system, tmp_path), stop_time=1.0, step_size=0.25)
     assert result["pendulum.work"][-1] == pytest.approx(0.2**2 / 2, rel=1e-9)

@@ -28,6 +28,7 @@ from scipy.integrate import solve_ivp
 
 from liaisons.fmu import build
 from liaisons.fmu.python_backend import python_members
+from liaisons.mechanics import assemble
 from liaisons.models import Sinusoid
 
 GUID = "{00000000-0000-0000-0000-000000000001}"
@@ -92,7 +93,7 @@ class Instance:
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """``fmus("HandPendulum")``, ``fmus("HandFall", "native")``: path of the FMU, which is unpacked beside the file."""
     directory = tmp_path_factory.mktemp("fmus")
-    models = {model.name: model for model in (pendulum(), fall(), kick(), ring(3), Sinusoid.model())}
+    models = {model.name: model for model in (pendulum(), fall(), kick(), ring(3), assemble(Sinusoid))}
 
     @cache
     def built(name: str, backend: Literal["native", "python"] = "python") -> Path:

@@ -16,6 +16,7 @@ from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
 from liaisons.fmu import build
+from liaisons.mechanics import assemble
 from liaisons.models import CartesianPendulum, Satellite
 
 ROUNDING = 2.0**-53
@@ -135,7 +136,7 @@ def test_energy_after_a_million_steps(pendulum_library) -> None:
 
 def test_a_turning_body_keeps_energy_and_angular_momentum(folder) -> None:
     """Both are quadratic, which the method keeps exactly; the quaternion's norm, too."""
-    library = Library(build(Satellite.model(), folder, backend="native"))
+    library = Library(build(assemble(Satellite), folder, backend="native"))
     start = {"omega_x_0": 0.1, "omega_y_0": 1.0, "omega_z_0": 0.1}  # about the intermediate axis: it tumbles
     instance = begin(library, 100, **start)
     names = ("energy", "H_x", "H_y", "H_z")
@@ -148,7 +149,7 @@ def test_a_turning_body_keeps_energy_and_angular_momentum(folder) -> None:
 
 
 def test_constraints_hold(folder) -> None:
-    library = Library(build(CartesianPendulum.model(), folder, backend="native"))
+    library = Library(build(assemble(CartesianPendulum), folder, backend="native"))
     instance = begin(library, 10)
     start = instance["energy"]
     advance(instance, 0.1, 1000)

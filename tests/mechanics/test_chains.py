@@ -10,9 +10,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from liaisons.analysis.unrolling import unrolled
 from liaisons.errors import ComponentError
-from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Joint, Model, Parameter, Size, point
-from liaisons.mechanics.chains.unrolled import unrolled
+from liaisons.language import ActiveCoordinate, Chain, Coordinate, Joint, Parameter, Size, point
+from liaisons.mechanics import Model, assemble
 from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
 
 ROUNDING = 1e-12
@@ -113,7 +114,7 @@ CHAINS += [(Telescope, 2), (Telescope, 3)]
 @pytest.mark.parametrize(("component", "n"), CHAINS)
 def test_sweeps_agree_with_the_dense_derivation(component: type[Chain], n: int) -> None:
     """Two derivations, one by sweeps link by link, one by the mass matrix: motion, forces, energies, starts."""
-    dense, swept = unrolled(component, n).model(), component.model(n).flat()
+    dense, swept = assemble(unrolled(component, n)), assemble(component, n).flat()
     rng = np.random.default_rng(n)
     for _ in range(3):
         values = random_vectors(dense, rng)
@@ -127,7 +128,7 @@ def test_sweeps_agree_with_the_dense_derivation(component: type[Chain], n: int) 
 @pytest.mark.parametrize("component", [PendulumChain, OscillatorChain, DrivenChain, Telescope])
 def test_power_is_the_rate_of_the_energy(component: type[Chain]) -> None:
     """dE/dt = power - dissipation (K eq. 67, M eq. 28) at random states, by differentiation of the energy."""
-    model = component.model(5)
+    model = assemble(component, 5)
     t, y, u, k, m = (ca.MX.sym(name, model.outputs_function.numel_in(i)) for i, name in enumerate("tyukm"))
     z = model.outputs_function(t, y, u, k, m)
     flat = model.flat()
@@ -155,7 +156,7 @@ def test_code_does_not_grow_with_the_chain(component: type[Chain]) -> None:
 
     def length(n: int) -> int:
         generator = ca.CodeGenerator("chain", {"with_header": False})
-        generator.add(component.model(n).derivatives)
+        generator.add(assemble(component, n).derivatives)
         return len(generator.dump())
 
     assert length(10_000) < 4 * length(100)
@@ -164,12 +165,12 @@ def test_code_does_not_grow_with_the_chain(component: type[Chain]) -> None:
 @pytest.mark.parametrize("n", [0, 1, -3, 2.5, 10.0, "10", True, float("nan")])
 def test_sizes_that_are_refused(n: object) -> None:
     with pytest.raises(ComponentError, match=re.escape(f"PendulumChain: n = {n!r}") + ".*whole number >= 2"):
-        PendulumChain.model(n)
+        assemble(PendulumChain, n)
 
 
 def test_default_size_and_numpy_integers() -> None:
-    assert PendulumChain.model().dimensions[0].count == 10
-    assert PendulumChain.model(np.int64(3)).dimensions[0].count == 3
+    assert assemble(PendulumChain).dimensions[0].count == 10
+    assert assemble(PendulumChain, np.int64(3)).dimensions[0].count == 3
 
 
 def test_declared_size_is_the_default() -> None:
@@ -178,8 +179,8 @@ def test_declared_size_is_the_default() -> None:
 
         n = Size(3, "number of masses")
 
-    assert [v.name for v in Short.model().flat().parameters][3:6] == ["u_0[1]", "u_0[2]", "u_0[3]"]
-    assert [v.start for v in Short.model().flat().parameters][3:6] == [1.0, 0.0, 0.0]
+    assert [v.name for v in assemble(Short).flat().parameters][3:6] == ["u_0[1]", "u_0[2]", "u_0[3]"]
+    assert [v.start for v in assemble(Short).flat().parameters][3:6] == [1.0, 0.0, 0.0]
 
 
 def test_a_free_end_has_no_joint() -> None:
@@ -218,7 +219,7 @@ def test_more_start_values_than_links() -> None:
         u = Coordinate("m", "displacements", start=(1.0, 2.0, 3.0))
 
     with pytest.raises(ComponentError, match=r"Row: n = 2: u starts with 3 values; take a longer chain"):
-        Row.model(n=2)
+        assemble(Row, n=2)
 
 
 def test_kinetic_energy_is_quadratic() -> None:

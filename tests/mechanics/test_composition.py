@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Model
+from liaisons.mechanics import Model, assemble
 from liaisons.mechanics.composition import compose
 from liaisons.models import (
     DoublePendulum,
@@ -49,9 +49,9 @@ def values(model: Model, state: Any, u: dict[str, float], k: dict[str, float]) -
 
 def test_two_pendulums_are_the_double_pendulum() -> None:
     """Accelerations, forces and energies at random states: the loop of acceleration and force is solved exactly."""
-    pendulum = Pendulum.model()
+    pendulum = assemble(Pendulum)
     pair = compose("Pair", {"upper": pendulum, "lower": pendulum}, hung("lower", "upper"))
-    double = DoublePendulum.model()
+    double = assemble(DoublePendulum)
     rng = np.random.default_rng(1)
     parts = {"upper": 1, "lower": 2}
     for _ in range(10):
@@ -79,10 +79,10 @@ def test_two_pendulums_are_the_double_pendulum() -> None:
 
 
 def test_three_pendulums_have_a_loop_through_all_of_them() -> None:
-    pendulum = Pendulum.model()
+    pendulum = assemble(Pendulum)
     wires = hung("b", "a") | hung("c", "b")
     chain = compose("Three", {"a": pendulum, "b": pendulum, "c": pendulum}, wires)
-    single = PendulumChain.model(3).flat()
+    single = assemble(PendulumChain, 3).flat()
     k = {f"{p}.theta_0": 0.3 * i for i, p in enumerate("abc", start=1)}
     k |= {f"{p}.theta_dot_0": 0.5 * i for i, p in enumerate("abc", start=1)}
     K = {f"theta{end}_0[{i}]": size * i for i in (1, 2, 3) for end, size in (("", 0.3), ("_dot", 0.5))}
@@ -97,7 +97,7 @@ def test_an_operator_drives_from_inside() -> None:
     drive = {"amplitude": 0.2, "angular_frequency": 1.7}
     model = compose(
         "Shaken",
-        {"mass": Oscillator.model(), "shaker": Sinusoid.model()},
+        {"mass": assemble(Oscillator), "shaker": assemble(Sinusoid)},
         triple("mass.support", "shaker.y"),
         starts={f"shaker.{name}": value for name, value in drive.items()} | {"mass.x_0": 0.0},
     )
@@ -120,7 +120,7 @@ def test_an_operator_drives_from_inside() -> None:
 
 def test_hoop_of_names() -> None:
     """Names of the parts stand before everything: states, memory, conditions, derivatives."""
-    model = compose("Both", {"a": Flywheel.model(), "b": Flywheel.model()}, {})
+    model = compose("Both", {"a": assemble(Flywheel), "b": assemble(Flywheel)}, {})
     assert [s.name for s in model.states][:2] == ["a.angle", "a.p_angle"]
     assert model.memory == ("a.energy_start", "a.energy_booked", "b.energy_start", "b.energy_booked")
     rate = next(v for v in model.outputs if v.name == "b.angle_dot")
@@ -131,11 +131,11 @@ def test_elements_of_arrays_can_be_connected() -> None:
     """The grip of one chain on the last mass of another, both ways: twice three masses are six."""
     wires = triple("right.drive", "left.u") | {"left.u_load": "right.drive_force"}
     wires = {f"{t}[3]" if "load" in t else t: s if "force" in s else f"{s}[3]" for t, s in wires.items()}
-    joined = compose("Joined", {"left": OscillatorChain.model(3), "right": DrivenChain.model(3)}, wires)
+    joined = compose("Joined", {"left": assemble(OscillatorChain, 3), "right": assemble(DrivenChain, 3)}, wires)
     start = [0.3, -0.1, 0.5, 0.2, 0.0, -0.4]
     k = {f"{p}.u_0[{i}]": start[i - 1 + 3 * j] for j, p in enumerate(("left", "right")) for i in (1, 2, 3)}
     found = values(joined, None, {}, k)
-    whole = OscillatorChain.model(6).flat()
+    whole = assemble(OscillatorChain, 6).flat()
     expected = values(whole, None, {}, {f"u_0[{i}]": x for i, x in enumerate(start, start=1)})
     for i in range(1, 7):
         name = f"left.u_ddot[{i}]" if i <= 3 else f"right.u_ddot[{i - 3}]"
@@ -145,13 +145,13 @@ def test_elements_of_arrays_can_be_connected() -> None:
 def test_a_loop_that_is_not_linear_is_refused_by_name() -> None:
     """A length that is the kinetic energy p²/2ml²: its own cube root."""
     with pytest.raises(ComponentError, match=r"Loop: a\.length depend on each other, and not linearly"):
-        compose("Loop", {"a": Pendulum.model()}, {"a.length": "a.kinetic_energy"})
+        compose("Loop", {"a": assemble(Pendulum)}, {"a.length": "a.kinetic_energy"})
 
 
 def test_connected_inputs_stay_in_their_domains() -> None:
     """The domain of an input that is set is the importer's to keep; of one that is connected it is a condition."""
     wires = triple("a.length", "b.y")
-    model = compose("Short", {"a": Pendulum.model(), "b": Sinusoid.model()}, wires, starts={"b.offset": 0.3})
+    model = compose("Short", {"a": assemble(Pendulum), "b": assemble(Sinusoid)}, wires, starts={"b.offset": 0.3})
     assert model.condition_texts[0] == "a.length must stay > 0 m"
     k = [v.starts[0] for v in model.parameters]
     inputs = [v.starts[0] for v in model.inputs]
@@ -161,7 +161,7 @@ def test_connected_inputs_stay_in_their_domains() -> None:
 
 def test_booked_work_cannot_be_connected() -> None:
     with pytest.raises(ComponentError, match="Odd: work and energy_balance cannot be connected"):
-        compose("Odd", {"a": Pendulum.model(), "b": Flywheel.model()}, {"b.angle_force": "a.work"})
+        compose("Odd", {"a": assemble(Pendulum), "b": assemble(Flywheel)}, {"b.angle_force": "a.work"})
 
 
 @pytest.mark.parametrize(
@@ -174,4 +174,4 @@ def test_booked_work_cannot_be_connected() -> None:
 )
 def test_unknown_names(wires: dict[str, str], starts: dict[str, float], message: str) -> None:
     with pytest.raises(ComponentError, match=message):
-        compose("Odd", {"a": Pendulum.model(), "b": Sinusoid.model()}, wires, starts=starts)
+        compose("Odd", {"a": assemble(Pendulum), "b": assemble(Sinusoid)}, wires, starts=starts)

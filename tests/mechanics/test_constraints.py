@@ -15,19 +15,17 @@ from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
-from liaisons.mechanics import (
+from liaisons.language import (
     ActiveCoordinate,
     Coordinate,
     Mechanism,
     Parameter,
     constraint,
-    constraints,
-    derive,
-    gauss,
     non_holonomic,
     submersion,
     unchecked,
 )
+from liaisons.mechanics import assemble, constraints, derive, gauss
 from liaisons.mechanics.inertia import Inertia
 
 State = dict[str, float]
@@ -79,7 +77,7 @@ class Guided(Mechanism):
 
 EQUATIONS = derive(Guided)
 METRIC = Inertia(EQUATIONS.mass_matrix, EQUATIONS.mass_matrix)
-MODEL = Guided.model()
+MODEL = assemble(Guided)
 FREE = [q.name for q in Guided.coordinates]
 INPUTS = [variable.name for variable in MODEL.inputs]
 KEPT = ["curve", "steering", "reach"]
@@ -285,7 +283,7 @@ class Skate(Mechanism):
 @pytest.fixture(scope="module")
 def skate(tmp_path_factory) -> Callable[[Literal["native", "python"]], Path]:
     directory = tmp_path_factory.mktemp("skate")
-    return lambda backend: build(Skate.model(), directory, backend=backend)
+    return lambda backend: build(assemble(Skate), directory, backend=backend)
 
 
 @pytest.mark.parametrize("backend", ["native", "python"])

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Mechanism, Parameter, derive, point, unchecked
+from liaisons.language import ActiveCoordinate, Coordinate, Mechanism, Parameter, point, unchecked
+from liaisons.mechanics import assemble, derive
 
 ROUNDING = 1e-12  # algebra in doubles: a few hundred operations on numbers of order 1
 
@@ -135,7 +136,7 @@ def test_effective_mass_is_the_inverse_of_the_block_of_the_inverse_metric(seed: 
 
 def test_momentum_rate_does_not_contain_the_acceleration_of_the_operator() -> None:
     """Only σ and σ̇ enter the motion (M eq. 36), so p stays continuous when σ̇ jumps."""
-    model = Generic.model()
+    model = assemble(Generic)
     pattern = np.array(ca.DM(model.derivatives.jac_sparsity(0, 2), 1))
     names = [variable.name for variable in model.inputs]
     motion = pattern[:4]  # a, b, p_a, p_b; the work does depend on it
@@ -145,7 +146,7 @@ def test_momentum_rate_does_not_contain_the_acceleration_of_the_operator() -> No
 
 
 def test_model_functions_agree_with_the_equations() -> None:
-    model = Generic.model()
+    model = assemble(Generic)
     state = _random_state(11)
     k = np.array([v.start for v in model.parameters])
     names = [v.name for v in model.parameters]
@@ -168,12 +169,12 @@ def test_model_functions_agree_with_the_equations() -> None:
 
 
 def test_the_names_that_are_checked_for_clashes_are_the_names_of_the_model() -> None:
-    assert sorted(Generic.variable_names()) == sorted(variable.name for variable in Generic.model().variables)
+    assert sorted(Generic.variable_names()) == sorted(variable.name for variable in assemble(Generic).variables)
 
 
 def test_jump_books_the_work_of_an_impulse() -> None:
     """σ̇ jumps: p stays, the energy jumps, and the booked work is that difference: the balance stays closed."""
-    model = Generic.model()
+    model = assemble(Generic)
     k = np.array([v.start for v in model.parameters])
     u = np.array([v.start for v in model.inputs])
     y, memory = model.start(0, u, k)

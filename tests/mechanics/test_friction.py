@@ -16,18 +16,17 @@ from liaisons.cosim import simulate
 from liaisons.errors import ComponentError
 from liaisons.fmu import build
 from liaisons.fmu.documentation.page import index_page
-from liaisons.mechanics import (
+from liaisons.language import (
     ActiveCoordinate,
     Coordinate,
-    Equations,
     Friction,
     InternalState,
     Mechanism,
     Orientation,
     Parameter,
-    derive,
     point,
 )
+from liaisons.mechanics import Equations, assemble, derive
 from liaisons.models import OscillatorChain
 
 ROUNDING = 1e-12  # algebra in doubles: some ten operations on numbers of order 1
@@ -99,7 +98,7 @@ def test_damper_in_a_joint_is_newtons(seed: int) -> None:
 
 @pytest.mark.parametrize("backend", ["native", "python"])
 def test_fmu_with_a_damper_in_its_joint(tmp_path: Path, backend: Literal["native", "python"]) -> None:
-    fmu = build(DampedJoint.model(), tmp_path, backend=backend)
+    fmu = build(assemble(DampedJoint), tmp_path, backend=backend)
     result = simulate(fmu, stop_time=5.0, step_size=0.05, tolerance=1e-10)
     n = {p.name: p.start for p in DampedJoint.parameters}
 
@@ -204,7 +203,7 @@ def test_declared_friction_needs_no_method() -> None:
     sledge = derive(Sledge)
     n = random_state(sledge, 3) | {"air": 0.25, "snow": 0.5, "x_dot": 0.8, "p_x": 1.6, "x_force": 0.0, "x_load": 0.0}
     assert sledge.evaluate("accelerations", **n)[0] == pytest.approx(-0.75 * n["x_dot"], rel=ROUNDING)
-    variables = {v.name: v for v in Sledge.model().parameters}
+    variables = {v.name: v for v in assemble(Sledge).parameters}
     assert (variables["air"].variability, variables["air"].description) == ("tunable", "of the air")
 
 
@@ -235,7 +234,7 @@ def test_operator_feels_the_friction_of_what_it_moves() -> None:
 @pytest.mark.parametrize("oil", [0.3, -0.3])
 def test_fmu_of_a_clutch_that_slips_or_drives(tmp_path: Path, oil: float) -> None:
     """I ω' = c (Ω - ω): an exponential, which grows where the friction is negative; then energy comes in."""
-    fmu = build(Clutch.model(), tmp_path)
+    fmu = build(assemble(Clutch), tmp_path)
     result = simulate(fmu, stop_time=3.0, step_size=0.1, tolerance=1e-10, oil=oil, shaft_dot=2.0, wheel_dot_0=1.0)
     slip = -np.exp(-oil * result.time / 0.5)
     assert max_error(result["wheel_dot"], 2.0 + slip) <= 1e-8  # a hundred tolerances
@@ -278,7 +277,7 @@ class FreePair(Mechanism):
 
 def test_friction_within_a_free_system_leaves_its_momenta(tmp_path: Path) -> None:
     """Noether's theorem holds of D, too: unchanged when the whole is moved or turned, it leaves the momenta."""
-    result = simulate(build(FreePair.model(), tmp_path), stop_time=20.0, step_size=0.1, tolerance=1e-11)
+    result = simulate(build(assemble(FreePair), tmp_path), stop_time=20.0, step_size=0.1, tolerance=1e-11)
     momentum = [result[f"p_{axis}_1"] + result[f"p_{axis}_2"] for axis in "xy"]
     moments = [result[f"x_{i}"] * result[f"p_y_{i}"] - result[f"y_{i}"] * result[f"p_x_{i}"] for i in (1, 2)]
     turning = moments[0] + moments[1]
@@ -306,7 +305,7 @@ class Stirred(Mechanism):
 
 def test_friction_of_an_orientation_is_a_torque_against_its_turn(tmp_path: Path) -> None:
     start: Any = {"omega_x_0": 1.0, "omega_y_0": -2.0, "omega_z_0": 0.5}
-    result = simulate(build(Stirred.model(), tmp_path), stop_time=2.0, step_size=0.1, tolerance=1e-10, **start)
+    result = simulate(build(assemble(Stirred), tmp_path), stop_time=2.0, step_size=0.1, tolerance=1e-10, **start)
     for axis in "xyz":  # H = I ω, H' = -c ω about an axis that stays
         expected = 0.4 * start[f"omega_{axis}_0"] * np.exp(-0.3 / 0.4 * result.time)
         assert max_error(result[f"H_{axis}"], expected) <= 1e-8  # a hundred tolerances
@@ -328,7 +327,7 @@ class DampedChain(OscillatorChain):
 def test_dampers_of_a_free_chain_act_between_its_links() -> None:
     """M u'' = -(K u + C u') with C ∝ K, the matrix of differences; the sum of the momenta is constant."""
     n = 5
-    model = DampedChain.model(n).flat()
+    model = assemble(DampedChain, n).flat()
     names = [v.name for v in model.outputs]
     rng = np.random.default_rng(5)
     u, p = rng.normal(size=(2, n))
@@ -348,10 +347,10 @@ def test_dampers_of_a_free_chain_act_between_its_links() -> None:
 
 
 def test_page_shows_the_dissipation_function() -> None:
-    page = index_page(Clutch.model()).decode()
+    page = index_page(assemble(Clutch)).decode()
     assert "<h3>Friction</h3>" in page
     assert "dissipation function" in page
-    assert "<h3>Friction</h3>" not in index_page(FrictionlessPair.model()).decode()
+    assert "<h3>Friction</h3>" not in index_page(assemble(FrictionlessPair)).decode()
 
 
 class FrictionlessPair(FreePair):

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.mechanics import Coordinate, Mechanism, Parameter, constraint, derive, point, unchecked
+from liaisons.language import Coordinate, Mechanism, Parameter, constraint, point, unchecked
+from liaisons.mechanics import assemble, derive
 from liaisons.mechanics import inertia as structure
 from liaisons.models import PendulumChain
 
@@ -107,13 +108,13 @@ def test_sparse_and_dense_ways_give_one_motion(tree: Callable[[int], int], monke
 @pytest.mark.parametrize("tree", TREES.values(), ids=TREES.keys())
 def test_cost_grows_with_the_number_of_links_not_with_its_cube(tree: Callable[[int], int]) -> None:
     """Twice the links: about twice the operations; four times would be a matrix, eight times its factorization."""
-    small, large = (hanging(n, tree).model().derivatives.n_instructions() for n in (20, 40))
+    small, large = (assemble(hanging(n, tree)).derivatives.n_instructions() for n in (20, 40))
     assert large <= 2.4 * small
 
 
 def test_chain_of_the_user_is_the_chain_of_the_catalogue() -> None:
     n = 12
-    tree, chain = hanging(n, TREES["chain"]).model(), PendulumChain.model(n)
+    tree, chain = assemble(hanging(n, TREES["chain"])), assemble(PendulumChain, n)
     rng = np.random.default_rng(12)
     y = [*rng.normal(size=2 * n), 0.0, 0.0]
     k = [1.3, 1.0, 9.81, *[0.0] * 2 * n]
@@ -137,5 +138,5 @@ def test_four_bars_move_as_one_coordinate(count: int) -> None:
 
 
 def test_cost_of_constraints_grows_with_their_number() -> None:
-    small, large = (four_bars(n).model().derivatives.n_instructions() for n in (6, 18))
+    small, large = (assemble(four_bars(n)).derivatives.n_instructions() for n in (6, 18))
     assert large <= 3.6 * small

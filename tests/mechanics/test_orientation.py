@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import (
+from liaisons.language import (
     ActiveCoordinate,
     Coordinate,
-    Equations,
     Mechanism,
     Orientation,
     Parameter,
     constraint,
-    derive,
     point,
     unchecked,
 )
+from liaisons.mechanics import Equations, assemble, derive
 
 State = dict[str, float]
 
@@ -251,7 +250,7 @@ def test_constraints_that_hold_a_point_make_the_top_of_a_body_that_flies_freely(
 @pytest.mark.parametrize("seed", range(5))
 def test_projection_of_an_orientation_under_constraints(seed: int) -> None:
     """Constraints and unit length together, from the error that a step at a loose tolerance leaves."""
-    model, equations = Free.model(), derive(Free)
+    model, equations = assemble(Free), derive(Free)
     n = on_the_constraints(seed)
     names = ["x", "y", "z", *Orientation.quaternion]
     k = np.array([variable.start for variable in model.parameters])
@@ -279,7 +278,7 @@ def test_projection_of_an_orientation_under_constraints(seed: int) -> None:
 
 
 def test_projection_without_constraints_only_divides_by_the_norm() -> None:
-    model = HeavyTop.model()
+    model = assemble(HeavyTop)
     y = np.array([0.3, 0.8, 0.1, -0.6, 0.2, 1.0, 2.0, 3.0, 4.0, 0.0, 0.0])
     u, k = np.zeros(len(model.inputs)), np.array([variable.start for variable in model.parameters])
     assert model.project is not None
@@ -308,7 +307,7 @@ def spinning(kind: Literal["rate", "momentum"]) -> type[Mechanism]:
 
 
 def start(component: type[Mechanism], **values: float) -> dict[str, float]:
-    model = component.model()
+    model = assemble(component)
     given = values | dict(zip(("q_w_0", "q_x_0", "q_y_0", "q_z_0"), (0.5, -0.5, 0.5, 0.5), strict=True))
     k = np.array([given.get(variable.name, variable.start) for variable in model.parameters])
     u = np.array([3.0 if variable.name == "wheel_dot" else 0.0 for variable in model.inputs])

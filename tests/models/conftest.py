@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from liaisons.fmu import build
-from liaisons.mechanics import Component, Equations
+from liaisons.language import Component
+from liaisons.mechanics import Equations, assemble
 
 State = dict[str, float]
 
@@ -25,7 +26,7 @@ def fmu(shared_folder: Path) -> Callable[..., Path]:
 
     @cache
     def built(component: type[Component], backend: Literal["native", "python"] = "native") -> Path:
-        return build(component.model(), shared_folder, backend=backend)
+        return build(assemble(component), shared_folder, backend=backend)
 
     return built
 

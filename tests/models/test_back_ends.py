@@ -10,7 +10,8 @@ import pytest
 
 from liaisons.check import max_error
 from liaisons.cosim import simulate
-from liaisons.mechanics import Equations, Mechanism, Operator, derive
+from liaisons.language import Mechanism, Operator
+from liaisons.mechanics import Equations, assemble, derive
 from liaisons.models import CATALOGUE
 
 HOLD = 0  # input_reconstruction
@@ -43,7 +44,7 @@ def expressions(equations: Equations) -> dict[str, ca.SX]:
 @pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
 def test_outputs_at_the_start_are_the_derived_equations(component, backend: str, fmu, random_states, number) -> None:
     equations = derive(component)
-    model = component.model()
+    model = assemble(component)
     settable = [variable.name for variable in (*model.parameters, *model.inputs)]
     for state in random_states(equations, count=3):
         starts = {name: state[name] if name in state else state[name.removesuffix("_0")] for name in settable}

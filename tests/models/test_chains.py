@@ -15,7 +15,8 @@ from liaisons.check import max_error, slope
 from liaisons.cosim import System, simulate
 from liaisons.errors import ValidityError
 from liaisons.fmu import build
-from liaisons.mechanics import Chain
+from liaisons.language import Chain
+from liaisons.mechanics import assemble
 from liaisons.models import DoublePendulum, DrivenChain, LinearMolecule, OscillatorChain, PendulumChain, Sinusoid
 
 TOLERANCE = 1e-10
@@ -28,7 +29,7 @@ def sized(shared_folder: Path) -> Callable[..., Path]:
 
     @cache
     def built(component: type[Chain], n: int, backend: Literal["native", "python"] = "native") -> Path:
-        return build(component.model(n), shared_folder / f"n={n}", backend=backend)
+        return build(assemble(component, n), shared_folder / f"n={n}", backend=backend)
 
     return built
 
@@ -114,7 +115,7 @@ def test_driven_chain_satisfies_newtons_law(omega: float) -> None:
 @pytest.mark.parametrize("n", [2, 9])
 def test_pendulum_chain_obeys_newtons_law(n: int) -> None:
     """Rods can only pull: m r_j'' = m g + S_j - S_(j+1) along the rods, with the pivot moving as it likes."""
-    model = PendulumChain.model(n).flat()
+    model = assemble(PendulumChain, n).flat()
     rng = np.random.default_rng(n)
     for _ in range(5):
         mass, length, gravity = rng.uniform(0.5, 2, 3)

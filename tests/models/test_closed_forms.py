@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import quad
 
 from liaisons.errors import ValidityError
-from liaisons.mechanics import Mechanism, derive
+from liaisons.language import Mechanism
+from liaisons.mechanics import derive
 from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Swing
 
 # ---- every closed form solves the derived equations --------------------------------------------------------------

@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.mechanics import Mechanism, derive
+from liaisons.language import Mechanism
+from liaisons.mechanics import derive
 from liaisons.models import CATALOGUE
 
 MECHANISMS = [  # those whose coordinates may take any values; the others have tests of their own

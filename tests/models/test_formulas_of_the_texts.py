@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import ComponentError, ValidityError
-from liaisons.mechanics import derive, unchecked
+from liaisons.language import unchecked
+from liaisons.mechanics import derive
 from liaisons.models import CircularHoop, Oscillator, Pendulum, Swing
 
 

@@ -13,7 +13,7 @@ from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.errors import ComponentError, ValidityError
 from liaisons.fmu import build
-from liaisons.mechanics import Equations, derive
+from liaisons.mechanics import Equations, assemble, derive
 from liaisons.models import four_bars
 
 TWO = four_bars(2)
@@ -56,7 +56,7 @@ def rest(result: Any) -> NDArray:
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-7, 1e-9])
 def test_motion_passes_twenty_singular_configurations(tmp_path_factory, tolerance: float) -> None:
-    fmu = build(TWO.model(), tmp_path_factory.getbasetemp() / "four_bars")
+    fmu = build(assemble(TWO), tmp_path_factory.getbasetemp() / "four_bars")
     result = simulate(fmu, stop_time=20.0, step_size=0.05, tolerance=tolerance)
     exact = TWO.exact(result.time)
     assert np.sum(np.diff(np.floor(exact["theta"] / np.pi)) != 0) >= 20

@@ -20,7 +20,8 @@ from scipy.special import ellipeinc
 from liaisons.check import max_error
 from liaisons.cosim import Result, System, simulate
 from liaisons.errors import SimulationError, ValidityError
-from liaisons.mechanics import Coordinate, Equations, Mechanism, Parameter, derive
+from liaisons.language import Coordinate, Mechanism, Parameter
+from liaisons.mechanics import Equations, derive
 from liaisons.models import CircularHoop, Ramp
 from liaisons.models.elliptic_hoop import EllipticHoop
 from liaisons.models.fourier_hoop import FourierHoop

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from liaisons.fmu.jumps import jump_table
-from liaisons.mechanics import derive
+from liaisons.mechanics import assemble, derive
 from liaisons.models import CartesianPendulum, CircularHoop, Pendulum, PlanarCat, Satellite, SpatialCat, Swing
 
 JUMPS, MIXES = 1, 2
@@ -25,7 +25,7 @@ def test_jumps_have_a_limit_where_the_effective_mass_is_the_same_everywhere(comp
             varies |= np.abs(ends[1] - ends[0]).reshape(varies.shape) > 1e-9
     if component in (SpatialCat, Satellite):  # off the unit quaternions Θ means nothing
         varies[:] = False
-    table = jump_table(component.model())
+    table = jump_table(assemble(component))
     if not table:
         assert np.diag(varies).all()
         return
@@ -33,11 +33,11 @@ def test_jumps_have_a_limit_where_the_effective_mass_is_the_same_everywhere(comp
 
 
 def test_only_jumps_that_have_a_limit_are_in_the_code() -> None:
-    assert jump_table(Pendulum.model()) == [
+    assert jump_table(assemble(Pendulum)) == [
         [0, MIXES, MIXES],
         [MIXES, JUMPS | MIXES, MIXES],
         [MIXES, MIXES, JUMPS | MIXES],
     ]
-    assert jump_table(Swing.model()) == [[JUMPS, 0], [0, JUMPS]]
-    assert jump_table(CartesianPendulum.model()) == []  # kept by a constraint: it is projected
-    assert jump_table(CircularHoop.model()) == []  # off its centre a ring is flung out
+    assert jump_table(assemble(Swing)) == [[JUMPS, 0], [0, JUMPS]]
+    assert jump_table(assemble(CartesianPendulum)) == []  # kept by a constraint: it is projected
+    assert jump_table(assemble(CircularHoop)) == []  # off its centre a ring is flung out

@@ -12,7 +12,8 @@ import pytest
 from liaisons.check import max_error
 from liaisons.cosim import simulate
 from liaisons.errors import ComponentError, SimulationError, ValidityError
-from liaisons.mechanics import ActiveCoordinate, derive
+from liaisons.language import ActiveCoordinate
+from liaisons.mechanics import derive
 from liaisons.models import Pendulum, Swing
 from liaisons.models.general_swing import GeneralSwing
 from liaisons.models.shaped_swing import marle_swing

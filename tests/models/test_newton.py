@@ -12,7 +12,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from liaisons.mechanics import Mechanism, derive
+from liaisons.language import Mechanism
+from liaisons.mechanics import derive
 from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Swing
 
 Hand = dict[str, np.ndarray]

@@ -7,7 +7,8 @@ import pytest
 
 from liaisons.cosim import System
 from liaisons.errors import ValidityError
-from liaisons.mechanics import Operator
+from liaisons.language import Operator
+from liaisons.mechanics import assemble
 from liaisons.models import CATALOGUE, Constant, FourierSeries, Ramp, Sinusoid, SmoothStep
 
 OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
@@ -24,7 +25,7 @@ TIMES = np.linspace(-1, 4, 41)  # 0.125 apart: the instants of all jumps are amo
 
 def triple(component: type[Operator], times: np.ndarray, values: dict[str, float]) -> dict[str, np.ndarray]:
     """What the FMU's equations give: y, y', y'' at the times."""
-    model = component.model()
+    model = assemble(component)
     k = [values[parameter.name] for parameter in model.parameters]
     rows = [np.asarray(model.outputs_function(t, [], [], k, [])).ravel() for t in times]
     return dict(zip((output.name for output in model.outputs), np.array(rows).T, strict=True))
@@ -42,7 +43,7 @@ def test_triple_is_the_closed_form(component) -> None:
 @pytest.mark.parametrize("component", OPERATORS, ids=lambda component: component.__name__)
 def test_derivatives_belong_to_the_value(component) -> None:
     values = VALUES[component]
-    instants = np.asarray(component.model().events([values[p.name] for p in component.parameters])).ravel()
+    instants = np.asarray(assemble(component).events([values[p.name] for p in component.parameters])).ravel()
     times = TIMES[np.abs(TIMES[:, None] - instants[None, :]).min(axis=1, initial=1.0) > 0.01]
     h = 1e-3
     at = {shift: component.exact(times + shift * h, **values) for shift in (-2, -1, 0, 1, 2)}
@@ -54,9 +55,9 @@ def test_derivatives_belong_to_the_value(component) -> None:
 
 
 def test_events_are_the_instants_where_the_signal_is_not_smooth() -> None:
-    assert np.asarray(Ramp.model().events([0.0, 1.0, 0.75])).ravel() == pytest.approx([0.75])
-    assert np.asarray(SmoothStep.model().events([0.0, 1.0, 0.5, 1.5])).ravel() == pytest.approx([0.5, 2.0])
-    assert Sinusoid.model().events([0.0] * 4).numel() == 0
+    assert np.asarray(assemble(Ramp).events([0.0, 1.0, 0.75])).ravel() == pytest.approx([0.75])
+    assert np.asarray(assemble(SmoothStep).events([0.0, 1.0, 0.5, 1.5])).ravel() == pytest.approx([0.5, 2.0])
+    assert assemble(Sinusoid).events([0.0] * 4).numel() == 0
 
 
 def test_ramp_takes_the_rate_after_the_jump_at_the_jump() -> None:

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.check import max_error, slope
 from liaisons.cosim import simulate
 from liaisons.errors import SimulationError, ValidityError
-from liaisons.mechanics import Mechanism, derive
+from liaisons.language import Mechanism
+from liaisons.mechanics import derive
 from liaisons.models.charged_particle import ChargedParticle
 from liaisons.models.free_particle import FreeParticle
 from liaisons.models.kepler_orbit import KeplerOrbit

@@ -13,10 +13,11 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import dblquad, quad
 
+from liaisons import analysis
 from liaisons.check import max_error
 from liaisons.cosim import Result, System, simulate
 from liaisons.errors import SimulationError
-from liaisons.mechanics import analysis, derive
+from liaisons.mechanics import derive
 from liaisons.models.fourier_series import FourierSeries
 from liaisons.models.planar_cat import PlanarCat
 

@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from liaisons.check import max_error, slope
 from liaisons.cosim import Result, simulate
 from liaisons.errors import SimulationError, ValidityError
-from liaisons.mechanics import Mechanism, Orientation, derive
+from liaisons.language import Mechanism, Orientation
+from liaisons.mechanics import derive
 from liaisons.models.satellite import Satellite
 from liaisons.models.solutions import rotations
 from liaisons.models.spatial_cat import SpatialCat

@@ -8,7 +8,7 @@ import pytest
 
 from liaisons.cosim import System, simulate
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Input, InternalState, Operator, Parameter
+from liaisons.language import Input, InternalState, Operator, Parameter
 from liaisons.models import Pendulum, SwingPump
 
 RATE, LOW, HIGH = 30.0, 0.95, 1.05

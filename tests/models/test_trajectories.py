@@ -16,7 +16,7 @@ import pytest
 
 from liaisons.check import max_error, slope
 from liaisons.cosim import Result, System, simulate
-from liaisons.mechanics import Mechanism
+from liaisons.language import Mechanism
 from liaisons.models import CircularHoop, DoublePendulum, Flywheel, Oscillator, Pendulum, Ramp, Sinusoid, Swing
 
 Values = dict[str, Any]  # start values by name

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from liaisons import System, build
+from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, Sinusoid
 
 
@@ -17,7 +18,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def pendulum(folder) -> Path:
-    return build(Pendulum.model(), folder, backend="native")
+    return build(assemble(Pendulum), folder, backend="native")
 
 
 @pytest.fixture(scope="session")
@@ -25,6 +26,6 @@ def swing(pendulum, folder) -> System:
     """A pendulum whose length a Sinusoid moves."""
     system = System("swing")
     bob = system.add("bob", pendulum, theta_0=0.5)
-    motor = system.add("motor", build(Sinusoid.model(), folder, backend="native"), offset=1.0, angular_frequency=6.0)
+    motor = system.add("motor", build(assemble(Sinusoid), folder, backend="native"), offset=1.0, angular_frequency=6.0)
     system.connect(motor["y"], bob["length"])
     return system

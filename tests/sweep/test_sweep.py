@@ -20,6 +20,7 @@ import pytest
 
 from liaisons import Result, System, build, simulate
 from liaisons.errors import SimulationError
+from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 from liaisons.sweeps import SweepError, grid, sweep
 
@@ -46,7 +47,7 @@ def test_every_case_is_the_same_as_alone(pendulum, workers) -> None:
 
 @pytest.mark.parametrize("kind", ["FMI 3.0", "Python"])
 def test_other_kinds_of_fmus(folder, kind) -> None:
-    model = Pendulum.model()
+    model = assemble(Pendulum)
     fmu = build(model, folder, fmi="3") if kind == "FMI 3.0" else build(model, folder, backend="python")
     cases = {"theta_0": [0.1, -1.0, 2.0], "mass": [1.0, -1.0, 2.0]}
     table = sweep(fmu, cases, ["theta", "p_theta"], workers=1, **SPAN)

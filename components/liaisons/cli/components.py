@@ -22,7 +22,7 @@ from liaisons.project import declared_components, fmus_directory, from_here
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
     from liaisons.fmu.layout import Fmi
-    from liaisons.mechanics import Component
+    from liaisons.language import Component
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -144,7 +144,7 @@ def _size(text: str) -> tuple[str, object]:
 
 
 def _row(component: type[Component]) -> dict[str, str]:
-    from liaisons.mechanics import Chain, Mechanism
+    from liaisons.language import Chain, Mechanism
 
     moving = component if issubclass(component, (Mechanism, Chain)) else None
     ending = "[n]" if issubclass(component, Chain) else ""

@@ -11,7 +11,7 @@ from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values
 from liaisons.cosim.variables import Variable
-from liaisons.errors import ConnectionError  # noqa: A004 - the field's word for it
+from liaisons.errors import ConnectError
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
@@ -34,14 +34,14 @@ class Component:
     def __getitem__(self, name: str) -> End:
         """A variable, an array, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
 
-        :raises ConnectionError: with the nearest name, if there is nothing of that name.
+        :raises ConnectError: with the nearest name, if there is nothing of that name.
         """
         if not isinstance(name, str):
-            raise ConnectionError(f"{self.name}: ends go by name, {shown(name)} is none")
+            raise ConnectError(f"{self.name}: ends go by name, {shown(name)} is none")
         end = End(self, name)
         if not end.exists and not end.axes():
             points = {other[:-2] for other in self.fmu.variables.entries if other.endswith(("_x", "_y", "_z"))}
-            raise ConnectionError(f"{self.name}: {self.fmu.unknown(name, *points)}")
+            raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *points)}")
         return end
 
     @property

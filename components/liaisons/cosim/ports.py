@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import final
 
 from liaisons.cosim.component import End
-from liaisons.errors import ConnectionError  # noqa: A004 - the field's word for it
+from liaisons.errors import ConnectError
 
 
 @final
@@ -43,7 +43,7 @@ class Link:
 def links(first: End, second: End) -> list[Link]:
     """The scalar connections that join two ends; the order of the ends does not matter, causality decides.
 
-    :raises ConnectionError: if they do not fit; the message names both.
+    :raises ConnectError: if they do not fit; the message names both.
     """
     if not (first.exists and second.exists):
         return _point_links(first, second)
@@ -64,7 +64,7 @@ def links(first: End, second: End) -> list[Link]:
 def _array_links(first: End, second: End) -> list[Link]:
     one, other = first.elements(), second.elements()
     if len(one) != len(other):
-        raise ConnectionError(
+        raise ConnectError(
             f"{first} has {len(one)} elements, {second} has {len(other)}: connect single elements, "
             f"for example '{(one if first.is_array else other)[0].name}'"
         )
@@ -74,7 +74,7 @@ def _array_links(first: End, second: End) -> list[Link]:
 def _point_links(first: End, second: End) -> list[Link]:
     one, other = first.axes(), second.axes()
     if one.keys() != other.keys():
-        raise ConnectionError(
+        raise ConnectError(
             f"{first} has the port components {_listed(one)}, {second} has {_listed(other)}: "
             "connect single components, for example 'bob_x' with 'pivot_x'"
         )
@@ -89,13 +89,13 @@ def _link(source: End, target: End) -> Link:
     causalities = source.variable.causality, target.variable.causality
     if causalities != ("output", "input"):
         hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
-        raise ConnectionError(
+        raise ConnectError(
             f"{source} ({causalities[0]}) and {target} ({causalities[1]}) cannot be connected: "
             f"one end must be an output, the other an input{hint}"
         )
     for end in (source, target):
         if end.variable.type != "Real":
-            raise ConnectionError(
+            raise ConnectError(
                 f"{source} and {target} cannot be connected: {end} is {end.variable.type}, only Real variables can be"
             )
     _check_units(source, target)
@@ -108,9 +108,9 @@ def _check_units(source: End, target: End) -> None:
         return
     words = f"{source} [{source.variable.unit}] and {target} [{target.variable.unit}] cannot be connected: "
     if one.exponents != other.exponents:
-        raise ConnectionError(f"{words}their units are of different kinds")
+        raise ConnectError(f"{words}their units are of different kinds")
     if not math.isclose(one.factor, other.factor) or one.offset != other.offset:
-        raise ConnectionError(
+        raise ConnectError(
             f"{words}their units differ by the factor {one.factor / other.factor:g} or an offset; "
             "export one of the FMUs with the unit of the other"
         )

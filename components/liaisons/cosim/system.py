@@ -25,7 +25,7 @@ from liaisons.cosim.drive import Function
 from liaisons.cosim.ports import Link, links
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.cosim.simulation import communication_points, first_points, reals, run, signals
-from liaisons.errors import ConnectionError, SimulationError, suggestion  # noqa: A004 - the field's word for it
+from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.results import Result
 
 
@@ -73,27 +73,27 @@ class System:
         Which end gives and which takes follows from causality, so their order does not matter.  Nothing is connected
         unless everything fits.
 
-        :raises ConnectionError: if causality or units clash, or an input has a source already; names both ends.
+        :raises ConnectError: if causality or units clash, or an input has a source already; names both ends.
         """
         for end in (source, target):
             if not isinstance(end, End):
-                raise ConnectionError(
+                raise ConnectError(
                     f'{self.name}: {shown(end)} is no end; connect handle["length"] of what add() has returned'
                 )
             if self._components.get(end.component.name) is not end.component:
-                raise ConnectionError(f"{end} is no component of {self.name}; connect what its add() has returned")
+                raise ConnectError(f"{end} is no component of {self.name}; connect what its add() has returned")
         self.join(links(source, target))
 
     def join(self, links: Iterable[Link]) -> None:
         """Put scalar connections into the system, all of them or none.
 
-        :raises ConnectionError: if an input has a source already.
+        :raises ConnectError: if an input has a source already.
         """
         joined = dict(self._links)
         for link in links:
             taken = joined.setdefault(link.target.place, link)
             if taken is not link:
-                raise ConnectionError(
+                raise ConnectError(
                     f"{link.source} cannot be connected with {link.target}: {taken.source} feeds it already; "
                     "an input has one source"
                 )
@@ -104,7 +104,7 @@ class System:
         """Read an SSP archive (1.0 or 2.0), of ours or of another make; see :mod:`liaisons.cosim.ssp`.
 
         :raises SimulationError: if the archive is damaged or incomplete, or has what cannot be simulated here.
-        :raises ConnectionError: if one of its connections does not fit.
+        :raises ConnectError: if one of its connections does not fit.
         """
         archive = ssp.read(as_path("archive", path), cls)
         assert isinstance(archive.system, cls)

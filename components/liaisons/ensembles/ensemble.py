@@ -16,11 +16,11 @@ from liaisons.ensembles.equations import Equations, Settable, default_record, eq
 from liaisons.ensembles.kernel import LANES, Advance, kernel
 from liaisons.ensembles.methods import METHODS
 from liaisons.errors import SimulationError
+from liaisons.expressions import program
+from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.library import component as find
-from liaisons.mechanics.model import Variable
 from liaisons.results import Result
-from liaisons.statements import program
 
 Method = Literal["rk4", "rk8"]
 Backend = Literal["auto", "native", "numpy"]

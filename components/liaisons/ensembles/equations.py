@@ -16,8 +16,9 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
-from liaisons.mechanics import Component, Operator
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Component, Operator, Variable
+from liaisons.mechanics import assemble
+from liaisons.mechanics.model import Model
 
 Columns = tuple[ca.SX, ...]
 """t, lanes, shared: what every expression may depend on."""
@@ -161,7 +162,7 @@ def default_record(model: Model) -> list[str]:
 
 @lru_cache(maxsize=32)
 def _model(component: type[Component]) -> Model:
-    return component.model().flat()
+    return assemble(component).flat()
 
 
 def _signal(model: Model, name: str, operator: type[Component]) -> Model:

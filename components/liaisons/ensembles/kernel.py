@@ -25,7 +25,7 @@ from liaisons.compiler import Target, compile_library, host, system_compiler, zi
 from liaisons.ensembles.equations import Equations
 from liaisons.ensembles.methods import METHODS, Tableau
 from liaisons.errors import BuildError
-from liaisons.statements import c_statements, program
+from liaisons.expressions import c_statements, program
 
 LANES = 32
 

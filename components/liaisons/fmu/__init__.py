@@ -1,5 +1,5 @@
 """Equations -> .fmu: generated C with a small runtime, or pythonfmu with CasADi at run time."""
 
-from liaisons.fmu.build import build
+from liaisons.fmu.building import build
 
 __all__ = ["build"]

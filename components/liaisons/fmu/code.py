@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 
 from liaisons.errors import BuildError
+from liaisons.expressions.algebra import stack
 from liaisons.fmu.dependencies import coupled, shown_states
 from liaisons.fmu.description import sources
 from liaisons.fmu.functions import function_code
@@ -21,8 +22,8 @@ from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import TIME, Fmi, mismatch_place, places, scalars
 from liaisons.fmu.loops import PREAMBLE, loop_functions
 from liaisons.fmu.markup import document, element
-from liaisons.mechanics.algebra import stack
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Variable
+from liaisons.mechanics.model import Model
 
 _FMI_HEADERS = {
     "2": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack
 
+from liaisons.expressions.rows import RowProgram, dependencies
 from liaisons.fmu.layout import TIME
-from liaisons.mechanics.model import Model, Variable
-from liaisons.mechanics.sweeps import Program, dependencies
+from liaisons.language import Variable
+from liaisons.mechanics.model import Model
 
 Pattern = NDArray[np.bool_]
 
@@ -105,11 +106,11 @@ def states_that_jump(model: Model) -> set[str]:
     return {state.name for state, row in zip(states, pattern, strict=True) if row.any()}
 
 
-def _programs(model: Model) -> dict[str, Program]:
+def _programs(model: Model) -> dict[str, RowProgram]:
     return {program.name: program for program in model.programs}
 
 
-def _between_entries(program: Program, result: int, arguments: Iterable[int]) -> Pattern:
+def _between_entries(program: RowProgram, result: int, arguments: Iterable[int]) -> Pattern:
     """Which variables of a result depend on which variables of some arguments, side by side."""
     pieces = []
     for argument in arguments:

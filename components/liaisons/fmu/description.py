@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from scipy.sparse import csr_array
 
-from liaisons import __version__, units
+from liaisons import units
 from liaisons.fmu.dependencies import between_numbers, initial, running, shown_states, states_that_jump
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
@@ -29,7 +29,9 @@ from liaisons.fmu.layout import (
     size_references,
 )
 from liaisons.fmu.markup import document, element
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Variable
+from liaisons.mechanics.model import Model
+from liaisons.version import __version__
 
 Backend = Literal["native", "python"]
 

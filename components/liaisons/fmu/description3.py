@@ -10,7 +10,6 @@ from itertools import chain
 
 import numpy as np
 
-from liaisons import __version__
 from liaisons.fmu.dependencies import Pattern, at_start, shown_states, states_that_jump, while_running
 from liaisons.fmu.description import (
     default_experiment,
@@ -24,7 +23,9 @@ from liaisons.fmu.description import (
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
-from liaisons.mechanics.model import Dimension, Model, Variable
+from liaisons.language import Dimension, Variable
+from liaisons.mechanics.model import Model
+from liaisons.version import __version__
 
 _BOTH = {
     "canGetAndSetFMUState": "true",

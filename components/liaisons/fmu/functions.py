@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import casadi as ca
 
-from liaisons.statements import OPERATIONS, c_parts
+from liaisons.expressions import OPERATIONS, c_parts
 
 _LONGEST = 1000
 """Operations in one function of C: for twice as many a compiler takes more than twice the time."""
@@ -18,7 +18,7 @@ _STATES = 1
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
     """Lines that define each function once, by its name, and how many numbers of work space they need.
 
-    Scalar code is printed by :mod:`liaisons.statements`: straight lines, in which a compiler sees that sine and cosine
+    Scalar code is printed by :mod:`liaisons.expressions`: straight lines, in which a compiler sees that sine and cosine
     have one argument, and merges them.  CasADi prints the rest: maps over the links of a chain, foreign calls.
     """
     different = {function.name(): function for function in functions}.values()

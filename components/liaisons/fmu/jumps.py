@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.fmu.dependencies import coupled, shown_states
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Variable
+from liaisons.mechanics.model import Model
 
 _SAMPLES, _TRIES = 6, 60
 _MOST = 64

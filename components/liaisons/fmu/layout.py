@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from liaisons import units
-from liaisons.mechanics.model import ActiveInput, Model, Variable
+from liaisons.language import Variable
+from liaisons.mechanics.model import ActiveInput, Model
 
 Fmi = Literal["2", "3"]
 

@@ -28,7 +28,8 @@ from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import mismatch_place
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Variable
+from liaisons.mechanics.model import Model
 
 _DEPENDENCIES = b"""\
 Python 3.11 or later with the packages of resources/requirements.txt.  Inside a Python process that interpreter is used;

@@ -25,7 +25,8 @@ from liaisons.errors import ComponentError, suggestion
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.markup import document, element
 from liaisons.fmu.python_runtime.calls import Call
-from liaisons.mechanics.model import Model, Variable
+from liaisons.language import Variable
+from liaisons.mechanics.model import Model
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 INTERVALS = 100

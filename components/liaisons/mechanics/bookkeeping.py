@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.mechanics.model import Variable
+from liaisons.language.variables import Variable
 
 MEMORY = ("energy_start", "energy_booked")
 """What is always remembered; behind it follows what an FMU finds of each prescribed coordinate, its mismatch."""

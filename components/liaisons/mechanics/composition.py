@@ -15,8 +15,9 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.language.variables import Experiment, Port, PortMember, Variable
 from liaisons.mechanics.bookkeeping import function
-from liaisons.mechanics.model import ActiveInput, Experiment, Model, Port, PortMember, State, Variable
+from liaisons.mechanics.model import ActiveInput, Model, State
 
 
 def compose(

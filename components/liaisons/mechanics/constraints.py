@@ -7,15 +7,12 @@ Passive constraints σ(x) = 0 (K eq. 2), submersions π(x) = σ(t) (M eq. 20) an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from liaisons.mechanics.algebra import stack
-
-if TYPE_CHECKING:
-    from liaisons.mechanics.inertia import Inertia
-    from liaisons.mechanics.mechanism import Mechanism
+from liaisons.expressions.algebra import stack
+from liaisons.language.mechanism import Mechanism
+from liaisons.mechanics.inertia import Inertia
 
 STABILISATION = 10.0
 """How fast the residual of a constraint decays [1/s] (Baumgarte): it keeps model exchange on the constraints."""

@@ -23,21 +23,18 @@ An orientation has the angular velocity ω in the body frame for ẋ, and its mo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import gradient, stack
+from liaisons.language.declarations import Coordinate
+from liaisons.language.mechanism import Mechanism, start_values
 from liaisons.mechanics import constraints
-from liaisons.mechanics.algebra import gradient, stack
 from liaisons.mechanics.constraints import Constraints
 from liaisons.mechanics.friction import Dissipation
 from liaisons.mechanics.inertia import inertia
-
-if TYPE_CHECKING:
-    from liaisons.mechanics.declarations import Coordinate
-    from liaisons.mechanics.mechanism import Mechanism
 
 QUANTITIES = (
     "mass_matrix",
@@ -233,15 +230,6 @@ def derive(component: type[Mechanism]) -> Equations:
         internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
         projection=constraints.projection(m, metric, loose, kept),
     )
-
-
-def start_values(picture: Mechanism) -> dict[str, float]:
-    """Defaults of parameters, coordinates, rates and inputs; what is not declared starts at 0."""
-    values = dict.fromkeys(picture.symbols, 0.0)
-    values |= {item.name: item.start for item in (*picture.parameters, *picture.coordinates, *picture.actives)}
-    values |= {item.name: item.start for item in picture.internal_states}
-    values |= {turn.quaternion[0]: 1.0 for turn in picture.orientations}
-    return values | {f"{q.name}_dot": q.start_rate for q in picture.coordinates}
 
 
 def _gyroscopic(component: type[Mechanism], m: Mechanism, p: ca.SX) -> ca.SX:

@@ -6,15 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.mechanics.algebra import gradient
-from liaisons.mechanics.component import Component
-from liaisons.mechanics.declarations import Friction
-
-
-def declared_coefficient(picture: Component) -> ca.SX:
-    """η of K eq. 64 where a component declares one; else 0."""
-    declared = (p.name for p in picture.parameters if isinstance(p, Friction))
-    return sum((picture.symbols[name] for name in declared), ca.SX(0))
+from liaisons.expressions.algebra import gradient
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from liaisons.mechanics.algebra import Factors, elimination_order, factorise, stack
-
-if TYPE_CHECKING:
-    from liaisons.mechanics.mechanism import Mechanism
+from liaisons.expressions.algebra import Factors, elimination_order, factorise, stack
+from liaisons.language.mechanism import Mechanism
 
 MANY = 8
 """So many degrees of freedom make it worthwhile to look for structure."""

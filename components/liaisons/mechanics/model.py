@@ -15,91 +15,13 @@ vectors, always in this order, all dense columns of doubles:
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from numbers import Real
-from typing import Literal
 
 import casadi as ca
 
-from liaisons.errors import ComponentError
-from liaisons.mechanics.sweeps import Program
-
-Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
-PortKind = Literal["free", "active", "point", "signal"]
-Variability = Literal["fixed", "tunable", "discrete", "continuous"]
-
-
-@dataclass(frozen=True, slots=True)
-class Dimension:
-    """A structural size, fixed when the FMU is built: the length of arrays."""
-
-    name: str
-    count: int
-    description: str
-
-
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """One variable of the model description: a number, or a column of numbers under one name."""
-
-    name: str
-    unit: str
-    description: str
-    causality: Causality
-    variability: Variability
-    start: float | tuple[float, ...] | None = None  # parameters and inputs only; (1.0, 2.0): the rest are 0
-    minimum: float | None = None
-    maximum: float | None = None
-    strict: bool = False  # True: the bounds themselves are forbidden too
-    nominal: float | None = None
-    derivative_of: str | None = None  # name of the variable whose time derivative this is
-    dimension: Dimension | None = None  # None: a scalar
-    symbol: str = ""  # its letter, where it is not the one of its name
-
-    @property
-    def count(self) -> int:
-        """How many numbers it holds."""
-        return 1 if self.dimension is None else self.dimension.count
-
-    @property
-    def starts(self) -> tuple[float, ...]:
-        """Start values of all its numbers; 0 where there is none."""
-        if isinstance(self.start, tuple):
-            return self.start + (0.0,) * (self.count - len(self.start))
-        return (self.start or 0.0,) * self.count
-
-    def elements(self) -> tuple[Variable, ...]:
-        """Its scalars, ``theta[1]``, ``theta[2]``, ...; itself if it is one."""
-        if self.dimension is None:
-            return (self,)
-        return tuple(
-            replace(
-                self,
-                name=_element(self.name, i),
-                start=None if self.start is None else start,
-                derivative_of=None if self.derivative_of is None else _element(self.derivative_of, i),
-                dimension=None,
-            )
-            for i, start in enumerate(self.starts, start=1)
-        )
-
-    def domain(self) -> str:
-        """The allowed values in words: ``"> 0"``, ``"in [0, 1]"``; empty when all are allowed."""
-        less, more = ("<", ">") if self.strict else ("<=", ">=")
-        if self.minimum is not None and self.maximum is not None:
-            left, right = ("]", "[") if self.strict else ("[", "]")
-            return f"in {left}{self.minimum:g}, {self.maximum:g}{right}"
-        if self.minimum is not None:
-            return f"{more} {self.minimum:g}"
-        return f"{less} {self.maximum:g}" if self.maximum is not None else ""
-
-    def allows(self, value: float) -> bool:
-        """Whether a finite value lies in the domain."""
-        below = self.minimum is not None and (value < self.minimum or (self.strict and value == self.minimum))
-        above = self.maximum is not None and (value > self.maximum or (self.strict and value == self.maximum))
-        return not (below or above)
+from liaisons.expressions.rows import RowProgram
+from liaisons.language.variables import Dimension, Experiment, Port, PortMember, Variable, element
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,46 +39,6 @@ class ActiveInput:
     value: str
     rate: str
     acceleration: str
-
-
-@dataclass(frozen=True, slots=True)
-class PortMember:
-    """One member of a port: its role (``"s"``, ``"v"``, ``"a"``, ``"f"``, ``"phi"``, ...) and its variable."""
-
-    role: str
-    variable: str
-
-
-@dataclass(frozen=True, slots=True)
-class Port:
-    """A coordinate or a component of a named point, seen as a connector (terminal)."""
-
-    name: str
-    kind: PortKind
-    members: tuple[PortMember, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """Default experiment: one that shows something worthwhile.
-
-    The start values of a component may be such that nothing happens.  Then ``reference`` gives those of its reference
-    results, by the names of scalar parameters and inputs; a coordinate that an operator prescribes moves as its rate
-    and its acceleration say.
-
-    :raises ComponentError: unless all three are finite and > 0.
-    """
-
-    stop_time: float = 10.0
-    step_size: float = 0.01
-    tolerance: float = 1e-8
-    reference: Mapping[str, float] = field(default_factory=dict, hash=False)
-
-    def __post_init__(self) -> None:
-        for name in ("stop_time", "step_size", "tolerance"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < math.inf:
-                raise ComponentError(f"Experiment: {name} = {value!r}: it must be a number > 0")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,7 +93,7 @@ class Model:
     equations: tuple[Equation, ...] = ()  # for the documentation
     closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
     dimensions: tuple[Dimension, ...] = ()
-    programs: tuple[Program, ...] = ()  # what those of the functions that run along links were made from
+    programs: tuple[RowProgram, ...] = ()  # what those of the functions that run along links were made from
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -227,12 +109,12 @@ class Model:
         def names(of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
             """Names that belong together, element by element; those of scalars as they are."""
             count = sized.get(of[0], 1)
-            return (tuple(_element(n, i) if n in sized else n for n in of) for i in range(1, count + 1))
+            return (tuple(element(n, i) if n in sized else n for n in of) for i in range(1, count + 1))
 
         def port(p: Port) -> Iterator[Port]:
             members = names(tuple(member.variable for member in p.members))
             for i, variables in enumerate(members, start=1):
-                name = _element(p.name, i) if p.name in sized else p.name
+                name = element(p.name, i) if p.name in sized else p.name
                 roles = (member.role for member in p.members)
                 yield Port(name, p.kind, tuple(map(PortMember, roles, variables)))
 
@@ -247,7 +129,3 @@ class Model:
             ),
             ports=tuple(element for p in self.ports for element in port(p)),
         )
-
-
-def _element(name: str, index: int) -> str:
-    return f"{name}[{index}]"

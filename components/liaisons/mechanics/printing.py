@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from liaisons.mechanics.algebra import gradient, stack
+from liaisons.expressions.algebra import gradient, stack
+from liaisons.language.chain import Chain
+from liaisons.language.component import Component
+from liaisons.language.operator import Operator
+from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
-
-if TYPE_CHECKING:
-    from liaisons.mechanics.chains import Chain
-    from liaisons.mechanics.component import Component
-    from liaisons.mechanics.equations import Equations
-    from liaisons.mechanics.operator import Operator
 
 
 def checked_against(component: type[Component]) -> str:

@@ -10,7 +10,7 @@ import pkgutil
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from liaisons.mechanics import Component, Operator
+from liaisons.language import Component, Operator
 
 
 def _declared() -> dict[str, Any]:

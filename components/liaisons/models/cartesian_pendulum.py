@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.pendulum import Pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
 from liaisons.models.solutions.stumpff import centre_of_turns, turning_motion
 from liaisons.models.solutions.validity import require
 

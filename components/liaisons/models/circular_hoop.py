@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition, output
+from liaisons.language import Coordinate, Parameter, Values, calculated, closed_form, condition, output
 from liaisons.models.hoop import Hoop
 from liaisons.models.solutions import elliptic
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, Values, closed_form, point
+from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, Values, closed_form, point
 from liaisons.models.solutions.linear import superposition
 
 

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Experiment, Parameter, Size, calculated
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Chain, Coordinate, Experiment, Parameter, Size, calculated
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions.linear import superposition
 
 

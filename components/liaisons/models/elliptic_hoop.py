@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipeinc
 
-from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition, output
+from liaisons.language import Coordinate, Parameter, Values, calculated, closed_form, condition, output
 from liaisons.models.parametrised_hoop import ParametrisedHoop
 from liaisons.models.solutions.hoops import elliptic_hoop
 

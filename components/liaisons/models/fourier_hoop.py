@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Parameter, Values, calculated, closed_form, condition
+from liaisons.language import Coordinate, Parameter, Values, calculated, closed_form, condition
 from liaisons.models.parametrised_hoop import SAMPLES, ParametrisedHoop
 from liaisons.models.solutions.hoops import fourier_hoop
 

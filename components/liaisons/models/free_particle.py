@@ -5,8 +5,7 @@ from __future__ import annotations
 import casadi as ca
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Friction, Gravity, Mechanism, Parameter
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import Coordinate, Experiment, Friction, Gravity, Mechanism, Parameter, Values, closed_form
 from liaisons.models.solutions.linear import oscillation
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Coordinate, Mechanism, Values, closed_form, condition, output, unchecked
+from liaisons.language import Coordinate, Mechanism, Values, closed_form, condition, output, unchecked
 from liaisons.models.solutions import elliptic
 from liaisons.models.solutions.validity import require
 

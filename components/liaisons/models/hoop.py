@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 import casadi as ca
 
-from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Parameter, output, point
+from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Parameter, output, point
 
 
 class Hoop(Mechanism, abstract=True):

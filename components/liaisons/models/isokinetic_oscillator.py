@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, non_holonomic, output
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, non_holonomic, output
 from liaisons.models.solutions.isokinetic import Orbit, isokinetic_motion
 from liaisons.models.solutions.validity import require
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, condition, output
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, condition, output
 from liaisons.models.solutions.kepler import kepler_motion
 from liaisons.models.solutions.validity import require
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, calculated, closed_form, output
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, calculated, closed_form, output
 from liaisons.models.solutions import molecule
 from liaisons.models.solutions.linear import superposition
 

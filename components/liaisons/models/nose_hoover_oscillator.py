@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.mechanics import Coordinate, Experiment, InternalState, Mechanism, Parameter, output
+from liaisons.language import Coordinate, Experiment, InternalState, Mechanism, Parameter, output
 
 
 class NoseHooverOscillator(Mechanism):

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions.linear import oscillation
 from liaisons.models.solutions.validity import require
 

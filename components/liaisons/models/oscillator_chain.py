@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Chain, Coordinate, Experiment, Parameter, Size, Values, calculated, closed_form
+from liaisons.language import Chain, Coordinate, Experiment, Parameter, Size, Values, calculated, closed_form
 from liaisons.models.solutions.linear import superposition
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions import elliptic
 
 

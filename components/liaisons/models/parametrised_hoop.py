@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons.mechanics import calculated, condition, output
+from liaisons.language import calculated, condition, output
 from liaisons.models.hoop import Hoop
 
 # Quadrature of the arc length, nodes and weights on [-1, 1]: Gauss and Legendre's over half a turn at most, the

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import eval_laguerre, roots_laguerre
 
-from liaisons.mechanics import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions.linear import superposition
 
 

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions.linear import free_fall
 
 

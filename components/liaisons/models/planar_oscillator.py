@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
 from liaisons.models.solutions.linear import oscillation
 
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form
 
 
 class PolarOscillator(Mechanism):

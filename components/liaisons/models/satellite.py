@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions.euler_top import euler_top
 from liaisons.models.solutions.rotations import IDENTITY, turned, unit
 from liaisons.models.solutions.validity import positive_definite

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import new_class
 
 from liaisons.errors import ComponentError
-from liaisons.mechanics import ActiveCoordinate
+from liaisons.language import ActiveCoordinate
 from liaisons.models.general_swing import Function, GeneralSwing
 
 

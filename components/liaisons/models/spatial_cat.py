@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions import rotations
 from liaisons.models.solutions.linear import free_fall
 

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.mechanics import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
-from liaisons.mechanics.closed_forms import Values, closed_form
+from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions import elliptic
 from liaisons.models.solutions.validity import require
 

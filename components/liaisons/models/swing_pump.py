@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.mechanics import Input, InternalState, Operator, Parameter
+from liaisons.language import Input, InternalState, Operator, Parameter
 from liaisons.units import ANY
 
 

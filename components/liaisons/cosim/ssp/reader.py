@@ -24,7 +24,7 @@ from liaisons.cosim.ssp.experiment import Experiment, read_experiment
 from liaisons.cosim.ssp.structure import Node, Structure, read_structure
 from liaisons.cosim.ssp.structure import Path as Place
 from liaisons.cosim.ssp.xml import STRUCTURE, path, tag
-from liaisons.errors import ConnectionError, LiaisonsError, SimulationError, suggestion  # noqa: A004 - the field's word for it
+from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.folders import passing_folder
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def read(file: Path | str, system: Callable[[str], System], starts: Mapping[str,
     :param starts: start values that count more than those of the archive, by ``"component.variable"``.
     :raises SimulationError: if the archive is missing, damaged, of another version, lacks a file, or has something
         that cannot be simulated here; one line that names it.
-    :raises ConnectionError: if a connection does not fit.
+    :raises ConnectError: if a connection does not fit.
     """
     file = Path(file)
     with ExitStack() as stack:
@@ -205,7 +205,7 @@ def _ends(node: Node, components: dict[Place, Component]) -> list[End]:
 
 def _matched(start: Node, sources: list[End], end: Node, targets: list[End]) -> Iterable[tuple[End, End]]:
     if len(sources) != len(targets):
-        raise ConnectionError(
+        raise ConnectError(
             f"{start} has {len(sources)} elements, {end} has {len(targets)}: they cannot be connected as a whole"
         )
     return zip(sources, targets, strict=True)

@@ -11,14 +11,15 @@ from itertools import compress
 import casadi as ca
 import numpy as np
 
-from liaisons import __version__
 from liaisons.fmu.documentation.laws import LAWS
 from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.documentation.style import STYLE
 from liaisons.fmu.jumps import jumps
-from liaisons.mechanics.model import Model, Port, Variable
+from liaisons.language import Port, Variable
+from liaisons.mechanics.model import Model
+from liaisons.version import __version__
 
 _JOINT = "where the link before ends, or its rate"
 _KINDS = {

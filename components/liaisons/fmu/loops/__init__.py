@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from liaisons.expressions.row_derivatives import forward, reverse
+from liaisons.expressions.rows import RowProgram, leading
 from liaisons.fmu.loops.writing import PREAMBLE, Code, loops
-from liaisons.mechanics.differentiation import forward, reverse
-from liaisons.mechanics.sweeps import Program, leading
 
 __all__ = ["PREAMBLE", "Code", "loop_functions", "loops"]
 
 
-def loop_functions(programs: Iterable[Program], coupled: int, *, adjoint: bool) -> dict[str, Code]:
+def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: bool) -> dict[str, Code]:
     """The functions of a component by the names of core.h.
 
     :param programs: as in :class:`liaisons.mechanics.model.Model`.

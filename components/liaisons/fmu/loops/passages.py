@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from liaisons.mechanics.sweeps import Each, Program, Sum, Sweep, key, keys, scalars, substituted
+from liaisons.expressions.rows import Carry, Each, RowProgram, Sum, key, keys, scalars, substituted
 
 _CHEAP = {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE}
 _CHEAP |= {ca.OP_ASSIGN, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
@@ -17,7 +17,7 @@ class Passage:
     """One passage: what is carried, and what is calculated at each link."""
 
     inward: bool | None  # None: nothing is carried, the links are independent of each other
-    sweeps: list[Sweep] = field(default_factory=list)
+    carries: list[Carry] = field(default_factory=list)
     rows: list[tuple[str, ca.SX]] = field(default_factory=list)  # names of arrays, and what fills them
     sums: list[tuple[ca.SX, ca.SX]] = field(default_factory=list)  # symbols, terms
 
@@ -25,11 +25,11 @@ class Passage:
 class Passages:
     """The passages of a program, in their order; all expressions without names for others."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: RowProgram) -> None:
         self.found: list[Passage] = []
         self.definitions: list[tuple[ca.SX, ca.SX]] = []  # names for expressions, and these
-        self.neighbours: dict[int, tuple[Sweep, int]] = {}  # what is not carried: it can be had from the neighbours
-        self.ends: dict[int, tuple[Sweep, int]] = {}  # what the last link hands on of it
+        self.neighbours: dict[int, tuple[Carry, int]] = {}  # what is not carried: it can be had from the neighbours
+        self.ends: dict[int, tuple[Carry, int]] = {}  # what the last link hands on of it
         self._first: dict[int, int] = {}  # the first passage in which a symbol is known
         neighbourly = _is_neighbourly(program)
         for step in program.steps:
@@ -42,10 +42,10 @@ class Passages:
                         passage = self.at_links(term)
                         passage.sums.append((symbol, term))
                         self._first[key(symbol)] = self.found.index(passage) + 1
-                case Sweep() if neighbourly:
+                case Carry() if neighbourly:
                     self.neighbours |= {key(x): (inlined, i) for i, x in enumerate(scalars(inlined.symbols))}
                     self.ends |= {key(x): (inlined, i) for i, x in enumerate(scalars(inlined.last))}
-                case Sweep():
+                case Carry():
                     self._carry(inlined)
 
     def inlined(self, expression: ca.SX) -> ca.SX:
@@ -56,26 +56,26 @@ class Passages:
         """Where to calculate what is not carried: where it is first possible, apart from what is carried if it can."""
         needed = keys(expression)
         for passage in self.found[self._earliest(expression) :]:
-            if passage.inward is None or any(needed & keys(sweep.symbols) for sweep in passage.sweeps):
+            if passage.inward is None or any(needed & keys(carry.symbols) for carry in passage.carries):
                 return passage
         self.found.append(Passage(None))
         return self.found[-1]
 
-    def _carry(self, sweep: Sweep) -> None:
+    def _carry(self, carry: Carry) -> None:
         """Into the first passage in its direction where all that it needs is known, or carried along."""
-        places = range(self._earliest(sweep.read), len(self.found))
-        place = next((i for i in places if self.found[i].inward is sweep.inward), len(self.found))
+        places = range(self._earliest(carry.read), len(self.found))
+        place = next((i for i in places if self.found[i].inward is carry.inward), len(self.found))
         if place == len(self.found):
-            self.found.append(Passage(sweep.inward))
-        self.found[place].sweeps.append(sweep)
-        self._first |= dict.fromkeys(keys(sweep.symbols), place)
-        self._first |= dict.fromkeys(keys(sweep.last), place + 1)
+            self.found.append(Passage(carry.inward))
+        self.found[place].carries.append(carry)
+        self._first |= dict.fromkeys(keys(carry.symbols), place)
+        self._first |= dict.fromkeys(keys(carry.last), place + 1)
 
     def _earliest(self, expression: ca.SX) -> int:
         return max((self._first.get(symbol, 0) for symbol in keys(expression)), default=0)
 
 
-def _is_neighbourly(program: Program) -> bool:
+def _is_neighbourly(program: RowProgram) -> bool:
     """Whether nothing has to be carried: it follows from the neighbours by a few products."""
     known = {symbol for vector in program.arguments for symbol in keys(vector.entries)}
     definitions: list[tuple[ca.SX, ca.SX]] = []
@@ -84,9 +84,9 @@ def _is_neighbourly(program: Program) -> bool:
         match step:
             case Each():
                 definitions.append((step.symbols, read))
-            case Sweep() if keys(read) <= known and _is_cheap(read):
+            case Carry() if keys(read) <= known and _is_cheap(read):
                 known |= keys(step.symbols)
-            case Sweep():
+            case Carry():
                 return False
     return True
 

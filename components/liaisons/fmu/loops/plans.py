@@ -9,18 +9,18 @@ from itertools import chain
 
 import casadi as ca
 
+from liaisons.expressions import OPERATIONS, Node
+from liaisons.expressions import program as operations
+from liaisons.expressions.algebra import stack
+from liaisons.expressions.rows import Carry, RowProgram, Vector, key, scalars, substituted
 from liaisons.fmu.loops.passages import Passage, Passages
-from liaisons.mechanics.algebra import stack
-from liaisons.mechanics.sweeps import Program, Sweep, Vector, key, scalars, substituted
-from liaisons.statements import OPERATIONS, Node
-from liaisons.statements import program as operations
 
 CHEAP = {OPERATIONS[code] for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE)}
 """Operations that cost no more than a number that is stored and read again."""
 
-Link = tuple[bool, int]
+AtLink = tuple[bool, int]
 """(True, -1): the link before; (False, 3): link 3, counted from 0."""
-_HERE: Link = (True, 0)
+_HERE: AtLink = (True, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Leaf:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class PassagePlan:
     """A passage; numbers are those of nodes, edges are the links that are written out."""
 
     inward: bool | None  # None: nothing is carried
@@ -48,9 +48,9 @@ class Plan:
         """What is calculated in the loop."""
         return [*(x for _, x in self.rows), *(x for _, x, _ in self.sums), *(x for _, _, x in self.carried)]
 
-    def renumbered(self, of: Sequence[int]) -> Plan:
+    def renumbered(self, of: Sequence[int]) -> PassagePlan:
         """The same with other numbers."""
-        return Plan(
+        return PassagePlan(
             self.inward,
             self.links,
             [(name, of[x]) for name, x in self.rows],
@@ -60,7 +60,7 @@ class Plan:
         )
 
 
-class Plans:
+class PassagePlans:
     """The plans of a program.
 
     :ivar pointers: declarations of the arrays, by their names.
@@ -71,7 +71,7 @@ class Plans:
     :ivar kept: nodes that later passages find in work space: the array, and the passage that fills it.
     """
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: RowProgram) -> None:
         self._n, self._passages = program.n, Passages(program)
         self._arrays: dict[int, str] = {}  # of symbols that stand for one number a link
         self._origins: dict[object, tuple[ca.SX, Leaf]] = {}
@@ -146,9 +146,9 @@ class Plans:
             else:
                 yield f"result[{place}][{offset}]", entry
 
-    def _plan(self, place: int, passage: Passage) -> Plan:
+    def _plan(self, place: int, passage: Passage) -> PassagePlan:
         symbols, last, starts, following = (
-            [x for sweep in passage.sweeps for x in scalars(column(sweep))]
+            [x for carry in passage.carries for x in scalars(column(carry))]
             for column in (lambda s: s.symbols, lambda s: s.last, lambda s: s.start, lambda s: s.following)
         )
         variables = [f"c{place}_{i}" for i in range(len(symbols))]
@@ -170,14 +170,14 @@ class Plans:
             at_edges = [self._number(term, (False, j)) for j in outside]
             self._origins[key(symbol)] = symbol, Leaf(f"t{place}_{i}", each=False)
             sums.append((f"t{place}_{i}", terms[i], at_edges))
-        return Plan(passage.inward, range(reach, self._n - reach), rows, edges, sums, carried)
+        return PassagePlan(passage.inward, range(reach, self._n - reach), rows, edges, sums, carried)
 
-    def _number(self, expression: ca.SX, link: Link) -> int:
+    def _number(self, expression: ca.SX, link: AtLink) -> int:
         """The number of an expression of one link, at this one."""
         self._expressions.append(self._at(expression, link))
         return len(self._expressions) - 1
 
-    def _at(self, expression: ca.SX, link: Link) -> ca.SX:
+    def _at(self, expression: ca.SX, link: AtLink) -> ca.SX:
         pairs = []
         for symbol in ca.symvar(expression):
             name = key(symbol)
@@ -186,21 +186,21 @@ class Plans:
             elif name in self._passages.neighbours:
                 pairs.append((symbol, self._handed(*self._passages.neighbours[name], link)))
             elif name in self._passages.ends:
-                sweep, i = self._passages.ends[name]
-                pairs.append((symbol, self._at(sweep.following[i], (False, 0 if sweep.inward else self._n - 1))))
+                carry, i = self._passages.ends[name]
+                pairs.append((symbol, self._at(carry.following[i], (False, 0 if carry.inward else self._n - 1))))
         return substituted(expression, pairs)
 
-    def _handed(self, sweep: Sweep, i: int, link: Link) -> ca.SX:
+    def _handed(self, carry: Carry, i: int, link: AtLink) -> ca.SX:
         """What a link meets: what the one before it hands on, or the start."""
         moving, place = link
-        before = place + 1 if sweep.inward else place - 1
+        before = place + 1 if carry.inward else place - 1
         if moving:
             self._reach = max(self._reach, abs(before))
         elif not 0 <= before < self._n:
-            return self._at(sweep.start[i], link)
-        return self._at(sweep.following[i], (moving, before))
+            return self._at(carry.start[i], link)
+        return self._at(carry.following[i], (moving, before))
 
-    def _entry(self, array: str, link: Link) -> ca.SX:
+    def _entry(self, array: str, link: AtLink) -> ca.SX:
         moving, place = link
         if moving:
             self._reach = max(self._reach, abs(place))

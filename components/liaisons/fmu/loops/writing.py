@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.fmu.loops.plans import Plan, Plans, operands
-from liaisons.mechanics.sweeps import Program
-from liaisons.statements import OPERATIONS, Node, literal
+from liaisons.expressions import OPERATIONS, Node, literal
+from liaisons.expressions.rows import RowProgram
+from liaisons.fmu.loops.plans import PassagePlan, PassagePlans, operands
 
 PREAMBLE = """\
 #if defined __GNUC__ && !defined __clang__
@@ -43,9 +43,9 @@ class Code:
     reals: int
 
 
-def loops(program: Program) -> Code:
+def loops(program: RowProgram) -> Code:
     """The function that a program describes; its text needs :data:`PREAMBLE`."""
-    writer = _Writer(Plans(program))
+    writer = _Writer(PassagePlans(program))
     lines = [line for place in range(len(writer.plans.plans)) for line in writer.passage(place)]
     for where, number in writer.plans.ends:
         value = _bare(writer.single(number))
@@ -60,7 +60,7 @@ def loops(program: Program) -> Code:
 class _Writer:
     """Texts of single numbers, and statements for them that are still to be written, in front of what needs them."""
 
-    def __init__(self, plans: Plans) -> None:
+    def __init__(self, plans: PassagePlans) -> None:
         self.plans = plans
         self._texts: dict[int, str] = {}
         self._inverses: dict[int, str] = {}
@@ -115,7 +115,7 @@ class _Writer:
             self._pending.append(f"const double r{number} = 1.0 / {divisor};")
         return self._inverses[number]
 
-    def _loop(self, place: int, plan: Plan) -> list[str]:
+    def _loop(self, place: int, plan: PassagePlan) -> list[str]:
         link = _Link(self, place, plan)
         body = link.lines
         body += [f"{name}[i] = {_bare(link.text(x))};" for name, x in (*self.plans.kept_in(place), *plan.rows)]
@@ -144,7 +144,7 @@ class _Writer:
 class _Link:
     """Statements for one link of a passage, and how its numbers are called behind them."""
 
-    def __init__(self, writer: _Writer, place: int, plan: Plan) -> None:
+    def __init__(self, writer: _Writer, place: int, plan: PassagePlan) -> None:
         plans = writer.plans
         known = {i: array for i, (array, since) in plans.kept.items() if since < place}
         needed, read = plans.needed(plan.targets, known.__contains__)

@@ -10,15 +10,18 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.mechanics import variables
-from liaisons.mechanics.algebra import stack
+from liaisons.expressions.algebra import stack
+from liaisons.expressions.row_graphs import graph
+from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
+from liaisons.language import names
+from liaisons.language.chain import Chain, column
+from liaisons.language.variables import Dimension, Port, Variable
 from liaisons.mechanics.bookkeeping import MEMORY, Vectors, definitions
-from liaisons.mechanics.chains.chain import Chain, Link, column, link_of
-from liaisons.mechanics.chains.graphs import graph
-from liaisons.mechanics.chains.motion import Base, Motion, inertias, momenta, motion
-from liaisons.mechanics.model import ActiveInput, Dimension, Model, Variable
+from liaisons.mechanics.chains.link import ChainLink, link_of
+from liaisons.mechanics.chains.sweeps import Base, Motion, inertias, momenta, motion
+from liaisons.mechanics.model import ActiveInput, Model
 from liaisons.mechanics.printing import checked_against, of_chain
-from liaisons.mechanics.sweeps import Program, Step, Sum, Vector, program, renamed, substituted, sweep
+from liaisons.mechanics.variables import moving_states
 
 _VECTORS = {
     "start": ("tuk", "ym"),
@@ -32,7 +35,7 @@ _VECTORS = {
 
 
 @cache
-def assemble(component: type[Chain], n: int) -> Model:
+def chain_model(component: type[Chain], n: int) -> Model:
     """Lay the chain of n links out as variables and functions (DESIGN: names in an FMU).
 
     :param component: a subclass of Chain.
@@ -51,7 +54,7 @@ def assemble(component: type[Chain], n: int) -> Model:
 
     base, slope = _base(m)
     moving = motion(link, base)
-    steps = [sweep(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), *moving.steps]
+    steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), *moving.steps]
     energy = moving.kinetic_energy + moving.potential_energy
     to_start, initial, energy_at_start = _start(link, base, given, steps, energy)
     to_sizes, nominals = _nominals(component, link)
@@ -61,12 +64,12 @@ def assemble(component: type[Chain], n: int) -> Model:
     dissipation = moving.dissipation
     outputs = [
         *_of_coordinates(dimension, link, m, moving),
-        *(row for i, s in enumerate(m.actives) for row in variables.of_active(s, forces[i], m.s_dot[i])),
+        *(row for i, s in enumerate(m.actives) for row in names.of_active(s, forces[i], m.s_dot[i])),
         *_of_points(m, dimension, moving),
-        *variables.of_energies(moving.kinetic_energy, moving.potential_energy, power, dissipation),
-        *(variables.of_calculated(c, ca.SX(getattr(m, c.name))) for c in component.calculated_parameters),
+        *names.of_energies(moving.kinetic_energy, moving.potential_energy, power, dissipation),
+        *(names.of_calculated(c, ca.SX(getattr(m, c.name))) for c in component.calculated_parameters),
     ]
-    mismatches = variables.mismatches(m.actives)
+    mismatches = names.mismatches(m.actives)
     found = definitions(
         Vectors(t, y, u, k),
         initial=ca.vertcat(initial, 0, 0),
@@ -96,7 +99,7 @@ def assemble(component: type[Chain], n: int) -> Model:
         parameters=parameters,
         inputs=inputs,
         outputs=tuple(variable for variable, _ in outputs),
-        states=variables.moving(*(q.name for q in m.coordinates), *(f"p_{q.name}" for q in m.coordinates)),
+        states=moving_states(*(q.name for q in m.coordinates), *(f"p_{q.name}" for q in m.coordinates)),
         memory=(*MEMORY, *mismatches),
         **functions,
         programs=tuple(programs.values()),
@@ -114,9 +117,9 @@ def assemble(component: type[Chain], n: int) -> Model:
 
 def _programs(
     found: Mapping[str, Any], steps: Sequence[Step], shapes: Mapping[str, tuple[bool, ...]], n: int
-) -> dict[str, Program]:
+) -> dict[str, RowProgram]:
     return {
-        name: program(
+        name: row_program(
             name.removesuffix("_function"),
             n,
             [Vector(x, shapes[vector]) for x, vector in zip(found[name][0], taken, strict=True)],
@@ -128,45 +131,45 @@ def _programs(
 
 
 def _parameters(component: type[Chain], dimension: Dimension) -> tuple[Variable, ...]:
-    starts = (variable for q in component.coordinates for variable in variables.start_of(q, dimension))
-    return (*variables.declared_parameters(component), *starts)
+    starts = (variable for q in component.coordinates for variable in names.start_of(q, dimension))
+    return (*names.declared_parameters(component), *starts)
 
 
 def _inputs(m: Chain, dimension: Dimension) -> tuple[Variable, ...]:
     unit = _point_units(m)
     return (
-        *(variable for s in m.actives for variable in variables.triple(s)),
-        *(variable for q in m.coordinates for variable in variables.forces_on(q, dimension)),
-        *(variables.load_at(name, unit[name], dimension) for name in m.point_components),
+        *(variable for s in m.actives for variable in names.triple(s)),
+        *(variable for q in m.coordinates for variable in names.forces_on(q, dimension)),
+        *(names.load_at(name, unit[name], dimension) for name in m.point_components),
     )
 
 
-def _of_coordinates(dimension: Dimension, link: Link, m: Chain, moving: Motion) -> list[variables.Row]:
+def _of_coordinates(dimension: Dimension, link: ChainLink, m: Chain, moving: Motion) -> list[names.Row]:
     columns = (link.q, moving.rates, moving.accelerations, link.p, moving.momentum_rates)
     return [
         row
         for i, item in enumerate(m.coordinates)
-        for row in variables.of_coordinate(item, *(column[i] for column in columns), dimension=dimension)
+        for row in names.of_coordinate(item, *(column[i] for column in columns), dimension=dimension)
     ]
 
 
-def _of_points(m: Chain, dimension: Dimension, moving: Motion) -> list[variables.Row]:
+def _of_points(m: Chain, dimension: Dimension, moving: Motion) -> list[names.Row]:
     columns = (moving.points, moving.point_rates, moving.point_accelerations)
     places = {point.name: point for point in m.points}
     return [
         row
         for i, name in enumerate(m.point_components)
-        for row in variables.of_point(
+        for row in names.of_point(
             name, places[name.rpartition("_")[0]], *(column[i] for column in columns), dimension=dimension
         )
     ]
 
 
-def _ports(m: Chain) -> tuple[variables.Port, ...]:
+def _ports(m: Chain) -> tuple[Port, ...]:
     return (
-        *(variables.port(q.name, q.unit, "free") for q in m.coordinates),
-        *(variables.port(s.name, s.unit, "active") for s in m.actives),
-        *(variables.port(name, unit, "point") for name, unit in _point_units(m).items()),
+        *(names.port(q.name, q.unit, "free") for q in m.coordinates),
+        *(names.port(s.name, s.unit, "active") for s in m.actives),
+        *(names.port(name, unit, "point") for name, unit in _point_units(m).items()),
     )
 
 
@@ -175,7 +178,7 @@ def _point_units(m: Chain) -> dict[str, str]:
     return {name: unit[name.rpartition("_")[0]] for name in m.point_components}
 
 
-def _driven(link: Link, m: Chain, given: Mapping[str, ca.SX]) -> Link:
+def _driven(link: ChainLink, m: Chain, given: Mapping[str, ca.SX]) -> ChainLink:
     """The link with the forces and loads that are given to it as inputs."""
     forces, loads = (stack(given[f"{q.name}{end}"] for q in m.coordinates) for end in ("_force", "_load"))
     return replace(link, drive=forces - loads, loads=stack(given[f"{name}_load"] for name in m.point_components))
@@ -193,7 +196,7 @@ def _base(m: Chain) -> tuple[Base, ca.SX]:
 
 
 def _start(
-    link: Link, base: Base, given: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
+    link: ChainLink, base: Base, given: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
 ) -> tuple[list[Step], ca.SX, ca.SX]:
     """(steps, q and p, energy) at the start."""
     q_0, v_0 = (stack(given[f"{q}{end}"] for q in ca.vertsplit(link.q)) for end in ("_0", "_dot_0"))
@@ -206,7 +209,7 @@ def _start(
     return [*before, *after], ca.vertcat(q_0, p_0), energy_0
 
 
-def _nominals(component: type[Chain], link: Link) -> tuple[list[Step], ca.SX]:
+def _nominals(component: type[Chain], link: ChainLink) -> tuple[list[Step], ca.SX]:
     """Sizes of the states: of q as declared, of p and of the energies what that size a second amounts to."""
     sizes, energy = ca.SX(ca.DM([q.nominal for q in component.coordinates])), ca.SX.sym("energy")
     steps, inertia = inertias(link)

@@ -17,7 +17,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.mechanics import Values
+from liaisons.language import Values
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 

@@ -1,0 +1,79 @@
+"""What is computed on the Lagrangian itself, without simulating: plain functions of a mechanism.
+
+Each takes a :class:`Mechanism` class (or its :class:`Equations`) and returns numbers, or a :class:`Quantity` that is
+evaluated by the names of its symbols::
+
+    H = analysis.hamiltonian(Pendulum)
+    H.evaluate(theta=0.3, p_theta=1.0, length=2.0)
+
+========================  ===================================================================  ===================
+conservation laws         cyclic_coordinates, noether                                          K 2.4
+similarity and virial     similarity, virial                                                   K 2.5, 2.7
+variational principles    action, stationary_path, gauss_function                              K 3.1, 4
+Hamilton's mechanics      hamiltonian, hamilton_equations, observable, poisson_bracket         K 3.2, 3.3
+phase space               phase_velocity, divergence, flow                                     K 3.4
+vibrations                equilibrium, normal_modes                                            K 5.2
+active constraints        active_hamiltonian, effective_mass, active_energy, dynamic_field     M 6, 7
+geometry of shapes        kinetic_connection, curvature, holonomy, curvature_integral          M 7, 8
+========================  ===================================================================  ===================
+"""
+
+from liaisons.analysis.active import (
+    DynamicField,
+    active_energy,
+    active_hamiltonian,
+    curvature,
+    curvature_integral,
+    dynamic_field,
+    effective_mass,
+    holonomy,
+    kinetic_connection,
+)
+from liaisons.analysis.phase_space import (
+    Flow,
+    divergence,
+    flow,
+    hamilton_equations,
+    hamiltonian,
+    phase_velocity,
+    poisson_bracket,
+)
+from liaisons.analysis.principles import Action, StationaryPath, action, gauss_function, stationary_path
+from liaisons.analysis.quantity import Quantity, observable
+from liaisons.analysis.symmetry import Similarity, Virial, cyclic_coordinates, noether, similarity, virial
+from liaisons.analysis.vibrations import NormalModes, equilibrium, normal_modes
+
+__all__ = [
+    "Action",
+    "DynamicField",
+    "Flow",
+    "NormalModes",
+    "Quantity",
+    "Similarity",
+    "StationaryPath",
+    "Virial",
+    "action",
+    "active_energy",
+    "active_hamiltonian",
+    "curvature",
+    "curvature_integral",
+    "cyclic_coordinates",
+    "divergence",
+    "dynamic_field",
+    "effective_mass",
+    "equilibrium",
+    "flow",
+    "gauss_function",
+    "hamilton_equations",
+    "hamiltonian",
+    "holonomy",
+    "kinetic_connection",
+    "noether",
+    "normal_modes",
+    "observable",
+    "phase_velocity",
+    "poisson_bracket",
+    "similarity",
+    "stationary_path",
+    "virial",
+]

@@ -1,0 +1,72 @@
+"""Expressions as functions of numbers: symbols frozen at their values, motions integrated, samples checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.analysis.quantity import name_of, numbers_of
+from liaisons.errors import ComponentError
+from liaisons.mechanics.equations import Equations
+
+
+def frozen(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
+    """The expression with numbers for all symbols of the mechanism but the moving ones."""
+    kept = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
+    numbers = numbers_of(equations, values)
+    symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in kept}
+    column = ca.DM([float(numbers[name]) for name in symbols])
+    return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.SX(column))
+
+
+def at_zero(expression: ca.SX, t: ca.SX) -> float:
+    """Value of a function of time at t = 0."""
+    return float(ca.Function("start", [t], [expression])(0))
+
+
+def integrate(
+    rate: ca.SX, X: ca.SX, start: NDArray, *, t: ca.SX, duration: float, tolerance: float, owner: str
+) -> NDArray:
+    """X at the end of Ẋ = rate(t, X) over [0, duration]; Dormand and Prince's method of order 8.
+
+    :param owner: name of the component, for the message.
+    :raises ComponentError: where the integration cannot go on.
+    """
+    from scipy.integrate import solve_ivp  # half a second that an import of the mechanics should not take
+
+    velocity = ca.Function("velocity", [t, X], [ca.densify(rate)])
+    solution = solve_ivp(
+        lambda instant, state: np.asarray(velocity(instant, state))[:, 0],
+        (0.0, duration),
+        start,
+        method="DOP853",
+        rtol=tolerance,
+        atol=tolerance,
+        t_eval=[duration],
+    )
+    if not solution.success or not np.all(np.isfinite(solution.y)):
+        raise ComponentError(f"{owner}: the motion cannot be continued: {solution.message} Start elsewhere")
+    return solution.y[:, -1]
+
+
+def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> NDArray:
+    """The instants of samples of the given shape, checked."""
+    t = np.asarray(time, dtype=float)
+    if t.ndim != 1 or t.size < 2 or not np.all(np.diff(t) > 0):
+        raise ComponentError(f"{name_of(equations)}: time of shape {t.shape} must hold increasing instants, 2 at least")
+    if shape != t.shape:
+        raise ComponentError(
+            f"{name_of(equations)}: {t.size} instants for samples of shape {shape}; give one sample an instant"
+        )
+    return t
+
+
+def eigenproblem(K: NDArray, M: NDArray) -> tuple[NDArray, NDArray]:
+    """Eigenvalues, ascending, and vectors as columns of K u = Ω² M u, both symmetric, uᵀ M u = 1 (K eq. 139, 151)."""
+    root = np.linalg.cholesky(M)
+    half = np.linalg.solve(root, K)
+    squares, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+    return squares, np.linalg.solve(root.T, vectors)

@@ -1,0 +1,169 @@
+"""Hamilton's mechanics: Legendre transform, Poisson brackets, volume of phase space (K 3.2-3.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.analysis.numeric import at_zero, frozen, integrate
+from liaisons.analysis.quantity import (
+    Formula,
+    Quantity,
+    Source,
+    equations_of,
+    generators,
+    name_of,
+    require_independent,
+    turning_part,
+)
+from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import gradient
+from liaisons.mechanics.equations import Equations
+
+
+def hamiltonian(source: Source) -> Quantity:
+    """H(q, p) = Σ q̇_k p_k - L, L once and not in each term, q̇ expressed by p (K eq. 29 corrected, 80) [J].
+
+    It is T + V if T is quadratic in the free rates.  While the operator moves it is not the energy but generates the
+    motion at the prescribed s(t): H̃ - Σ Y^β p_β of M eq. 46 with Y = ṡ.
+
+    :raises ComponentError: for constraints.
+    """
+    equations = equations_of(source)
+    require_independent(equations, "a Hamiltonian")
+    q_dot = equations.mechanism.free.q_dot
+    H = ca.dot(q_dot, equations.momenta) - equations.lagrangian
+    return Quantity(equations, ca.substitute(H, q_dot, equations.velocities))
+
+
+def hamilton_equations(source: Source) -> Quantity:
+    """q̇ = ∂H/∂p, ṗ = -∂H/∂q (K eq. 81, 82), column (n + f,): without friction, drives and loads.
+
+    An orientation has its quaternion among the q, ∂/∂q by turns about the axes of the inertial frame, and -p × ∂H/∂p
+    more in ṗ, as turns do not commute.
+
+    :raises ComponentError: for constraints.
+    """
+    H = hamiltonian(source)
+    return Quantity(H.equations, ca.vertcat(*hamiltonian_field(H.equations, H.expression)))
+
+
+def hamiltonian_field(equations: Equations, h: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """q̇ and ṗ of the motion that a function h(q, p) generates; (n,) and (f,)."""
+    p, G = equations.mechanism.free.p, generators(equations)
+    rates = gradient(h, p)
+    return G @ rates, -G.T @ gradient(h, equations.mechanism.free.q) - turning_part(equations, p, rates)
+
+
+def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
+    """{u, v} = Σ (∂u/∂p ∂v/∂q - ∂v/∂p ∂u/∂q) (K eq. 87), so that {p, q} = +1 and da/dt = ∂a/∂t + {H, a} (eq. 88).
+
+    This is K's sign, and Landau's; many texts have the opposite one.  For the angular momentum of an orientation
+    {H_x, H_y} = -H_z, as for that of a particle.
+
+    :param u: scalars on the phase space of one mechanism, from :func:`observable` or :func:`hamiltonian`.
+    :raises ComponentError: for quantities of two mechanisms, or constraints.
+    """
+    equations = u.equations
+    if v.equations is not equations:
+        raise ComponentError(
+            f"poisson_bracket: quantities of {name_of(equations)} and {name_of(v.equations)} share no phase space; "
+            "make both from one class"
+        )
+    require_independent(equations, "a Poisson bracket")
+    q, p, G = equations.mechanism.free.q, equations.mechanism.free.p, generators(equations)
+    first, second = equations.in_phase_space(u.expression), equations.in_phase_space(v.expression)
+    (u_p, u_q), (v_p, v_q) = ((gradient(w, p), G.T @ gradient(w, q)) for w in (first, second))
+    return Quantity(equations, ca.dot(u_p, v_q) - ca.dot(v_p, u_q) - ca.dot(p, turning_part(equations, u_p, v_p)))
+
+
+def phase_velocity(source: Source) -> Quantity:
+    """V of Ẋ = V(X), X = (q, p, internal states), with friction, drives and loads (K eq. 95); a column.
+
+    :raises ComponentError: for constraints.
+    """
+    equations = equations_of(source)
+    require_independent(equations, "phase space")
+    q_dot = equations.mechanism.free.kinematics @ equations.velocities
+    column = ca.vertcat(q_dot, equations.momentum_rates, equations.internal_rates)
+    return Quantity(equations, equations.in_phase_space(column))
+
+
+def divergence(source: Source) -> Quantity:
+    """∇·V = Σ_{k=1}^f (∂q̇_k/∂q_k + ∂ṗ_k/∂p_k) (K eq. 100, 101 corrected) [1/s]: zero without friction.
+
+    The four components of a quaternion count like coordinates: V leaves its norm alone.
+
+    :raises ComponentError: for constraints.
+    """
+    V = phase_velocity(source)
+    return Quantity(V.equations, ca.trace(ca.jacobian(V.expression, _phase(V.equations))))
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """Where a state is carried in some time, and its neighbours with it."""
+
+    state: dict[str, float]  # q, p_q and internal states at the end
+    jacobian: NDArray  # J = ∂X(t)/∂X(0) of K eq. 98, (n, n), in the order of ``state``
+
+    @property
+    def determinant(self) -> float:
+        """det J, the growth of a volume of phase space (K eq. 97, 102): 1 without friction."""
+        return float(np.linalg.det(self.jacobian))
+
+
+def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values: Any) -> Flow:
+    """Move a state, and J with it by the variational equations J̇ = (∂V/∂X) J, J(0) = 1 (K 3.4, eq. 94, 98).
+
+    :param duration: time [s], > 0.
+    :param tolerance: of the integration, relative and absolute.
+    :param values: start by ``q``, ``q_dot``, internal states; parameters; active coordinates, each a number or a
+        function of time, from CasADi expression to expression, e.g. ``length=lambda t: 1 + 0.1 * ca.sin(t)``.
+    :raises ComponentError: for constraints, an unknown symbol, a duration that is not > 0, or a motion
+        that cannot be continued.
+    """
+    V = phase_velocity(source)
+    equations, owner = V.equations, name_of(V.equations)
+    if not (duration > 0 and np.isfinite(duration)):
+        raise ComponentError(f"{owner}: duration = {duration} must be finite and > 0")
+    t, X = ca.SX.sym("t"), _phase(equations)
+    velocity, begin = V.expression, dict(values)
+    for name, drive in values.items():
+        if callable(drive):
+            sigma, sigma_dot = _drive(equations, name, drive, t)
+            symbols = ca.vertcat(equations.symbols[name], equations.symbols[f"{name}_dot"])
+            velocity = ca.substitute(velocity, symbols, ca.vertcat(sigma, sigma_dot))
+            begin |= {f"{name}{end}": at_zero(e, t) for end, e in (("", sigma), ("_dot", sigma_dot))}
+    start, J = Quantity(equations, X).evaluate(**begin), ca.SX.sym("J", X.shape[0], X.shape[0])
+    velocity = frozen(equations, velocity, begin, X)
+    rate = ca.vertcat(velocity, ca.vec(ca.jacobian(velocity, X) @ J))
+    beginning = np.concatenate([start, np.eye(start.size).ravel()])
+    state = ca.vertcat(X, ca.vec(J))
+    end = integrate(rate, state, beginning, t=t, duration=duration, tolerance=tolerance, owner=owner)
+    names = [str(symbol) for symbol in ca.vertsplit(X)]
+    return Flow(
+        dict(zip(names, end[: start.size].tolist(), strict=True)), end[start.size :].reshape(J.shape, order="F")
+    )
+
+
+def _phase(equations: Equations) -> ca.SX:
+    """X = (q, p, internal states)."""
+    m = equations.mechanism
+    return ca.vertcat(m.free.q, m.free.p, m.internal)
+
+
+def _drive(equations: Equations, name: str, drive: Formula, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """σ(t) of an active coordinate and its rate."""
+    names = [item.name for item in equations.mechanism.actives]
+    if name not in names:
+        raise ComponentError(
+            f"{name_of(equations)}: only an active coordinate can be a function of time, not {name!r}"
+            f"{suggestion(name, names)}"
+        )
+    sigma = ca.SX(drive(t))
+    return sigma, ca.jacobian(sigma, t)

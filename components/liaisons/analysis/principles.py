@@ -1,0 +1,210 @@
+"""Variational principles: the action is stationary (K 3.1), the constraint is least (K 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.analysis.numeric import eigenproblem, frozen, instants
+from liaisons.analysis.quantity import Quantity, Source, equations_of, name_of, require_coordinates
+from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import solve_symmetric
+from liaisons.mechanics.equations import Equations
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)  # exact for squares of cubic polynomials
+_NODES, _WEIGHTS = (1 + _NODES) / 2, _WEIGHTS / 2
+
+
+@dataclass(frozen=True)
+class Action:
+    """S[q + ε δq] = action + ε first + ½ ε² second + ... for one variation δq [J.s]."""
+
+    action: float
+    first: float  # δS, 0 on a motion (K eq. 77)
+    second: float  # its sign tells a minimum from a saddle (K eq. 76 says "Min")
+
+
+def action(
+    source: Source,
+    time: ArrayLike,
+    path: Mapping[str, ArrayLike],
+    variation: Mapping[str, ArrayLike] | None = None,
+    **values: float,
+) -> Action:
+    """S = ∫ L dt of a sampled path (K eq. 76), and how it changes with the path (K eq. 77).
+
+    Between the samples the path is the cubic Hermite polynomial of values and rates, which is integrated by Gauss's
+    rule.  As S is stationary on a motion, an interpolation error e of the motion enters S by its square.
+
+    :param time: instants [s], shape (n,), increasing.
+    :param path: ``q`` and ``q_dot`` of each free coordinate, also ``s`` and ``s_dot`` of active ones that move; (n,).
+    :param variation: δq in the same way, 0 at both ends; coordinates that are not named do not vary.
+    :param values: parameters, and active coordinates that do not move.
+    :raises ComponentError: for constraints, missing or unknown samples, shapes that do not fit, or a variation that
+        moves the ends.
+    """
+    equations = equations_of(source)
+    require_coordinates(equations, "the action")
+    names = _moving(equations, path)
+    t, z = _samples(equations, time, path, names)
+    eta = np.zeros_like(z)
+    if variation is not None:
+        varied = _moving(equations, variation, among=[item.name for item in equations.mechanism.coordinates])
+        _, given = _samples(equations, time, variation, varied)
+        eta[[names.index(name) for name in varied]] = given
+        if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
+            raise ComponentError(f"{name_of(equations)}: the variation must vanish at both ends (K 3.1)")
+    epsilon = ca.SX.sym("epsilon")
+    q, q_dot, dq, dq_dot = (ca.SX.sym(name, len(names)) for name in ("q", "q_dot", "dq", "dq_dot"))
+    symbols = _columns(equations, names)
+    L = frozen(equations, equations.lagrangian, values, symbols)
+    L = ca.substitute(L, symbols, ca.vertcat(q + epsilon * dq, q_dot + epsilon * dq_dot))
+    first = ca.jacobian(L, epsilon)
+    series = ca.substitute(ca.vertcat(L, first, ca.jacobian(first, epsilon)), epsilon, ca.SX(0))
+    function = ca.Function("series", [q, q_dot, dq, dq_dot], [ca.densify(series)])
+    h = np.diff(t)
+    total = np.zeros(3)
+    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        total += weight * np.asarray(function(*_hermite(z, h, node), *_hermite(eta, h, node))) @ h
+    return Action(*total.tolist())
+
+
+@dataclass(frozen=True, eq=False)
+class StationaryPath:
+    """The motion between two configurations in a given time, by the principle of stationary action."""
+
+    path: dict[str, NDArray]  # q and q_dot by name, (n,)
+    action: float  # S [J.s]
+    index: int  # directions in which S is a maximum, the conjugate points on the way: 0 means a minimum
+
+
+def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLike], **values: float) -> StationaryPath:
+    """The path with δS = 0 between the ends of a guess, by Newton's method on S itself: no equation of motion is used.
+
+    The path is a cubic Hermite spline in the given instants: its error is of fourth order in their distance.
+
+    :param time: instants [s], shape (n,), increasing; some tens of them.
+    :param guess: ``q`` and ``q_dot`` of each free coordinate, (n,); q at both ends is kept.
+    :param values: parameters and active coordinates.
+    :raises ComponentError: if the ends are conjugate points, as for an oscillator with ω T = k π, which no path or
+        infinitely many join; or if Newton's method finds none near the guess.
+    """
+    equations = equations_of(source)
+    require_coordinates(equations, "the action")
+    names = [item.name for item in equations.mechanism.coordinates]
+    t, z = _samples(equations, time, guess, names)
+    h = np.diff(t)
+    free = np.ones(z.shape, dtype=bool)
+    free[:, 0, [0, -1]] = False
+    free = np.flatnonzero(free.ravel(order="F"))
+    function = _piece(equations, names, values)
+    for _ in range(50):
+        S, gradient, hessian, norm = _assemble(function, z, h)
+        curvatures = eigenproblem(hessian[np.ix_(free, free)], norm[np.ix_(free, free)])[0]
+        smallest = np.min(np.abs(curvatures)) * (t[-1] - t[0]) ** 2
+        if smallest < 1e-6:  # the path answers a shift of its ends by 1/smallest
+            raise ComponentError(
+                f"{name_of(equations)}: the ends are conjugate points: no path or infinitely many take T = "
+                f"{t[-1] - t[0]:g} s (ω T = k π for an oscillator); choose another time"
+            )
+        step = np.zeros(z.size)
+        step[free] = -np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
+        z = z + step.reshape(z.shape, order="F")
+        if np.max(np.abs(step)) <= 1e-11 * (1 + np.max(np.abs(z))):
+            columns = {f"{name}{end}": z[k, d] for k, name in enumerate(names) for d, end in enumerate(("", "_dot"))}
+            return StationaryPath(columns, S, int(np.count_nonzero(curvatures < 0)))
+    raise ComponentError(f"{name_of(equations)}: no path of stationary action found; start nearer to one")
+
+
+def gauss_function(source: Source) -> Quantity:
+    """Gauss's function ½ (q̈ - A⁻¹f)ᵀ A (q̈ - A⁻¹f) of the accelerations (K eq. 108, the Q of 112) [N2/kg].
+
+    It is least, among the accelerations that the constraints allow, on the motion, where it is ½ Zᵀ A⁻¹ Z with the
+    forces Z of the constraints (K eq. 109).  Written in the accelerations: give ``q_ddot`` to ``evaluate``.  In
+    Cartesian coordinates it is K's sum; in others it lacks a constant.
+    """
+    equations = equations_of(source)
+    excess = equations.mechanism.free.q_ddot - solve_symmetric(equations.mass_matrix, equations.forces)
+    return Quantity(equations, ca.bilin(equations.mass_matrix, excess, excess) / 2)
+
+
+def _moving(equations: Equations, path: Mapping[str, ArrayLike], among: list[str] | None = None) -> list[str]:
+    """Names of the coordinates that a path moves: all free ones and the given active ones, or those given."""
+    m = equations.mechanism
+    free, active = [item.name for item in m.coordinates], [item.name for item in m.actives]
+    known = among or [*free, *active]
+    for name in path:
+        if name.removesuffix("_dot") not in known:
+            raise ComponentError(f"{name_of(equations)}: no coordinate of a path is {name!r}{suggestion(name, known)}")
+    return [name for name in known if name in path or f"{name}_dot" in path or (among is None and name in free)]
+
+
+def _samples(
+    equations: Equations, time: ArrayLike, path: Mapping[str, ArrayLike], names: list[str]
+) -> tuple[NDArray, NDArray]:
+    """Instants, and values and rates of the coordinates, (coordinate, 2, n)."""
+    t = np.asarray(time, dtype=float)
+    needed = [f"{name}{end}" for name in names for end in ("", "_dot")]
+    for name in needed:
+        if name not in path:
+            raise ComponentError(f"{name_of(equations)}: the path lacks {name}; give coordinates and rates")
+        t = instants(equations, time, np.shape(path[name]))
+        if not np.all(np.isfinite(path[name])):
+            raise ComponentError(f"{name_of(equations)}: {name} must be finite at all instants")
+    return t, np.array([path[name] for name in needed], dtype=float).reshape(len(names), 2, -1)
+
+
+def _columns(equations: Equations, names: list[str]) -> ca.SX:
+    """Symbols of coordinates, then of their rates."""
+    return ca.vertcat(*(equations.symbols[f"{name}{end}"] for end in ("", "_dot") for name in names))
+
+
+def _hermite(z: NDArray, h: NDArray, u: float) -> tuple[NDArray, NDArray]:
+    """Cubic Hermite interpolant and its derivative at the part u of each interval; (coordinate, n - 1) each."""
+    return _cubic((z[:, 0, :-1], z[:, 1, :-1], z[:, 0, 1:], z[:, 1, 1:]), h, u)
+
+
+def _cubic(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
+    """Cubic through value, rate, value, rate at its ends, and its derivative; of numbers or expressions."""
+    q_0, v_0, q_1, v_1 = ends
+    q = (1 - u) ** 2 * ((1 + 2 * u) * q_0 + u * h * v_0) + u**2 * ((3 - 2 * u) * q_1 - (1 - u) * h * v_1)
+    v = 6 * u * (1 - u) * (q_1 - q_0) / h + (1 - u) * (1 - 3 * u) * v_0 - u * (2 - 3 * u) * v_1
+    return q, v
+
+
+def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) -> ca.Function:
+    """Action of one interval as a function of its two ends, with gradient, Hessian and the norm ∫ δqᵀ A δq dt."""
+    count, h = len(names), ca.SX.sym("h")
+    ends = ca.SX.sym("ends", 4 * count)
+    symbols = _columns(equations, names)
+    L = frozen(equations, equations.lagrangian, values, symbols)
+    A = frozen(equations, equations.mass_matrix, values, symbols)
+    S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)
+    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        q, v = _cubic(ca.vertsplit(ends, count), h, node)
+        here = ca.vertcat(q, v)
+        basis = ca.jacobian(q, ends)
+        S += weight * h * ca.substitute(L, symbols, here)
+        norm += weight * h * basis.T @ ca.substitute(A, symbols, here) @ basis
+    hessian, gradient = ca.hessian(S, ends)
+    return ca.Function("piece", [ends, h], [ca.densify(e) for e in (S, gradient, hessian, norm)])
+
+
+def _assemble(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
+    """S of the whole path, its gradient and Hessian, and the norm, in the order (node, rate, coordinate)."""
+    node, column = 2 * z.shape[0], z.ravel(order="F")
+    gradient, hessian, norm = np.zeros(z.size), np.zeros((z.size, z.size)), np.zeros((z.size, z.size))
+    total = 0.0
+    for i, width in enumerate(h):
+        piece = slice(i * node, (i + 2) * node)
+        S, slope, curvature, weight = (np.asarray(part) for part in function(column[piece], width))
+        total += float(S[0, 0])
+        gradient[piece] += slope[:, 0]
+        hessian[piece, piece] += curvature
+        norm[piece, piece] += weight
+    return total, gradient, hessian, norm

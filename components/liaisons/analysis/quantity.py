@@ -1,0 +1,162 @@
+"""Quantities of a mechanism that are evaluated by the names of its symbols."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.errors import ComponentError, suggestion
+from liaisons.language.component import scalar
+from liaisons.language.mechanism import Mechanism, start_values
+from liaisons.mechanics.equations import Equations, derive
+
+Source = type[Mechanism] | Equations
+"""A mechanism, or the equations that were derived from it."""
+
+Formula = Callable[[Any], Any]
+"""Takes the mechanism and returns a CasADi expression, as a component's own methods do: ``lambda m: m.mass * m.x``."""
+
+_STATES = 16  # an analytic identity that holds at this many random states holds everywhere
+_ROUNDING = 1e-11  # relative: some thousand operations in doubles
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """An expression in the symbols of a mechanism; quantities of one class belong together."""
+
+    equations: Equations
+    expression: ca.SX  # (r, c)
+
+    def evaluate(self, **values: ArrayLike) -> NDArray:
+        """Numbers for the quantity at one state or at many.
+
+        :param values: symbols by name, numbers or arrays of shapes that broadcast: parameters, ``q``, ``p_q`` or
+            ``q_dot``, ``s``, ``s_dot``, ``s_ddot``, ``q_force``, ``q_load``, ``P_x_load``.  A momentum that is not
+            given follows from the rates, p = ∂L/∂q̇; the others take their defaults or 0.
+        :returns: array; its axes are those of the quantity (scalars and columns drop the axes of length 1), then those
+            of the values.
+        :raises ComponentError: for an unknown symbol, or a value that is not finite or outside its domain.
+        """
+        equations, free = self.equations, self.equations.mechanism.free
+        numbers = numbers_of(equations, values)
+        missing = [i for i, p in enumerate(ca.vertsplit(free.p)) if str(p) not in values]
+        expression = ca.substitute(self.expression, free.p[missing], (free.frame @ equations.momenta)[missing])
+        (rows, columns), shape = expression.shape, np.broadcast_shapes(*map(np.shape, numbers.values()))
+        function = ca.Function("evaluate", [ca.vertcat(*equations.symbols.values())], [ca.densify(expression)])
+        table = np.array([np.broadcast_to(number, shape).ravel() for number in numbers.values()])
+        result = np.asarray(function(table)).reshape(rows, -1, columns).swapaxes(1, 2)
+        kept = () if (rows, columns) == (1, 1) else (rows,) if columns == 1 else (rows, columns)
+        return result.reshape((*kept, *shape))
+
+
+def observable(source: Source, formula: Formula) -> Quantity:
+    """A formula of coordinates and rates as a function on phase space: q̇ is expressed by q and p (K 3.3).
+
+    :param formula: for example ``lambda m: m.x * m.momentum(m.y)`` or ``lambda m: m.angular_momentum``.
+    :raises ComponentError: if it is no scalar expression in the symbols of the mechanism.
+    """
+    equations = equations_of(source)
+    owner = type(equations.mechanism)
+    expression = scalar(owner, "observable", formula(equations.mechanism), equations.symbols)
+    return Quantity(equations, equations.in_phase_space(expression))
+
+
+def equations_of(source: Source) -> Equations:
+    """The equations of a mechanism; the same ones at each call, so that their symbols agree."""
+    return source if isinstance(source, Equations) else _derived(source)
+
+
+@cache
+def _derived(component: type[Mechanism]) -> Equations:
+    return derive(component)
+
+
+def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
+    """A number or array for each symbol, in the order of ``equations.symbols``; see :meth:`Quantity.evaluate`."""
+    m, symbols = equations.mechanism, equations.symbols
+    for name, value in values.items():
+        if name not in symbols:
+            raise ComponentError(f"{name_of(equations)}: unknown symbol {name!r}{suggestion(name, symbols)}")
+        if not np.all(np.isfinite(value)):
+            raise ComponentError(f"{name_of(equations)}: {name} = {value} must be finite")
+    for item in (*m.parameters, *m.coordinates, *m.actives):
+        variable = item.variable("parameter", "fixed")
+        for extreme in (np.min, np.max):
+            value = float(extreme(values.get(item.name, item.start)))
+            if not variable.allows(value):
+                raise ComponentError(f"{name_of(equations)}: {item.name} = {value:g} must be {variable.domain()}")
+    numbers = dict.fromkeys(symbols, 0.0) | start_values(m) | dict(values)
+    return {name: np.asarray(numbers[name], dtype=float) for name in symbols}
+
+
+def name_of(equations: Equations) -> str:
+    """Name of the component, for messages."""
+    return type(equations.mechanism).__name__
+
+
+def require_coordinates(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError unless free coordinates without constraints describe the motion."""
+    require_independent(equations, purpose)
+    if turns := [turn.name for turn in equations.mechanism.orientations]:
+        raise ComponentError(
+            f"{name_of(equations)}: {purpose} needs coordinates; describe the mechanism by angles instead of the "
+            f"orientation {', '.join(turns)}"
+        )
+
+
+def require_independent(equations: Equations, purpose: str) -> None:
+    """Raise a ComponentError for constraints; an orientation is as good as three coordinates."""
+    m = equations.mechanism
+    if kept := [item.name for item in (*m.constraints, *m.non_holonomic, *m.submersions)]:
+        raise ComponentError(
+            f"{name_of(equations)}: {purpose} needs independent coordinates; describe the mechanism without "
+            f"the constraint {', '.join(kept)}"
+        )
+
+
+def generators(equations: Equations) -> ca.SX:
+    """G, (n, f): dq = G ε for a shift of each coordinate, and a turn about each axis of the inertial frame, by ε.
+
+    These are the directions to which the momenta p are conjugate.
+    """
+    free = equations.mechanism.free
+    return free.kinematics @ free.frame.T
+
+
+def turning_part(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
+    """u × v of the components about the axes of an orientation; 0 for those along coordinates. (f,) each."""
+    count = len(equations.mechanism.coordinates)
+    crossed = [ca.cross(u[count:], v[count:]) for _ in equations.mechanism.orientations]
+    return ca.vertcat(ca.SX.zeros(count, 1), *crossed)
+
+
+def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+    """Random states about the start, the same ones each time; ``values`` are kept as they are."""
+    m, rng = equations.mechanism, np.random.default_rng(0)
+    centres = start_values(m)
+    states: dict[str, ArrayLike] = {}
+    for item in (*m.coordinates, *m.actives):
+        spread = (abs(item.start) or 1.0) / 2
+        states[item.name] = centres[item.name] + spread * rng.uniform(-1, 1, _STATES)
+    for turn in m.orientations:
+        attitudes = rng.normal(size=(4, _STATES))
+        states |= dict(zip(turn.quaternion, attitudes / np.linalg.norm(attitudes, axis=0), strict=True))
+    for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot)):
+        states[str(rate)] = centres[str(rate)] + rng.uniform(-1, 1, _STATES)
+    return states | dict(values)
+
+
+def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mapping[str, ArrayLike]) -> float:
+    """Largest |expression| among random states, relative to ``scale`` there; 0.0 where it vanishes to rounding."""
+    states = sample_states(equations, values)
+    pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
+    size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
+    if not np.isfinite(size + reference):
+        raise ComponentError(f"{name_of(equations)}: not finite near its start; give values for its coordinates")
+    return 0.0 if size <= _ROUNDING * reference else float(size / reference)

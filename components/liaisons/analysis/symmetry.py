@@ -1,0 +1,201 @@
+"""What is known without solving the equations of motion: conservation laws, similarity, virial (K 2.4, 2.5, 2.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons.analysis.numeric import instants
+from liaisons.analysis.quantity import (
+    Quantity,
+    Source,
+    equations_of,
+    generators,
+    largest,
+    name_of,
+    require_coordinates,
+    sample_states,
+)
+from liaisons.errors import ComponentError, suggestion
+from liaisons.expressions.algebra import gradient, stack
+from liaisons.language.component import scalar
+from liaisons.mechanics.equations import Equations
+
+
+def cyclic_coordinates(source: Source, **values: float) -> dict[str, Quantity]:
+    """Coordinates that L does not contain, and their momenta p = ∂L/∂q̇, which are constant (K eq. 32, 33).
+
+    A momentum changes only by friction, drives and loads; the operator may move the active coordinates.
+
+    :param values: parameters, or coordinates that are held, where they differ from their defaults.
+    :returns: the momentum by the name of the coordinate, in the rates.
+    :raises ComponentError: for an unknown symbol or a value outside its domain.
+    """
+    equations = equations_of(source)
+    m, L = equations.mechanism, equations.lagrangian
+    scale = ca.fabs(equations.kinetic_energy) + ca.fabs(equations.potential_energy)
+    return {
+        item.name: Quantity(equations, equations.momenta[k])
+        for k, item in enumerate(m.coordinates)
+        if largest(equations, gradient(L, m.free.q[k]), scale, values) == 0
+    }
+
+
+def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values: float) -> Quantity:
+    """The quantity Σ ξ^k ∂L/∂q̇_k that is constant because L is invariant under q → q + ε ξ(q) (K 2.4, eq. 43-52).
+
+    :param field: the symmetry, ξ by the names of the coordinates; those not named are kept.  A rotation is
+        ``lambda m: {"x": -m.y, "y": m.x}``; that of an orientation, which has the axis in the inertial frame,
+        ``lambda m: {"attitude": (0, 0, 1)}``.
+    :param values: parameters where they differ from their defaults.
+    :returns: the conserved quantity, in the rates.
+    :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, or for an unknown coordinate.
+    """
+    equations = equations_of(source)
+    m, owner = equations.mechanism, name_of(equations)
+    given = dict(field(m))
+    sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {turn.name: 3 for turn in m.orientations}
+    for name in given:
+        if name not in sizes:
+            raise ComponentError(f"{owner}: a symmetry moves free coordinates, not {name!r}{suggestion(name, sizes)}")
+    known = {str(symbol): symbol for symbol in ca.vertsplit(ca.vertcat(m.free.q, m.active.s, m.parameter_column))}
+    shifts = {name: _components(owner, name, given.get(name, (0.0,) * size), size) for name, size in sizes.items()}
+    xi = stack(scalar(type(m), f"noether[{name!r}]", part, known) for name, parts in shifts.items() for part in parts)
+    p, G, slope = m.free.frame @ equations.momenta, generators(equations), gradient(equations.lagrangian, m.free.q)
+    change_of_rates = m.dot(xi) * p
+    terms = ca.dot(ca.fabs(xi), ca.fabs(G).T @ ca.fabs(slope)) + ca.sum1(ca.fabs(change_of_rates))
+    change = largest(equations, ca.dot(xi, G.T @ slope) + ca.sum1(change_of_rates), terms, values)
+    if change:
+        raise ComponentError(
+            f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in given.items())} is no symmetry: it changes L by "
+            f"{change:.2g} of its terms; choose a field that leaves T and V as they are"
+        )
+    return Quantity(equations, ca.dot(xi, p))
+
+
+def _components(owner: str, name: str, value: Any, size: int) -> tuple[Any, ...]:
+    """The shift of a coordinate, or the components of a turn."""
+    parts = tuple(value) if isinstance(value, (tuple, list)) else (value,)
+    if len(parts) != size:
+        raise ComponentError(f"{owner}: the field gives {len(parts)} components for {name}; it must give {size}")
+    return parts
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """Mechanical similarity: V(λ r) = λ^h V(r), so that r → λ r, t → λ^(1 - h/2) t takes motions to motions."""
+
+    degree: float  # h of K eq. 53
+
+    @property
+    def time_exponent(self) -> float:
+        """1 - h/2 (K eq. 56)."""
+        return 1 - self.degree / 2
+
+    def time_ratio(self, length_ratio: ArrayLike) -> Any:
+        """τ'/τ = (L'/L)^(1 - h/2) (K eq. 57)."""
+        return np.asarray(length_ratio, dtype=float) ** self.time_exponent
+
+    def mean_energies(self, energy: float) -> tuple[float, float]:
+        """Long-time means T̄ = h E/(h + 2) and V̄ = 2 E/(h + 2) of a bounded motion (K eq. 75) [J].
+
+        :raises ComponentError: for h = -2, where the mean is not determined.
+        """
+        if self.degree == -2:
+            raise ComponentError("mean_energies: degree = -2 has no mean energies (E = 0); use virial()")
+        return self.degree * energy / (self.degree + 2), 2 * energy / (self.degree + 2)
+
+
+def similarity(source: Source, **values: float) -> Similarity:
+    """Degree h of homogeneity of the potential, V(λ r) = λ^h V(r) (K eq. 53), by Euler's Σ r·∂V/∂r = h V (eq. 73).
+
+    All coordinates in metres are scaled, free and active; angles are not.
+
+    :param values: parameters, and coordinates that are held and therefore not scaled.
+    :raises ComponentError: if T is not of degree 2 in the lengths, V vanishes or is not homogeneous.
+    """
+    equations = equations_of(source)
+    m, owner = equations.mechanism, name_of(equations)
+    names = [item.name for item in (*m.coordinates, *m.actives) if item.unit == "m" and item.name not in values]
+    _require_lengths(equations, names, values)
+    V, lengths = equations.potential_energy, stack(m.symbols[name] for name in names)
+    euler = Quantity(equations, ca.vertcat(ca.jtimes(V, lengths, lengths), V))
+    stretched, potential = euler.evaluate(**sample_states(equations, values))
+    square = float(potential @ potential)
+    if square == 0:
+        raise ComponentError(f"{owner}: the potential is zero and sets no scale of time; give it one, e.g. a gravity")
+    degree = float(stretched @ potential) / square
+    if np.max(np.abs(stretched - degree * potential)) > 1e-10 * np.max(np.abs(potential)):
+        raise ComponentError(
+            f"{owner}: the potential is not homogeneous in {', '.join(names)}: it has a length of its own; "
+            "set that parameter to 0, or measure coordinates from the centre of force"
+        )
+    return Similarity(degree)
+
+
+@dataclass(frozen=True)
+class Virial:
+    """Means over the time τ of a motion; 2 T̄ - virial = boundary holds for any τ (K 2.7, p·r in place of p·ṙ)."""
+
+    kinetic: float  # T̄ [J]
+    potential: float  # V̄ [J]
+    virial: float  # mean of -Σ r·F, which is Σ r·∂V/∂r without friction, drives and loads [J]
+    boundary: float  # (p·r at the end - p·r at the start)/τ [J]
+
+    @property
+    def residual(self) -> float:
+        """2 T̄ - virial - boundary [J]: zero up to the error of samples and quadrature."""
+        return 2 * self.kinetic - self.virial - self.boundary
+
+
+def virial(source: Source, time: ArrayLike, motion: Mapping[str, ArrayLike], **values: float) -> Virial:
+    """The virial theorem over a finite time, 2 T̄ - mean(Σ r·∂V/∂r) = [Σ p·r]/τ (K eq. 71, 72 before the limit).
+
+    r are the free coordinates in metres; angles beside them do not enter.  The means are integrals of the cubic
+    Hermite interpolant: fourth order in the distance of the samples.
+
+    :param time: instants [s], shape (n,), increasing.
+    :param motion: samples by name, ``q`` and ``q_dot`` of each coordinate, forces if there are any; shape (n,).
+    :param values: parameters where they differ from their defaults.
+    :raises ComponentError: if T is not of degree 2 in the lengths, or for samples that do not fit.
+    """
+    equations = equations_of(source)
+    require_coordinates(equations, "the virial")
+    m = equations.mechanism
+    names = [item.name for item in m.coordinates if item.unit == "m"]
+    _require_lengths(equations, names, values)
+    rows = [k for k, item in enumerate(m.coordinates) if item.name in names]
+    r, T, V = m.free.q[rows], equations.kinetic_energy, equations.potential_energy
+    force = equations.momentum_rates[rows] - gradient(T, r)
+    integrands = equations.in_motion(ca.vertcat(T, V, -ca.dot(r, force)))
+    rates = equations.in_motion(m.dot(integrands))
+    p_r = ca.dot(equations.momenta[rows], r)
+    samples = Quantity(equations, ca.vertcat(integrands, rates, p_r)).evaluate(**dict(motion), **values)
+    t = instants(equations, time, samples.shape[1:])
+    f, f_dot, G = samples[:3], samples[3:6], samples[6]
+    h = np.diff(t)
+    integral = (f[:, 1:] + f[:, :-1]) @ h / 2 - (f_dot[:, 1:] - f_dot[:, :-1]) @ h**2 / 12
+    tau = t[-1] - t[0]
+    kinetic, potential, mean = integral / tau
+    return Virial(float(kinetic), float(potential), float(mean), float((G[-1] - G[0]) / tau))
+
+
+def _require_lengths(equations: Equations, names: list[str], values: Mapping[str, ArrayLike]) -> None:
+    """T must be of degree 2 in the lengths and their rates, Σ (r ∂T/∂r + ṙ ∂T/∂ṙ) = 2 T, and L = T - V."""
+    m, T = equations.mechanism, equations.kinetic_energy
+    where = stack(m.symbols[f"{name}{end}"] for name in names for end in ("", "_dot"))
+    excess = ca.jtimes(T, where, where) - 2 * T if names else T
+    if largest(equations, excess, T, values) != 0:
+        lengths = ", ".join(names) or "(none)"
+        raise ComponentError(
+            f"{name_of(equations)}: the kinetic energy is not of degree 2 in the lengths {lengths}; "
+            "set the parameters that are lengths to 0, or use coordinates in metres"
+        )
+    magnetic = equations.lagrangian - T + equations.potential_energy
+    if largest(equations, magnetic, T, values) != 0:
+        raise ComponentError(f"{name_of(equations)}: L is not T - V; forces that depend on velocities have no degree")

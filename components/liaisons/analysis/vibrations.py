@@ -1,0 +1,100 @@
+"""Small motions about an equilibrium: M ü = -K u and its normal modes (K 5.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.analysis.numeric import eigenproblem, frozen
+from liaisons.analysis.quantity import Source, equations_of, name_of, numbers_of, require_coordinates
+from liaisons.errors import ComponentError
+
+_ROUNDS = 50  # Newton doubles the digits each round; what has not converged by then does not
+_ZERO = 1e-12  # eigenvalues below this part of the largest one are rounding errors of the diagonalisation
+
+
+@dataclass(frozen=True, eq=False)
+class NormalModes:
+    """Normal modes about an equilibrium, u = Σ q_k u_k with q̈_k + Ω_k² q_k = 0 (K eq. 141-151)."""
+
+    equilibrium: dict[str, float]  # q by name
+    mass: NDArray  # M (f, f)
+    stiffness: NDArray  # K = ∂²V/∂q∂q (f, f)
+    squares: NDArray  # Ω_k², the eigenvalues of M^(-1/2) K M^(-1/2), ascending (f,) [rad2/s2]; K eq. 157 corrected
+    modes: NDArray  # u_k as columns, u_kᵀ M u_l = δ_kl (K eq. 151); K eq. 158 has unit vectors instead (f, f)
+
+    @property
+    def frequencies(self) -> NDArray:
+        """Ω_k, ascending, (f,) [rad/s]; 0 for a zero mode.
+
+        :raises ComponentError: at an unstable equilibrium, where an Ω_k² is negative.
+        """
+        if self.squares[0] < 0:
+            raise ComponentError(
+                f"frequencies: the equilibrium {self.equilibrium} is unstable, Ω² = {self.squares[0]:g}; see squares"
+            )
+        return np.sqrt(self.squares)
+
+    @property
+    def zero_modes(self) -> int:
+        """Number of modes without restoring force, along which the system drifts (K Ex. 11: the translation)."""
+        return int(np.count_nonzero(self.squares == 0))
+
+
+def equilibrium(source: Source, **values: float) -> dict[str, float]:
+    """Where the forces vanish at rest, ∂V/∂q = drives - loads, by Newton's method (K eq. 132).
+
+    Along a zero mode it stays where it is.
+
+    :param values: guess by ``q`` (default: the start), active coordinates, parameters, constant forces.
+    :returns: q by name.
+    :raises ComponentError: for constraints, an orientation, unknown symbols, or if none is found near the guess.
+    """
+    return _about(source, values)[0]
+
+
+def normal_modes(source: Source, **values: float) -> NormalModes:
+    """Mass and stiffness at the equilibrium near a guess, and the modes of K u = Ω² M u (K eq. 137-151).
+
+    Friction does not enter.  See :func:`equilibrium` for the arguments and errors.
+    """
+    found, M, K = _about(source, values)
+    squares, modes = eigenproblem(K, M)
+    squares[np.abs(squares) <= _ZERO * np.max(np.abs(squares))] = 0.0
+    return NormalModes(found, M, K, squares, modes)
+
+
+def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], NDArray, NDArray]:
+    """Equilibrium, M and K.  At rest K eq. 15 leaves ∂L/∂q + Q, and K is minus its derivative."""
+    equations = equations_of(source)
+    require_coordinates(equations, "an equilibrium")
+    m = equations.mechanism
+    still = ca.vertcat(m.free.q_dot, m.active.s_dot, m.active.s_ddot)
+    at_rest = ca.substitute(
+        ca.horzcat(equations.forces, -ca.jacobian(equations.forces, m.free.q), equations.mass_matrix),
+        still,
+        ca.SX.zeros(still.shape),
+    )
+    function = ca.Function("at_rest", [m.free.q], [ca.densify(frozen(equations, at_rest, values, m.free.q))])
+    names, numbers = [item.name for item in m.coordinates], numbers_of(equations, values)
+    q = np.array([float(numbers[name]) for name in names])
+    for _ in range(_ROUNDS):
+        force, K, M = np.split(np.asarray(function(q)), [1, 1 + q.size], axis=1)
+        if not np.all(np.isfinite(K)):
+            break
+        step = np.linalg.lstsq(K, force[:, 0], rcond=_ZERO)[0]
+        q = q + step
+        if np.max(np.abs(step)) <= 1e-13 * (1 + np.max(np.abs(q))) and _balanced(K, force[:, 0], step):
+            force, K, M = np.split(np.asarray(function(q)), [1, 1 + q.size], axis=1)
+            return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2
+    guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
+    raise ComponentError(f"{name_of(equations)}: no equilibrium found from the guess {guess}; start nearer to one")
+
+
+def _balanced(K: NDArray, force: NDArray, step: NDArray) -> bool:
+    """Whether the step answers the whole force: a constant force along a zero mode is no equilibrium."""
+    left = np.max(np.abs(force - K @ step))
+    return bool(left <= 1e-9 * (np.max(np.abs(K)) * (1 + np.max(np.abs(step))) + 1e-300))

@@ -1,0 +1,27 @@
+r"""Straight-line code: scalar CasADi expressions as one list of operations, printed as C or performed by NumPy.
+
+One statement an operation and one temporary a statement, so that the body of a loop over lanes (members of an ensemble,
+links of a chain) is free of calls that a compiler cannot vectorise::
+
+    >>> x, k = ca.SX.sym("x", 2), ca.SX.sym("k")
+    >>> print("\n".join(c_statements([(x, "x[{}][i]"), (k, "k[i]")], [(-k * ca.sin(x[0]) / x[1], "f[i]")])))
+    const double a0 = k[i];
+    const double a1 = x[0][i];
+    const double a2 = x[1][i];
+    const double a3 = sin(a1);
+    const double a4 = a0 * a3;
+    const double a5 = a4 / a2;
+    const double a6 = -a5;
+    f[i] = a6;
+
+What occurs twice is calculated once.  All inputs are read before the first output is written: the two may be one array.
+"""
+
+from __future__ import annotations
+
+from liaisons.expressions.nodes import Node
+from liaisons.expressions.operations import OPERATIONS, Operation
+from liaisons.expressions.printing import c_parts, c_statements, literal
+from liaisons.expressions.programs import Program, program
+
+__all__ = ["OPERATIONS", "Node", "Operation", "Program", "c_parts", "c_statements", "literal", "program"]

@@ -1,0 +1,107 @@
+"""Operations as statements of C."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+
+from liaisons.expressions.programs import Program, program
+
+
+def c_statements(
+    inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]], *, temporary: str = "a"
+) -> list[str]:
+    """C99 statements that calculate expressions; they need ``math.h``.
+
+    :param inputs: columns of symbols, and how their entries are read: ``"y[{}][i]"`` for ``y[0][i]``, ``y[1][i]``, ...
+    :param outputs: columns of expressions, and how their entries are written.
+    :param temporary: names of temporaries begin with it.
+    :returns: lines without indentation: reads, operations, writes.
+    :raises ComponentError: as :func:`program` does.
+    """
+    (lines,), _ = c_parts(inputs, outputs, kept="", most=sys.maxsize, temporary=temporary)
+    return lines
+
+
+def c_parts(
+    inputs: Sequence[tuple[ca.SX, str]],
+    outputs: Sequence[tuple[ca.SX, str]],
+    *,
+    kept: str,
+    most: int,
+    late: int | None = None,
+    temporary: str = "a",
+) -> tuple[list[list[str]], int]:
+    """The same in parts that can be functions of their own: compilers take more than twice the time for twice as many.
+
+    :param kept: how a number is written and read that a later part needs: ``"w[{}]"``.
+    :param most: operations in a part.
+    :param late: as in :func:`program`.
+    :returns: lines of each part, at least one, and how many numbers are kept.  An output is written by the part that
+        knows it, so with several parts it must lie elsewhere than the inputs.
+    """
+    symbols, expressions = [column for column, _ in inputs], [column for column, _ in outputs]
+    found = program(symbols, expressions, reciprocals=True, late=late)
+    calculated = [number for number, node in enumerate(found.nodes) if node.operation is not None]
+    count = max(1, -(-len(calculated) // most))
+    part_of = {number: i * count // len(calculated) for i, number in enumerate(calculated)}
+    writes: list[list[tuple[int, str]]] = [[] for _ in range(count)]
+    for (_, pattern), entries in zip(outputs, found.outputs, strict=True):
+        for entry, number in enumerate(entries):
+            writes[part_of.get(number, 0)].append((number, pattern.format(entry)))
+    sources = {
+        number: inputs[node.arguments[0]][1].format(node.arguments[1])
+        for number, node in enumerate(found.nodes)
+        if node.operation is None and node.constant is None
+    }
+    entries_read = len(sources)
+    for number in calculated:
+        for argument in found.nodes[number].arguments:
+            if part_of.get(argument, part_of[number]) < part_of[number] and argument not in sources:
+                sources[argument] = kept.format(len(sources) - entries_read)
+                writes[part_of[argument]].append((argument, sources[argument]))
+    members: list[list[int]] = [[] for _ in range(count)]
+    for number in calculated:
+        members[part_of[number]].append(number)
+    parts = [_part(found, *part, sources, temporary) for part in zip(members, writes, strict=True)]
+    return parts, len(sources) - entries_read
+
+
+def _part(
+    found: Program,
+    calculated: Sequence[int],
+    writes: Sequence[tuple[int, str]],
+    sources: Mapping[int, str],
+    temporary: str,
+) -> list[str]:
+    names: dict[int, str] = {}
+    lines: list[str] = []
+
+    def declare(number: int, value: str) -> None:
+        names[number] = f"{temporary}{len(lines)}"
+        lines.append(f"const double {names[number]} = {value};")
+
+    needed = {number for number, _ in writes}.union(*(found.nodes[number].arguments for number in calculated))
+    for number in sorted(needed.difference(calculated)):
+        constant = found.nodes[number].constant
+        if constant is None:
+            declare(number, sources[number])
+        else:
+            names[number] = literal(constant)
+    for number in calculated:
+        node = found.nodes[number]
+        assert node.operation is not None
+        declare(number, node.operation.c.format(*(names[argument] for argument in node.arguments)))
+    return [*lines, *(f"{place} = {names[number]};" for number, place in writes)]
+
+
+def literal(value: float) -> str:
+    """A number in C, as an operand."""
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "(-INFINITY)"
+    return repr(value) if math.copysign(1.0, value) > 0 else f"({value!r})"

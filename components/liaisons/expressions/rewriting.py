@@ -1,0 +1,185 @@
+"""Operations in a shorter form: what is equal is one node, and signs and powers of two wait in front of it.
+
+Derivatives of energies abound in halves, doubles and signs.  Multiplied by these a number keeps all its digits, so they
+may pass through products and sums until they meet their inverse: m/2 (a b + a b) is m a b.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import reduce
+from typing import TypeGuard, final
+
+import casadi as ca
+
+from liaisons.expressions.nodes import Node, Scaled
+from liaisons.expressions.sums import Product, Sums
+
+_LARGEST_POWER = 16  # integer powers up to here are products; more would cost accuracy
+_LARGEST_SCALE = 2.0**16
+_ODD = {ca.OP_SIN, ca.OP_TAN, ca.OP_ASIN, ca.OP_ATAN, ca.OP_SINH, ca.OP_TANH, ca.OP_ASINH, ca.OP_ATANH, ca.OP_ERF}
+_EVEN = {ca.OP_COS, ca.OP_COSH, ca.OP_FABS}
+
+
+@final
+class Builder:
+    """Collects nodes, each once, in an order in which they can be calculated."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._numbers: dict[object, int] = {}
+        self._sums = Sums(self.nodes)
+        self._products: dict[Product, int] = {}
+        self._rewritten: dict[int, Callable[..., Scaled]] = {
+            ca.OP_ASSIGN: lambda x: x,
+            ca.OP_NEG: lambda x: (-x[0], x[1]),
+            ca.OP_TWICE: lambda x: (2 * x[0], x[1]),
+            ca.OP_SQ: lambda x: self._product(x, x),
+            ca.OP_MUL: self._product,
+            ca.OP_INV: self._inverse,
+            ca.OP_DIV: self._quotient,
+            ca.OP_ADD: self._sum,
+            ca.OP_SUB: lambda x, y: self._sum(x, (-y[0], y[1])),
+            ca.OP_IF_ELSE_ZERO: self._choice,
+            ca.OP_POW: self._power,
+            ca.OP_CONSTPOW: self._power,
+            ca.OP_HYPOT: self._length,
+        }
+
+    def entry(self, place: Sequence[int]) -> Scaled:
+        """An entry of an input."""
+        return 1.0, self._number(Node(None, tuple(place)))
+
+    def constant(self, value: float) -> Scaled:
+        """A number that is known."""
+        return 1.0, self._number(Node(None, (), float(value)))
+
+    def node(self, number: Scaled) -> int:
+        """The node that is the number itself."""
+        scale, core = number
+        if scale == 1:
+            return core
+        node = self.nodes[core]
+        if node.constant is not None:
+            return self.constant(scale * node.constant)[1]
+        if scale < 0 and node.is_a(ca.OP_SUB):
+            return self.node((-scale, self._operation(ca.OP_SUB, *reversed(node.arguments))))
+        if scale in (-1, 2):
+            return self._operation(ca.OP_NEG if scale == -1 else ca.OP_TWICE, core)
+        return self._operation(ca.OP_MUL, core, self.constant(scale)[1])
+
+    def perform(self, code: int, arguments: Sequence[Scaled]) -> Scaled:
+        """The result of one of CasADi's instructions."""
+        if code in self._rewritten:
+            return self._moderate(self._rewritten[code](*arguments))
+        scale, x = arguments[0]
+        if scale < 0 and code in _ODD | _EVEN:
+            sign, core = self.perform(code, [(-scale, x)])
+            return (sign if code in _EVEN else -sign), core
+        return 1.0, self._operation(code, *map(self.node, arguments))
+
+    def _moderate(self, number: Scaled) -> Scaled:
+        """The same with a scale that adds no rounding, and that cannot grow from one link of a chain to the next."""
+        scale = number[0]
+        if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
+            return number
+        return 1.0, self.node(number)
+
+    def _inverse(self, number: Scaled) -> Scaled:
+        scale, x = number
+        return 1 / scale, self._operation(ca.OP_INV, x)
+
+    def _choice(self, condition: Scaled, number: Scaled) -> Scaled:
+        scale, x = number
+        return scale, self._operation(ca.OP_IF_ELSE_ZERO, self.node(condition), x)
+
+    def _product(self, first: Scaled, second: Scaled) -> Scaled:
+        (scale, x), (other, y) = first, second
+        for number, factor in ((x, second), (y, first)):
+            constant = self.nodes[number].constant
+            if constant == 0:
+                return 1.0, number
+            if _is_power_of_two(constant):
+                return scale * other * constant, factor[1]
+        operation = (ca.OP_SQ, x) if x == y else (ca.OP_MUL, *sorted((x, y)))
+        # The same factors in another order have the same product.
+        core = self._products.setdefault(self._sums.factors_of(x, y), self._operation(*operation))
+        return scale * other, core
+
+    def _quotient(self, first: Scaled, second: Scaled) -> Scaled:
+        (scale, x), (other, y) = first, second
+        constant = self.nodes[y].constant
+        if _is_power_of_two(constant):
+            return scale / (other * constant), x
+        return scale / other, self._operation(ca.OP_DIV, x, y)
+
+    def _length(self, first: Scaled, second: Scaled) -> Scaled:
+        """√(x² + y²): ``hypot``, which no overflow of the squares harms, takes five times as long."""
+        squares = self._sum(self._product(first, first), self._product(second, second))
+        return 1.0, self._operation(ca.OP_SQRT, self.node(squares))
+
+    def _sum(self, first: Scaled, second: Scaled) -> Scaled:
+        for number, term in ((first[1], second), (second[1], first)):
+            if self.nodes[number].constant == 0:
+                return term
+        together = first[0] + second[0]
+        if first[1] == second[1] and (together == 0 or _is_power_of_two(together)):
+            return (together, first[1]) if together else self.constant(0.0)
+        products = self._sums.shortened(first, second)
+        return self._plain_sum(first, second) if products is None else self._added(products)
+
+    def _plain_sum(self, first: Scaled, second: Scaled) -> Scaled:
+        if abs(second[0]) == 1:  # a scale of one is best put in front of both
+            first, second = second, first
+        (scale, x), (other, y) = first, second
+        if abs(other) != abs(scale):
+            y = self.node((abs(other / scale), y))
+        if (scale < 0) == (other < 0):
+            return scale, self._operation(ca.OP_ADD, *sorted((x, y)))
+        plus, minus = (x, y) if scale > 0 else (y, x)
+        if self._find(ca.OP_SUB, minus, plus) is not None:
+            return -abs(scale), self._operation(ca.OP_SUB, minus, plus)
+        return abs(scale), self._operation(ca.OP_SUB, plus, minus)
+
+    def _added(self, products: Sequence[tuple[float, Product]]) -> Scaled:
+        total = self.constant(0.0)
+        for scale, product in products:
+            inner, core = reduce(self._product, ((1.0, factor) for factor in product), self.constant(1.0))
+            total = self._sum(total, (scale * inner, core))
+        return total
+
+    def _power(self, base: Scaled, exponent: Scaled) -> Scaled:
+        value = self.nodes[exponent[1]].constant
+        if value is not None:
+            value *= exponent[0]
+            if value == 0.5:
+                return self.perform(ca.OP_SQRT, [base])
+            if value.is_integer() and 0 < abs(value) <= _LARGEST_POWER:
+                power = self._integer_power(base, int(abs(value)))
+                return power if value > 0 else self.perform(ca.OP_INV, [power])
+        return 1.0, self._operation(ca.OP_POW, self.node(base), self.node(exponent))
+
+    def _integer_power(self, base: Scaled, exponent: int) -> Scaled:
+        if exponent == 1:
+            return base
+        half = self._integer_power(base, exponent // 2)
+        square = self._product(half, half)
+        return self._product(base, square) if exponent % 2 else square
+
+    def _operation(self, code: int, *arguments: int) -> int:
+        return self._number(Node.of(code, *arguments))
+
+    def _find(self, code: int, *arguments: int) -> int | None:
+        return self._numbers.get(Node.of(code, *arguments))
+
+    def _number(self, node: Node) -> int:
+        key = node if node.constant is None else node.constant.hex()  # tells 0 from -0
+        if key not in self._numbers:
+            self._numbers[key] = len(self.nodes)
+            self.nodes.append(node)
+        return self._numbers[key]
+
+
+def _is_power_of_two(value: float | None) -> TypeGuard[float]:
+    return value is not None and abs(math.frexp(value)[0]) == 0.5

@@ -1,0 +1,119 @@
+"""From a model to an .fmu file."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from functools import cache
+from pathlib import Path
+from typing import Literal, get_args
+from uuid import UUID
+
+from liaisons.arguments import as_path, chosen
+from liaisons.compiler import FLAGS, TARGETS, compile_library, host, system_compiler, zig_compiler
+from liaisons.errors import BuildError
+from liaisons.fmu.archive import read_member, write_archive
+from liaisons.fmu.code import source_files
+from liaisons.fmu.description import model_description
+from liaisons.fmu.description3 import model_description3
+from liaisons.fmu.extras import extra_members
+from liaisons.fmu.icon import icon_members
+from liaisons.fmu.layout import Fmi
+from liaisons.fmu.origin import signed
+from liaisons.mechanics.model import Model
+
+Backend = Literal["native", "python", "auto"]
+Platforms = Literal["host", "all"]
+
+_DESCRIPTION = "modelDescription.xml"
+# Stands for the guid, which is a hash of everything else, until that is known.
+_NO_GUID = "{00000000-0000-0000-0000-000000000000}"
+_log = logging.getLogger(__name__)
+
+
+def build(
+    model: Model,
+    output: Path | str = "fmus",
+    *,
+    backend: Backend = "auto",
+    platforms: Platforms = "host",
+    fmi: Fmi = "2",
+) -> Path:
+    """Build the FMU of a model; an FMU that is there already and up to date is left as it is.
+
+    :param model: what ``assemble(Pendulum)`` returns.
+    :param output: folder; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of the Python back end
+        ``python/NAME.fmu``.
+    :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
+    :param platforms: binaries for this machine, or for Linux, Windows and macOS (native back end, needs ziglang).
+    :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
+    :returns: path of the FMU.
+    :raises BuildError: if it cannot be compiled or written; then nothing is written.
+    """
+    chosen("backend", backend, get_args(Backend), BuildError)
+    chosen("platforms", platforms, get_args(Platforms), BuildError)
+    chosen("fmi", fmi, get_args(Fmi), BuildError)
+    output = as_path("output", output, BuildError)
+    if fmi == "3" and backend == "python":
+        raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
+    if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
+        _say_how_to_get_native()
+        backend = "python"
+    if backend == "python":
+        return _build_python(model, output)
+    return _build_native(model, output, platforms, fmi)
+
+
+@cache
+def _say_how_to_get_native() -> None:
+    _log.warning("no C compiler is found: FMUs are built in Python; for native ones: pip install ziglang")
+
+
+def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi) -> Path:
+    path = (output if fmi == "2" else output / "fmi3") / f"{model.name}.fmu"
+    sources = source_files(model, _NO_GUID, fmi)
+    if fmi == "2":
+        description = model_description(model, guid=_NO_GUID, backend="native")
+    else:
+        description = model_description3(model, token=_NO_GUID)
+    members = {
+        _DESCRIPTION: description,
+        **extra_members(model, fmi),
+        **{f"sources/{name}": content for name, content in sources.items()},
+    }
+    members = _identified(members, model)
+    targets = {
+        f"binaries/{t.folder(fmi)}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])
+    }
+    if _is_current(path, members) and all(read_member(path, name) for name in targets):
+        return path
+    code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
+    for name, target in targets.items():
+        members[name] = compile_library(code, target, cross=platforms == "all")
+    write_archive(path, members | icon_members(model, fmi))
+    return path
+
+
+def _build_python(model: Model, output: Path) -> Path:
+    from liaisons.fmu.python_backend import python_members
+
+    path = output / "python" / f"{model.name}.fmu"
+    flat = model.flat()
+    members = _identified(python_members(flat, _NO_GUID), model)
+    if not _is_current(path, members):
+        write_archive(path, members | icon_members(flat, "2"))
+    return path
+
+
+def _identified(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
+    """The members with the guid in place, a hash of all of them and of how they are compiled, and with their origin."""
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    for name in sorted(members):
+        digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
+    guid = f"{{{UUID(bytes=digest.digest()[:16])}}}"
+    found = {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
+    return found | {_DESCRIPTION: signed(found[_DESCRIPTION], model)}
+
+
+def _is_current(path: Path, members: dict[str, bytes]) -> bool:
+    return read_member(path, _DESCRIPTION) == members[_DESCRIPTION]

@@ -1,0 +1,75 @@
+"""What one writes: a component's parameters, coordinates, energies, points, constraints and closed forms.
+
+A declaration does not know what becomes of it: :mod:`liaisons.mechanics` derives equations, :mod:`liaisons.fmu` builds.
+"""
+
+from liaisons.language.chain import Chain
+from liaisons.language.closed_forms import Values, closed_form
+from liaisons.language.component import Component
+from liaisons.language.declarations import (
+    ActiveCoordinate,
+    Coordinate,
+    Friction,
+    Gravity,
+    Input,
+    InternalState,
+    Joint,
+    Orientation,
+    Parameter,
+    Size,
+    calculated,
+    condition,
+    constraint,
+    non_holonomic,
+    output,
+    point,
+    submersion,
+    unchecked,
+)
+from liaisons.language.mechanism import Mechanism
+from liaisons.language.operator import Operator
+from liaisons.language.variables import (
+    Causality,
+    Dimension,
+    Experiment,
+    Port,
+    PortKind,
+    PortMember,
+    Variability,
+    Variable,
+)
+
+__all__ = [
+    "ActiveCoordinate",
+    "Causality",
+    "Chain",
+    "Component",
+    "Coordinate",
+    "Dimension",
+    "Experiment",
+    "Friction",
+    "Gravity",
+    "Input",
+    "InternalState",
+    "Joint",
+    "Mechanism",
+    "Operator",
+    "Orientation",
+    "Parameter",
+    "Port",
+    "PortKind",
+    "PortMember",
+    "Size",
+    "Values",
+    "Variability",
+    "Variable",
+    "calculated",
+    "closed_form",
+    "condition",
+    "constraint",
+    "non_holonomic",
+    "output",
+    "point",
+    "submersion",
+    "unchecked",
+]

@@ -1,0 +1,178 @@
+"""Closed forms: solutions that stand beside a component's declarations and share nothing else with it."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, Generic, TypeVar, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.errors import ComponentError, ValidityError, suggestion
+from liaisons.language import names
+from liaisons.language.chain import Chain
+from liaisons.language.component import Component
+from liaisons.language.mechanism import Mechanism
+from liaisons.language.variables import Dimension, Variable
+
+R = TypeVar("R")
+_RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
+    ">": np.greater,
+    ">=": np.greater_equal,
+    "<": np.less,
+    "<=": np.less_equal,
+    "==": np.equal,
+    "!=": np.not_equal,
+}
+
+
+@final
+class Values:
+    """What a closed form is asked for: ``at.gravity`` is the value that was given, else that of the declaration."""
+
+    def __init__(self, label: str, declared: Mapping[str, Variable], given: Mapping[str, object]) -> None:
+        self._label, self._declared = label, declared
+        self._given = {name: self._checked(name, value) for name, value in given.items()}
+        self._read: set[str] = set()
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        self._read.add(name)
+        return self._given[name] if name in self._given else _start(self._variable(name))
+
+    def array(self, *names: str) -> NDArray:
+        """The values of several variables, shape (n,)."""
+        return np.array([getattr(self, name) for name in names])
+
+    def reject_unread(self, text: str) -> None:
+        """Refuse what was given, differs from the declaration, and was not asked for."""
+        for name, value in self._given.items():
+            start = _start(self._declared[name])
+            if name not in self._read and not np.array_equal(value, start):
+                raise ValidityError(f"{self._label}: {name} = {value} must be {start}; it is {text}")
+
+    def _variable(self, name: str) -> Variable:
+        if name not in self._declared:
+            raise ValidityError(f"{self._label}: nothing is called {name!r}{suggestion(name, self._declared)}")
+        return self._declared[name]
+
+    def _checked(self, name: str, value: object) -> Any:
+        variable = self._variable(name)
+        shape = () if variable.dimension is None else (variable.count,)
+        try:
+            numbers = np.broadcast_to(np.asarray(value, dtype=float), shape)
+        except (TypeError, ValueError):
+            wanted = "a number" if shape == () else f"{variable.count} numbers"
+            raise ValidityError(f"{self._label}: {name} = {value!r}; give {wanted}") from None
+        if not all(np.isfinite(x) and variable.allows(float(x)) for x in numbers.ravel()):
+            raise ValidityError(f"{self._label}: {name} = {value} must be {variable.domain() or 'finite'}")
+        return numbers if shape else float(numbers)
+
+
+@final
+class ClosedForm(Generic[R]):
+    """A solution that a component is checked against, called with the names of its parameters, start values and inputs.
+
+    ``Pendulum.exact(t, theta_0=0.5)``: ``t`` are times [s], of any shape; what is not given is as declared.  What comes
+    back has the names and the units of the component's variables.
+
+    :raises ValidityError: for an unknown name, a value outside of its domain, or one that the solution does not cover.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., R],
+        text: str,
+        conditions: Mapping[str, str],
+        owner: type[Component] | None = None,
+    ) -> None:
+        self._function, self._text, self._conditions, self._owner = function, text, conditions, owner
+        self._signature = inspect.signature(function)
+        self.__name__ = function.__name__
+        holds = " and ".join(f"{name} {condition.replace('==', '=')}" for name, condition in conditions.items())
+        first = f"{text[:1].upper()}{text[1:]}{', for ' if holds else ''}{holds}."
+        self.__doc__ = "\n\n".join(filter(None, (first, inspect.cleandoc(function.__doc__ or ""))))
+
+    def __get__(self, _: object, owner: type[Component]) -> ClosedForm[R]:
+        return ClosedForm(self._function, self._text, self._conditions, owner)
+
+    def __call__(self, *arguments: Any, **given: Any) -> R:
+        assert self._owner is not None  # it is an attribute of a component
+        label = f"{self._owner.__name__}.{self.__name__}"
+        wanted = self._signature.parameters
+        own = {name: given.pop(name) for name in [*given] if name in wanted}
+        at = Values(label, _settable(self._owner, given), given)
+        own |= {name: value for name, value in (("at", at), ("component", self._owner)) if name in wanted}
+        try:
+            call = self._signature.bind(*arguments, **own)
+        except TypeError as error:
+            raise TypeError(f"{label}: {error}") from None
+        call.apply_defaults()
+        bound = call.arguments
+        if "t" in bound:
+            bound["t"] = np.asarray(bound["t"], dtype=float)
+        for name, condition in self._conditions.items():
+            relation, _, bounding = condition.partition(" ")
+            value, limit = (_value(word, bound, at) for word in (name, bounding))
+            if not np.all(_RELATIONS[relation](value, limit)):
+                shown = np.min(value) if np.ndim(value) else value
+                raise ValidityError(f"{label}: {name} = {shown} must be {condition}; it is {self._text}")
+        result = self._function(**bound)
+        at.reject_unread(self._text)
+        return result
+
+
+def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], ClosedForm[R]]:
+    """Make a function of a component its closed form.
+
+    It takes times ``t`` or what else it needs, and ``at``: :class:`Values` of the component's variables, whose names,
+    start values and domains are those of the declarations; where it asks for it, also its class as ``component``.
+    It returns values by the names of variables::
+
+        @closed_form("the motion with fixed pivot: Jacobi's elliptic functions", gravity="> 0", friction="== 0")
+        @staticmethod
+        def exact(t: NDArray, at: Values) -> dict[str, NDArray]: ...
+
+    :param text: which solution it is, for the page of the FMU and for messages.
+    :param conditions: what it asks of values beyond their domains: a relation and a number or another name.
+    """
+    for name, condition in conditions.items():
+        relation, _, limit = condition.partition(" ")
+        if relation not in _RELATIONS or not limit:
+            raise ValidityError(f"closed_form({name}={condition!r}): write a relation and a number or name, as '> 0'")
+    return lambda function: ClosedForm(function, text, conditions)
+
+
+def _settable(owner: type[Component], given: dict[str, Any]) -> dict[str, Variable]:
+    """Parameters, start values and inputs, as declared; of a chain as long as n, which is taken out, or an array."""
+    found = names.declared_parameters(owner)
+    if issubclass(owner, Mechanism):
+        found = [*names.parameters(owner)]
+        found += [v for s in owner.actives for v in names.triple(s)]
+        found += [v for q in owner.coordinates for v in names.forces_on(q)]
+    elif issubclass(owner, Chain):
+        arrays = (len(value) for value in given.values() if np.ndim(value) == 1)
+        try:
+            size = owner.n.checked(owner.__name__, given.pop("n", next(arrays, owner.n.default)))
+        except ComponentError as error:
+            raise ValidityError(str(error)) from None
+        dimension = Dimension("n", size, owner.n.description)
+        found += [v for s in owner.actives for v in names.triple(s)]
+        for q in owner.coordinates:
+            found += [*names.start_of(q, dimension), *names.forces_on(q, dimension)]
+        found.append(Variable("n", "1", owner.n.description, "parameter", "fixed", start=size))
+    return {variable.name: variable for variable in found}
+
+
+def _start(variable: Variable) -> Any:
+    return variable.starts[0] if variable.dimension is None else np.array(variable.starts)
+
+
+def _value(word: str, bound: Mapping[str, Any], at: Values) -> Any:
+    """What a word of a condition stands for: a number, an argument of the function, or a variable."""
+    try:
+        return float(word)
+    except ValueError:
+        return bound[word] if word in bound else getattr(at, word)

@@ -1,0 +1,131 @@
+"""What a declaration becomes in an FMU: variables with units and domains, connectors, the default experiment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from numbers import Real
+from typing import Literal
+
+from liaisons.errors import ComponentError
+
+Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
+PortKind = Literal["free", "active", "point", "signal"]
+Variability = Literal["fixed", "tunable", "discrete", "continuous"]
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """A structural size, fixed when the FMU is built: the length of arrays."""
+
+    name: str
+    count: int
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One variable of the model description: a number, or a column of numbers under one name."""
+
+    name: str
+    unit: str
+    description: str
+    causality: Causality
+    variability: Variability
+    start: float | tuple[float, ...] | None = None  # parameters and inputs only; (1.0, 2.0): the rest are 0
+    minimum: float | None = None
+    maximum: float | None = None
+    strict: bool = False  # True: the bounds themselves are forbidden too
+    nominal: float | None = None
+    derivative_of: str | None = None  # name of the variable whose time derivative this is
+    dimension: Dimension | None = None  # None: a scalar
+    symbol: str = ""  # its letter, where it is not the one of its name
+
+    @property
+    def count(self) -> int:
+        """How many numbers it holds."""
+        return 1 if self.dimension is None else self.dimension.count
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Start values of all its numbers; 0 where there is none."""
+        if isinstance(self.start, tuple):
+            return self.start + (0.0,) * (self.count - len(self.start))
+        return (self.start or 0.0,) * self.count
+
+    def elements(self) -> tuple[Variable, ...]:
+        """Its scalars, ``theta[1]``, ``theta[2]``, ...; itself if it is one."""
+        if self.dimension is None:
+            return (self,)
+        return tuple(
+            replace(
+                self,
+                name=element(self.name, i),
+                start=None if self.start is None else start,
+                derivative_of=None if self.derivative_of is None else element(self.derivative_of, i),
+                dimension=None,
+            )
+            for i, start in enumerate(self.starts, start=1)
+        )
+
+    def domain(self) -> str:
+        """The allowed values in words: ``"> 0"``, ``"in [0, 1]"``; empty when all are allowed."""
+        less, more = ("<", ">") if self.strict else ("<=", ">=")
+        if self.minimum is not None and self.maximum is not None:
+            left, right = ("]", "[") if self.strict else ("[", "]")
+            return f"in {left}{self.minimum:g}, {self.maximum:g}{right}"
+        if self.minimum is not None:
+            return f"{more} {self.minimum:g}"
+        return f"{less} {self.maximum:g}" if self.maximum is not None else ""
+
+    def allows(self, value: float) -> bool:
+        """Whether a finite value lies in the domain."""
+        below = self.minimum is not None and (value < self.minimum or (self.strict and value == self.minimum))
+        above = self.maximum is not None and (value > self.maximum or (self.strict and value == self.maximum))
+        return not (below or above)
+
+
+@dataclass(frozen=True, slots=True)
+class PortMember:
+    """One member of a port: its role (``"s"``, ``"v"``, ``"a"``, ``"f"``, ``"phi"``, ...) and its variable."""
+
+    role: str
+    variable: str
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """A coordinate or a component of a named point, seen as a connector (terminal)."""
+
+    name: str
+    kind: PortKind
+    members: tuple[PortMember, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """Default experiment: one that shows something worthwhile.
+
+    The start values of a component may be such that nothing happens.  Then ``reference`` gives those of its reference
+    results, by the names of scalar parameters and inputs; a coordinate that an operator prescribes moves as its rate
+    and its acceleration say.
+
+    :raises ComponentError: unless all three are finite and > 0.
+    """
+
+    stop_time: float = 10.0
+    step_size: float = 0.01
+    tolerance: float = 1e-8
+    reference: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        for name in ("stop_time", "step_size", "tolerance"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < math.inf:
+                raise ComponentError(f"Experiment: {name} = {value!r}: it must be a number > 0")
+
+
+def element(name: str, index: int) -> str:
+    """Name of one number of an array, counted from 1."""
+    return f"{name}[{index}]"

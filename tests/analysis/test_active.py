@@ -1,0 +1,183 @@
+"""Marle's geometry of active constraints on hoop, swing, pivot and cat, against formulas worked out by hand."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from liaisons import analysis
+from liaisons.errors import ComponentError
+from liaisons.models.cartesian_pendulum import CartesianPendulum
+from liaisons.models.circular_hoop import CircularHoop
+from liaisons.models.kepler_orbit import KeplerOrbit
+from liaisons.models.pendulum import Pendulum
+from liaisons.models.planar_cat import PlanarCat
+from liaisons.models.swing import Swing
+
+ROUNDING = 1e-13  # a few dozen operations on numbers of order 1
+HOOP = {"xi": 0.7, "beta": 0.2, "p_xi": 1.3, "beta_dot": 0.9, "mass": 0.8, "hoop_inertia": 0.3}
+R, d = 1.0, 0.5  # defaults of the hoop
+
+
+def hoop_geometry(xi: float) -> tuple[float, float, float, float]:
+    """a = r²θ' = R + d cos ψ, b = r²r'² = d² sin² ψ and their derivatives by ξ."""
+    psi = xi / R
+    return R + d * np.cos(psi), d**2 * np.sin(psi) ** 2, -d / R * np.sin(psi), d**2 / R * np.sin(2 * psi)
+
+
+def test_three_terms_of_the_dynamic_field_of_the_hoop() -> None:
+    """M eq. 65-67, and their sum, M eq. 64."""
+    m, p, Y = HOOP["mass"], HOOP["p_xi"], HOOP["beta_dot"]
+    a, _, a_dash, b_dash = hoop_geometry(HOOP["xi"])
+    D = analysis.dynamic_field(CircularHoop)
+    np.testing.assert_allclose(D.frozen.evaluate(**HOOP), [p / m, 0, 0], atol=ROUNDING)
+    np.testing.assert_allclose(D.energy.evaluate(**HOOP), [0, 0, m / 2 * b_dash * Y**2], atol=ROUNDING)
+    np.testing.assert_allclose(D.lift.evaluate(**HOOP), [-a * Y, Y, a_dash * p * Y], atol=ROUNDING)
+    whole = [p / m - a * Y, Y, a_dash * p * Y + m / 2 * b_dash * Y**2]
+    np.testing.assert_allclose(D.evaluate(**HOOP), whole, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("component", [CircularHoop, Swing, Pendulum, PlanarCat])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_three_terms_add_up_to_the_equations_of_motion(component, seed: int) -> None:
+    """D_0 - X_K + H(Y) = D_Y (M eq. 52) = (ẋ, Y, ṗ) of M eq. 36."""
+    D, rng = analysis.dynamic_field(component), np.random.default_rng(seed)
+    m = D.frozen.equations.mechanism
+    moving = ca.vertcat(m.free.q, m.free.p, m.active.s_dot)
+    state = {str(symbol): rng.uniform(-1, 1) for symbol in ca.vertsplit(moving)}
+    motion, count = analysis.phase_velocity(component).evaluate(**state), m.free.q.shape[0]
+    expected = [*motion[:count], *(state[f"{s.name}_dot"] for s in m.actives), *motion[count:]]
+    # rates of the swing reach 40 N.m; a metric of condition 100 is inverted
+    np.testing.assert_allclose(D.evaluate(**state), expected, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("term", ["frozen", "energy", "lift"])
+def test_each_term_is_an_automorphism_of_the_poisson_structure(term: str) -> None:
+    """For one free coordinate: ∂ẋ/∂x + ∂ṗ/∂p = 0 (M 7); H(Y) is also tangent to p = 0."""
+    quantity = getattr(analysis.dynamic_field(Pendulum), term)
+    free = quantity.equations.mechanism.free
+    x_dot, p_dot = quantity.expression[0], quantity.expression[-1]
+    divergence = analysis.Quantity(quantity.equations, ca.jacobian(x_dot, free.q) + ca.jacobian(p_dot, free.p))
+    state = {"theta": 0.8, "p_theta": 1.7, "pivot_x_dot": 0.4, "pivot_z_dot": -0.6, "length_dot": 0.3}
+    assert divergence.evaluate(**state) == pytest.approx(0.0, abs=ROUNDING)
+    if term == "lift":
+        assert quantity.evaluate(**state | {"p_theta": 0.0})[-1] == 0.0
+
+
+def test_energy_of_the_active_constraints() -> None:
+    """K_Y = ½ (I + m b) Y² on the hoop (M eq. 63); for the pendulum ½ m (velocity of the pivot along the rod + l')²."""
+    _, b, *_ = hoop_geometry(HOOP["xi"])
+    expected = (HOOP["hoop_inertia"] + HOOP["mass"] * b) / 2 * HOOP["beta_dot"] ** 2
+    assert analysis.active_energy(CircularHoop).evaluate(**HOOP) == pytest.approx(expected, rel=ROUNDING)
+    theta, u, w, v = 0.8, 0.4, -0.6, 0.3
+    K = analysis.active_energy(Pendulum).evaluate(theta=theta, pivot_x_dot=u, pivot_z_dot=w, length_dot=v, mass=1.4)
+    along = u * np.sin(theta) - w * np.cos(theta) + v
+    assert pytest.approx(1.4 / 2 * along**2, rel=ROUNDING) == K
+
+
+def test_hamiltonian_on_the_reduced_phase_space() -> None:
+    """H̃ is M eq. 62 with p_β from ∂H/∂p_β = Y (M eq. 45), and H̃ = H̃_0 + K_Y."""
+    m, inertia, p, Y = HOOP["mass"], HOOP["hoop_inertia"], HOOP["p_xi"], HOOP["beta_dot"]
+    a, b, *_ = hoop_geometry(HOOP["xi"])
+    r_squared = a**2 + b
+    p_beta = a * p + (inertia + m * b) * Y
+    H = ((inertia + m * r_squared) / m * p**2 - 2 * a * p * p_beta + p_beta**2) / (2 * (inertia + m * b))
+    reduced = analysis.active_hamiltonian(CircularHoop)
+    assert reduced.evaluate(**HOOP) == pytest.approx(H, rel=ROUNDING)
+    K_Y = analysis.active_energy(CircularHoop).evaluate(**HOOP)
+    assert reduced.evaluate(**HOOP | {"beta_dot": 0.0}) + K_Y == pytest.approx(H, rel=ROUNDING)
+
+
+def swing_metric(rope: float, lean: float) -> tuple[float, np.ndarray, np.ndarray]:
+    """I, J and g of a swing with masses m_1, m_2 at the distance b (M eq. 55), in the frame of the rope."""
+    m_1, m_2, b = 20.0, 20.0, 0.5
+    inertia = m_1 * rope**2 + m_2 * (rope**2 + b**2 + 2 * rope * b * np.cos(lean))
+    J = np.array([-m_2 * b * np.sin(lean), m_2 * (b**2 + rope * b * np.cos(lean))])
+    mixed = -m_2 * b * np.sin(lean)
+    return inertia, J, np.array([[m_1 + m_2, mixed], [mixed, m_2 * b**2]])
+
+
+def test_effective_mass_and_connection_of_the_swing() -> None:
+    """Θ = g - J Jᵀ/I, Γ = -J/I; with M eq. 56 as printed, g without its ½, Θ would be larger by g (MA1)."""
+    inertia, J, g = swing_metric(2.2, 1.1)
+    state = {"theta": 0.6, "rope": 2.2, "lean": 1.1}
+    theta = analysis.effective_mass(Swing).evaluate(**state)
+    np.testing.assert_allclose(theta, g - np.outer(J, J) / inertia, rtol=1e-12)
+    assert np.min(np.abs(theta - (2 * g - np.outer(J, J) / inertia))) > 1
+    np.testing.assert_allclose(analysis.kinetic_connection(Swing).evaluate(**state)[0], -J / inertia, rtol=ROUNDING)
+    force = analysis.dynamic_field(Swing).energy.evaluate(rope_dot=1.0, lean_dot=2.0, **state)
+    np.testing.assert_allclose(force, 0, atol=1e-12)  # X_K = 0: the body turns in one piece (M 8.4)
+
+
+def cat_connection(psi_1: NDArray, psi_2: NDArray) -> NDArray:
+    """J_α/I of the cat's page, in the reduced masses μ_1 = μ_2 and μ of the defaults; (2, ...)."""
+    mass, limb, h, c = 4.0, 1.0, 0.2, 0.15
+    reduced, mutual = limb * (mass - limb) / mass, limb**2 / mass
+    own, A, C = 0.02 + c**2 * reduced, h * c * (reduced + mutual), c**2 * mutual
+    a, b, both = A * np.cos(psi_1), A * np.cos(psi_2), C * np.cos(psi_1 - psi_2)
+    inertia = 0.05 + 2 * own + 2 * h**2 * (reduced + mutual) + 2 * (a + b + both)
+    return np.array([own + a + both, own + b + both]) / inertia
+
+
+def test_connection_of_the_cat() -> None:
+    """Against the formulas in reduced masses of the component's page."""
+    connection = analysis.kinetic_connection(PlanarCat).evaluate(psi_1=0.7, psi_2=-0.4)
+    np.testing.assert_allclose(connection[:2], 0, atol=ROUNDING)
+    np.testing.assert_allclose(connection[2], -cat_connection(np.array(0.7), np.array(-0.4)), rtol=ROUNDING)
+
+
+def test_curvature_where_the_connection_depends_on_the_fibre() -> None:
+    """Γ = -(cos θ, sin θ)/l for a moved pivot: F = Γ_x ∂_θ Γ_z - Γ_z ∂_θ Γ_x = 1/l² by the second term alone.
+
+    And with l as third: ∂_l Γ_x = cos θ/l², ∂_l Γ_z = sin θ/l².
+    """
+    theta, length = 0.8, 1.3
+    F = analysis.curvature(Pendulum).evaluate(theta=theta, length=length)
+    np.testing.assert_allclose(F[0], np.array([np.cos(theta), np.sin(theta), 1.0]) / length**2, rtol=ROUNDING)
+
+
+def circle(a: ca.SX, radius: float = 0.6, x: float = 0.9, y: float = -0.4) -> dict[str, ca.SX]:
+    return {"psi_1": x + radius * ca.cos(a), "psi_2": y + 0.7 * radius * ca.sin(a)}
+
+
+def test_holonomy_of_the_cat_as_a_line_and_as_an_area() -> None:
+    line, area = analysis.holonomy(PlanarCat, circle)["phi"], analysis.curvature_integral(PlanarCat, circle)["phi"]
+    assert abs(line) > 0.01
+    assert line == pytest.approx(area, abs=1e-10)  # integration at 1e-12 over one turn, 24 Gauss nodes a radius
+    # A third way: the page's connection and the trapezoidal rule, exact to rounding for a smooth periodic integrand.
+    a = np.arange(200) * 2 * np.pi / 200
+    A = cat_connection(0.9 + 0.6 * np.cos(a), -0.4 + 0.42 * np.sin(a))
+    turn = -np.sum(A[0] * -0.6 * np.sin(a) + A[1] * 0.42 * np.cos(a)) * 2 * np.pi / 200
+    assert line == pytest.approx(turn, abs=1e-10)
+
+
+def test_holonomy_is_that_of_the_loop_not_of_its_speed() -> None:
+    once = analysis.holonomy(PlanarCat, circle)["phi"]
+    assert analysis.holonomy(PlanarCat, lambda a: circle(a + 0.5 * ca.sin(a)))["phi"] == pytest.approx(once, abs=1e-10)
+    assert analysis.holonomy(PlanarCat, lambda a: circle(-a))["phi"] == pytest.approx(-once, abs=1e-10)
+    assert analysis.holonomy(PlanarCat, lambda a: circle(ca.cos(a)))["phi"] == pytest.approx(0.0, abs=1e-10)
+    symmetric = analysis.holonomy(PlanarCat, lambda a: circle(a, x=0.0, y=0.0))["phi"]
+    assert symmetric == pytest.approx(0.0, abs=1e-10)  # about the stretched shape, which is symmetric
+
+
+def test_holonomy_where_areas_do_not_add_up() -> None:
+    """A pivot moved round a small square-free circle turns the rod by F times its area to leading order."""
+    radius = 1e-3
+    loop = lambda a: {"pivot_x": radius * ca.cos(a), "pivot_z": radius * ca.sin(a)}  # noqa: E731
+    turn = analysis.holonomy(Pendulum, loop, theta=0.8, length=1.3)["theta"]
+    assert turn == pytest.approx(np.pi * radius**2 / 1.3**2, rel=5 * radius)  # next order: radius/length
+    with pytest.raises(ComponentError, match=r"Pendulum: the connection depends on theta: use holonomy\(\)"):
+        analysis.curvature_integral(Pendulum, loop)
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(ComponentError, match="KeplerOrbit: it has no active coordinate"):
+        analysis.dynamic_field(KeplerOrbit)
+    with pytest.raises(ComponentError, match="CartesianPendulum: the geometry of active constraints needs independent"):
+        analysis.active_energy(CartesianPendulum)
+    with pytest.raises(ComponentError, match="CircularHoop: a curvature needs two active coordinates; it has 1"):
+        analysis.curvature(CircularHoop)
+    with pytest.raises(ComponentError, match=r"the loop is open: psi_1 at a = 2π and a = 0 differ by 6\.28"):
+        analysis.holonomy(PlanarCat, lambda a: {"psi_1": a})
+    with pytest.raises(ComponentError, match=r"a loop moves active coordinates, not 'phi'"):
+        analysis.holonomy(PlanarCat, lambda a: {"phi": a})

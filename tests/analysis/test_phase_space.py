@@ -1,0 +1,180 @@
+"""Hamilton's mechanics on components whose Hamiltonian, brackets and flow are known in closed form; and the errata."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons import analysis
+from liaisons.errors import ComponentError
+from liaisons.mechanics import derive
+from liaisons.models.cartesian_pendulum import CartesianPendulum
+from liaisons.models.charged_particle import ChargedParticle
+from liaisons.models.double_pendulum import DoublePendulum
+from liaisons.models.free_particle import FreeParticle
+from liaisons.models.kepler_orbit import KeplerOrbit
+from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
+from liaisons.models.oscillator import Oscillator
+from liaisons.models.pendulum import Pendulum
+from liaisons.models.planar_oscillator import PlanarOscillator
+from liaisons.models.swing import Swing
+
+ROUNDING = 1e-12  # algebra in doubles: a few hundred operations on numbers of order 1 to 10
+FLOW = 1e-9  # integration at tolerance 1e-11, amplification below 10, and determinants of entries below 10
+
+
+def test_hamiltonian_of_the_pendulum() -> None:
+    """K Ex. 8, with V = 0 at the pivot."""
+    H = analysis.hamiltonian(Pendulum).evaluate(theta=0.4, p_theta=1.7, mass=0.8, length=1.5)
+    assert pytest.approx(1.7**2 / (2 * 0.8 * 1.5**2) - 0.8 * 9.81 * 1.5 * np.cos(0.4), rel=ROUNDING) == H
+
+
+def test_the_lagrangian_is_subtracted_once_not_once_for_each_coordinate() -> None:
+    """K eq. 29 as printed has L inside the sum: for f = 2 that is no energy (KA10)."""
+    x, y, u, v = 0.3, -0.4, 1.1, 0.7
+    H = analysis.hamiltonian(PlanarOscillator).evaluate(x=x, y=y, p_x=u, p_y=v)
+    kinetic, potential = (u**2 + v**2) / 2, (x**2 + y**2) / 2
+    assert pytest.approx(kinetic + potential, rel=ROUNDING) == H
+    printed = 2 * kinetic - 2 * (kinetic - potential)
+    assert pytest.approx(printed, rel=0.1) != H
+
+
+def test_hamiltonian_of_a_charge() -> None:
+    """K Ex. 7: H = (p - Q A)²/2m + Q φ, A = ½ B∧r, φ = -E·r."""
+    m, Q, B, E = 0.6, 1.4, np.array([0.2, -0.5, 1.1]), np.array([0.3, 0.1, -0.7])
+    r, p = np.array([0.5, -1.2, 0.8]), np.array([1.0, 0.4, -0.3])
+    values = dict(zip(("B_x", "B_y", "B_z", "E_x", "E_y", "E_z"), [*B, *E], strict=True))
+    state = dict(zip(("x", "y", "z", "p_x", "p_y", "p_z"), [*r, *p], strict=True))
+    kinetic = p - Q * np.cross(B, r) / 2
+    expected = kinetic @ kinetic / (2 * m) - Q * E @ r
+    H = analysis.hamiltonian(ChargedParticle).evaluate(mass=m, charge=Q, **values, **state)
+    assert pytest.approx(expected, rel=ROUNDING) == H
+
+
+@pytest.mark.parametrize("component", [DoublePendulum, Swing, ChargedParticle, Pendulum])
+def test_hamilton_equations_are_the_equations_of_motion(component) -> None:
+    """K eq. 81, 82 while the operator moves, against the momentum form derived from ∂L/∂q."""
+    equations, rng = derive(component), np.random.default_rng(3)
+    m = equations.mechanism
+    names = [*(c.name for c in m.coordinates), *(f"{s.name}_dot" for s in m.actives)]
+    state = {name: rng.uniform(-1, 1) for name in names} | {str(p): rng.uniform(-1, 1) for p in ca.vertsplit(m.free.p)}
+    found = analysis.hamilton_equations(equations).evaluate(**state)
+    np.testing.assert_allclose(found, analysis.phase_velocity(equations).evaluate(**state), rtol=1e-11, atol=1e-11)
+
+
+def test_brackets_of_coordinates_and_momenta_have_the_sign_of_the_text() -> None:
+    """{p, q} = +1 (K eq. 87, KC9), so that {H, a} = da/dt (K eq. 88)."""
+    x, p_x, y = (analysis.observable(KeplerOrbit, f) for f in (lambda m: m.x, lambda m: m.momentum(m.x), lambda m: m.y))
+    assert analysis.poisson_bracket(p_x, x).evaluate() == 1.0
+    assert analysis.poisson_bracket(x, p_x).evaluate() == -1.0
+    assert analysis.poisson_bracket(p_x, y).evaluate() == 0.0
+    H = analysis.hamiltonian(KeplerOrbit)
+    assert analysis.poisson_bracket(H, x).evaluate(mass=2.0, p_x=3.0) == pytest.approx(1.5, rel=ROUNDING)
+
+
+def test_brackets_of_angular_momenta_and_of_velocities_in_a_field() -> None:
+    """{L_x, L_y} = -L_z, {v_x, v_y} = -Q B/m² (KC9)."""
+
+    def moment(i: int, j: int) -> analysis.Quantity:
+        names = "xyz"
+        return analysis.observable(
+            FreeParticle,
+            lambda m: (
+                getattr(m, names[i]) * m.symbols[f"p_{names[j]}"] - getattr(m, names[j]) * m.symbols[f"p_{names[i]}"]
+            ),
+        )
+
+    state = {"x": 0.3, "y": -0.7, "z": 1.1, "p_x": 0.9, "p_y": 0.2, "p_z": -0.6}
+    bracket = analysis.poisson_bracket(moment(1, 2), moment(2, 0))
+    assert bracket.evaluate(**state) == pytest.approx(-moment(0, 1).evaluate(**state), rel=ROUNDING)
+    v_x, v_y = (analysis.observable(ChargedParticle, f) for f in (lambda m: m.dot(m.x), lambda m: m.dot(m.y)))
+    field = analysis.poisson_bracket(v_x, v_y).evaluate(charge=1.5, B_z=0.8, mass=0.5)
+    assert field == pytest.approx(-1.5 * 0.8 / 0.25, rel=ROUNDING)
+
+
+def test_constants_of_the_kepler_motion_and_jacobis_identity() -> None:
+    """{H, L} = {H, e} = 0; {a, {b, c}} + cyclic = 0."""
+    H = analysis.hamiltonian(KeplerOrbit)
+    L, e = (analysis.observable(KeplerOrbit, f) for f in (lambda m: m.angular_momentum, lambda m: m.eccentricity_x))
+    x = analysis.observable(KeplerOrbit, lambda m: m.x**2 * m.momentum(m.y))
+    state = {"x": 1.2, "y": 0.4, "p_x": 0.3, "p_y": 0.9, "mass": 0.7}
+    for constant in (L, e):
+        assert analysis.poisson_bracket(H, constant).evaluate(**state) == pytest.approx(0.0, abs=ROUNDING)
+    bracket = analysis.poisson_bracket
+    terms = [bracket(a, bracket(b, c)).evaluate(**state) for a, b, c in ((H, L, x), (L, x, H), (x, H, L))]
+    assert max(np.abs(terms)) > 0.1
+    assert sum(terms) == pytest.approx(0.0, abs=10 * ROUNDING)
+
+
+def test_divergence_of_the_flow() -> None:
+    """0, -η with friction, -ξ of the thermostat; the printed eq. 101 differentiates the wrong way round (KA13)."""
+    divergence = analysis.divergence(Pendulum)
+    assert divergence.evaluate(theta=1.0, p_theta=2.0, length_dot=0.3) == pytest.approx(0.0, abs=ROUNDING)
+    assert divergence.evaluate(theta=1.0, p_theta=2.0, friction=0.3) == pytest.approx(-0.3, rel=ROUNDING)
+    thermostat = analysis.divergence(NoseHooverOscillator)
+    assert thermostat.evaluate(q=1.0, p_q=2.0, xi=0.4) == pytest.approx(-0.4, rel=ROUNDING)
+
+    V = analysis.phase_velocity(Pendulum)
+    free = V.equations.mechanism.free
+    printed = ca.jacobian(V.expression[1], free.q) + ca.jacobian(V.expression[0], free.p)
+    # ∂p'/∂θ + ∂θ'/∂p = -m g l cos θ + 1/(m l²)
+    wrong = analysis.Quantity(V.equations, printed).evaluate(theta=1.0)
+    assert wrong == pytest.approx(-9.81 * np.cos(1.0) + 1, rel=ROUNDING)
+
+
+def test_flow_of_the_oscillator_is_a_rotation_of_phase_space() -> None:
+    """J = [[cos ωt, sin ωt/(m ω)], [-m ω sin ωt, cos ωt]]; with damping det J = exp(-γ t)."""
+    m, k, t = 0.5, 2.0, 3.0
+    flow = analysis.flow(Oscillator, t, mass=m, stiffness=k, x=0.4, x_dot=0.3)
+    c, s = np.cos(2.0 * t), np.sin(2.0 * t)
+    expected = np.array([[c, s / (m * 2.0)], [-m * 2.0 * s, c]])
+    np.testing.assert_allclose(flow.jacobian, expected, atol=FLOW)
+    assert [flow.state["x"], flow.state["p_x"]] == pytest.approx(expected @ [0.4, m * 0.3], abs=FLOW)
+    assert flow.determinant == pytest.approx(1.0, abs=FLOW)
+    damped = analysis.flow(Oscillator, t, mass=m, stiffness=k, damping=0.4)
+    assert damped.determinant == pytest.approx(np.exp(-0.4 * t), rel=FLOW)
+
+
+def test_a_short_flow_has_the_divergence_to_first_order_in_its_time() -> None:
+    """det J(dt) = 1 + dt ∇·V + O(dt²) (K eq. 100); the identity printed before it lacks the ε (KA14)."""
+    dt, damping = 1e-3, 0.4
+    growth = analysis.flow(Oscillator, dt, damping=damping).determinant - 1
+    assert growth == pytest.approx(-damping * dt, abs=(damping * dt) ** 2)
+    assert abs(growth + damping) > 0.1
+
+
+def test_flow_of_the_pendulum() -> None:
+    """The state is Jacobi's; the volume stays while the operator moves, shrinks with friction, as exp(-η t)."""
+    flow = analysis.flow(Pendulum, 5.0, theta=2.0, theta_dot=0.5, length=1.3)
+    exact = Pendulum.exact(5.0, theta_0=2.0, theta_dot_0=0.5, length=1.3)
+    assert flow.state["theta"] == pytest.approx(float(exact["theta"]), abs=FLOW)
+    assert flow.state["p_theta"] == pytest.approx(1.69 * float(exact["theta_dot"]), abs=10 * FLOW)
+    driven: dict[str, Any] = {"length": lambda t: 1 + 0.1 * ca.sin(2 * t), "pivot_x": lambda t: 0.2 * ca.cos(3 * t)}
+    moved = analysis.flow(Pendulum, 5.0, theta=2.0, **driven)
+    assert moved.determinant == pytest.approx(1.0, abs=FLOW)
+    assert abs(moved.state["theta"] - analysis.flow(Pendulum, 5.0, theta=2.0).state["theta"]) > 0.1
+    damped = analysis.flow(Pendulum, 5.0, theta=2.0, friction=0.2, **driven)
+    assert damped.determinant == pytest.approx(np.exp(-1.0), rel=FLOW)
+
+
+def test_flow_of_the_thermostat_shrinks_by_its_own_integral() -> None:
+    """det J = exp(-(η - η_0)) on (q, p, ξ, η)."""
+    flow = analysis.flow(NoseHooverOscillator, 10.0, q_dot=1.0)
+    assert abs(flow.state["eta"]) > 0.01
+    assert flow.determinant == pytest.approx(np.exp(-flow.state["eta"]), rel=10 * FLOW)
+
+
+def test_what_has_no_canonical_phase_space_is_refused() -> None:
+    with pytest.raises(ComponentError, match=r"CartesianPendulum: a Hamiltonian needs .* plane, rod"):
+        analysis.hamiltonian(CartesianPendulum)
+    with pytest.raises(ComponentError, match="CartesianPendulum: phase space needs independent coordinates"):
+        analysis.flow(CartesianPendulum, 1.0)
+    with pytest.raises(ComponentError, match="Oscillator and KeplerOrbit share no phase space"):
+        analysis.poisson_bracket(analysis.hamiltonian(Oscillator), analysis.hamiltonian(KeplerOrbit))
+    with pytest.raises(ComponentError, match="duration = 0 must be finite and > 0"):
+        analysis.flow(Oscillator, 0)
+    with pytest.raises(ComponentError, match="only an active coordinate can be a function of time, not 'x'"):
+        analysis.flow(Oscillator, 1.0, x=lambda t: t)
+    with pytest.raises(ComponentError, match=r"observable contains the unknown symbol 'stranger'"):
+        analysis.observable(Oscillator, lambda m: m.x * ca.SX.sym("stranger"))

@@ -1,0 +1,195 @@
+"""Conservation laws, similarity and virial against formulas worked out by hand, and their errata."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from liaisons import analysis
+from liaisons.errors import ComponentError
+from liaisons.models.charged_particle import ChargedParticle
+from liaisons.models.circular_hoop import CircularHoop
+from liaisons.models.free_particle import FreeParticle
+from liaisons.models.kepler_orbit import KeplerOrbit
+from liaisons.models.linear_molecule import LinearMolecule
+from liaisons.models.oscillator import Oscillator
+from liaisons.models.pendulum import Pendulum
+from liaisons.models.planar_cat import PlanarCat
+from liaisons.models.planar_oscillator import PlanarOscillator
+from liaisons.models.polar_oscillator import PolarOscillator
+from liaisons.models.satellite import Satellite
+
+ROUNDING = 1e-13  # a few dozen operations on numbers of order 1 to 10
+
+
+def rotation(m: Any) -> dict[str, ca.SX]:
+    return {"x": -m.y, "y": m.x}
+
+
+@pytest.mark.parametrize(
+    ("component", "held", "cyclic"),
+    [
+        (PolarOscillator, {}, {"phi"}),
+        (PlanarOscillator, {}, set()),
+        (PlanarCat, {}, {"com_x", "phi"}),
+        (PlanarCat, {"gravity": 0.0}, {"com_x", "com_z", "phi"}),
+        (ChargedParticle, {}, {"z"}),  # A = ½ B∧r contains x and y
+        (ChargedParticle, {"E_z": 1.0}, set()),
+        (FreeParticle, {}, {"x", "y"}),
+        (Pendulum, {"gravity": 0.0}, set()),  # a moving pivot leaves θ in T
+        (Pendulum, {"gravity": 0.0, "pivot_x_dot": 0.0, "pivot_z_dot": 0.0}, {"theta"}),
+        (CircularHoop, {}, set()),
+        (CircularHoop, {"offset": 0.0}, {"xi"}),
+    ],
+)
+def test_cyclic_coordinates(component, held, cyclic) -> None:
+    assert set(analysis.cyclic_coordinates(component, **held)) == cyclic
+
+
+def test_momentum_of_a_cyclic_coordinate() -> None:
+    """p_φ = m r² φ' (K eq. 42)."""
+    p = analysis.cyclic_coordinates(PolarOscillator)["phi"]
+    assert p.evaluate(mass=0.7, r=1.3, phi_dot=2.0) == pytest.approx(0.7 * 1.3**2 * 2.0, rel=ROUNDING)
+
+
+def test_rotations_conserve_angular_momentum() -> None:
+    """K eq. 51; in a magnetic field the canonical one, m (x y' - y x') + ½ Q B (x² + y²)."""
+    state = {"x": 2.0, "y": 1.0, "x_dot": 3.0, "y_dot": 4.0, "mass": 0.5}
+    for component in (KeplerOrbit, PlanarOscillator):
+        assert analysis.noether(component, rotation).evaluate(**state) == pytest.approx(2.5, rel=ROUNDING)
+    canonical = analysis.noether(ChargedParticle, rotation).evaluate(charge=2.0, B_z=3.0, **state)
+    assert canonical == pytest.approx(2.5 + 0.5 * 6.0 * 5.0, rel=ROUNDING)
+
+
+def test_translations_conserve_the_momentum_with_each_mass_of_its_own() -> None:
+    """K eq. 46, whose printed form has one mass for all: no conserved quantity."""
+    total = analysis.noether(LinearMolecule, lambda _: {"x_1": 1, "x_2": 1, "x_3": 1})
+    rates = {"x_1_dot": 1.0, "x_2_dot": -2.0, "x_3_dot": 4.0}
+    expected = 16.0 * (1.0 + 4.0) - 2.0 * 12.0
+    assert total.evaluate(mass_outer=16.0, mass_inner=12.0, **rates) == pytest.approx(expected, rel=ROUNDING)
+
+
+def test_a_field_that_is_no_symmetry_is_refused() -> None:
+    with pytest.raises(ComponentError, match=r"KeplerOrbit: the field x: 1 is no symmetry: it changes L by .* of its"):
+        analysis.noether(KeplerOrbit, lambda _: {"x": 1})
+    with pytest.raises(ComponentError, match="no symmetry"):
+        analysis.noether(ChargedParticle, rotation, E_x=1.0)
+    with pytest.raises(ComponentError, match=r"moves free coordinates, not 'z'; known: x, y"):
+        analysis.noether(KeplerOrbit, lambda _: {"z": 1})
+
+
+@pytest.mark.parametrize(
+    ("component", "held", "degree"),
+    [
+        (Oscillator, {}, 2),
+        (PolarOscillator, {}, 2),  # the angle does not scale
+        (LinearMolecule, {"spacing": 0.0}, 2),
+        (FreeParticle, {}, 1),
+        (Pendulum, {}, 1),  # lengths are active: τ grows as the root of the length
+        (KeplerOrbit, {}, -1),
+    ],
+)
+def test_degree_of_homogeneity(component, held, degree) -> None:
+    found = analysis.similarity(component, **held)
+    assert found.degree == pytest.approx(degree, abs=1e-12)  # a regression over 16 states
+    assert found.time_ratio(4.0) == pytest.approx(2.0 ** (2 - degree), rel=1e-11)
+
+
+def test_mean_energies() -> None:
+    """K eq. 75 for an orbit: T̄ = -E, V̄ = 2 E; none for h = -2."""
+    assert analysis.Similarity(-1.0).mean_energies(-0.5) == (0.5, -1.0)
+    assert analysis.Similarity(2.0).mean_energies(3.0) == (1.5, 1.5)
+    with pytest.raises(ComponentError, match="degree = -2 has no mean energies"):
+        analysis.Similarity(-2.0).mean_energies(0.0)
+
+
+@pytest.mark.parametrize(
+    ("component", "message"),
+    [
+        (LinearMolecule, "not homogeneous in x_1, x_2, x_3: it has a length of its own"),
+        (CircularHoop, "kinetic energy is not of degree 2 in the lengths xi"),
+        (Satellite, r"kinetic energy is not of degree 2 in the lengths \(none\)"),
+    ],
+)
+def test_what_has_a_length_of_its_own_has_no_similarity(component, message) -> None:
+    with pytest.raises(ComponentError, match=f"{component.__name__}: the .*{message}"):
+        analysis.similarity(component)
+
+
+def test_no_potential_and_magnetic_forces_have_no_degree() -> None:
+    with pytest.raises(ComponentError, match="potential is zero"):
+        analysis.similarity(FreeParticle, gravity=0.0)
+    with pytest.raises(ComponentError, match="L is not T - V"):
+        analysis.similarity(ChargedParticle)
+
+
+def test_virial_of_an_orbit_over_any_time_and_over_a_period() -> None:
+    """2 T̄ - mean(r·∂V/∂r) = [p·r]/τ; the printed p·r' in its place is wrong (K 2.7, KA11)."""
+    start = {"x_0": 1.0, "y_dot_0": 1.2}
+    t = np.linspace(0.0, 7.0, 2001)
+    motion = KeplerOrbit.exact(t, **start)
+    found = analysis.virial(KeplerOrbit, t, motion)
+    # Corrected trapezoidal rule: h⁴/720 times the change of a third derivative, of order 10 here.
+    assert abs(found.residual) < 1e-11
+    p_r = motion["x"] * motion["x_dot"] + motion["y"] * motion["y_dot"]
+    assert found.boundary == pytest.approx((p_r[-1] - p_r[0]) / 7.0, rel=1e-12)
+    assert found.boundary != pytest.approx(0.0, abs=1e-3)
+    square = motion["x_dot"] ** 2 + motion["y_dot"] ** 2
+    printed = (square[-1] - square[0]) / 7.0
+    assert abs(2 * found.kinetic - found.virial - printed) > 1e-2
+
+    period = KeplerOrbit.period(**start)
+    t = np.linspace(0.0, period, 2001)
+    whole = analysis.virial(KeplerOrbit, t, KeplerOrbit.exact(t, **start))
+    energy = 1.2**2 / 2 - 1
+    # K eq. 75 holds over whole periods; rounding of Kepler's equation and of 2000 summands
+    assert (whole.kinetic, whole.potential) == pytest.approx(analysis.Similarity(-1).mean_energies(energy), rel=1e-11)
+
+
+def test_virial_in_polar_coordinates_and_with_friction() -> None:
+    t = np.linspace(0.0, 5.0, 1001)
+    plane = PlanarOscillator.exact(t, x_0=1.0, y_dot_0=0.6)
+    x, y, u, v = (plane[name] for name in ("x", "y", "x_dot", "y_dot"))
+    r = np.hypot(x, y)
+    polar = {"r": r, "phi": np.arctan2(y, x), "r_dot": (x * u + y * v) / r, "phi_dot": (x * v - y * u) / r**2}
+    same = [analysis.virial(PlanarOscillator, t, plane), analysis.virial(PolarOscillator, t, polar)]
+    for name in ("kinetic", "potential", "virial", "boundary"):
+        assert getattr(same[0], name) == pytest.approx(getattr(same[1], name), rel=1e-9)  # both of order h⁴ = 6e-10
+    damped = Oscillator.exact(t, x_0=1.0, damping=0.4)
+    found = analysis.virial(Oscillator, t, damped, damping=0.4)
+    assert abs(found.residual) < 1e-10  # h⁴/720 = 1e-12 times derivatives of order 10
+    assert abs(found.virial - 2 * found.potential) > 1e-2  # friction has its part in the forces
+
+
+def test_virial_refuses_what_it_cannot_mean() -> None:
+    t = np.linspace(0.0, 1.0, 5)
+    with pytest.raises(ComponentError, match=r"time of shape \(5,\) must hold increasing instants"):
+        analysis.virial(Oscillator, t[::-1], {"x": t, "x_dot": t})
+    with pytest.raises(ComponentError, match=r"5 instants for samples of shape \(4,\)"):
+        analysis.virial(Oscillator, t, {"x": t[:4], "x_dot": t[:4]})
+    with pytest.raises(ComponentError, match=r"not of degree 2 in the lengths \(none\)"):
+        analysis.virial(Pendulum, t, {"theta": t, "theta_dot": t})
+
+
+def test_quantities_refuse_unknown_names_and_values_outside_their_domain() -> None:
+    H = analysis.hamiltonian(Pendulum)
+    with pytest.raises(ComponentError, match=r"Pendulum: unknown symbol 'thetta'; did you mean 'theta'\?"):
+        H.evaluate(thetta=1.0)
+    with pytest.raises(ComponentError, match=r"Pendulum: mass = -1 must be > 0"):
+        H.evaluate(mass=-1.0)
+    with pytest.raises(ComponentError, match=r"Pendulum: length = 0 must be > 0"):
+        H.evaluate(length=np.array([1.0, 0.0]))
+    with pytest.raises(ComponentError, match=r"Pendulum: theta = nan must be finite"):
+        H.evaluate(theta=np.nan)
+
+
+def test_quantities_broadcast_and_take_rates_for_momenta() -> None:
+    V = analysis.phase_velocity(Pendulum)
+    theta, p = np.linspace(-1, 1, 5)[:, None], np.array([0.0, 1.0, 2.0])
+    field = V.evaluate(theta=theta, p_theta=p, length=2.0)
+    assert field.shape == (2, 5, 3)
+    np.testing.assert_allclose(field[0], np.broadcast_to(p / 4, (5, 3)), rtol=ROUNDING)
+    np.testing.assert_allclose(field[1], np.broadcast_to(-2 * 9.81 * np.sin(theta), (5, 3)), rtol=ROUNDING, atol=1e-14)
+    by_rate = V.evaluate(theta=0.3, theta_dot=0.7, length=2.0)
+    np.testing.assert_allclose(by_rate, V.evaluate(theta=0.3, p_theta=2.8, length=2.0), rtol=ROUNDING)

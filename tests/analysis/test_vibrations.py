@@ -1,0 +1,91 @@
+"""Equilibria and normal modes against characteristic polynomials solved by hand."""
+
+import numpy as np
+import pytest
+
+from liaisons import analysis
+from liaisons.errors import ComponentError
+from liaisons.models.cartesian_pendulum import CartesianPendulum
+from liaisons.models.double_pendulum import DoublePendulum
+from liaisons.models.flywheel import Flywheel
+from liaisons.models.free_particle import FreeParticle
+from liaisons.models.linear_molecule import LinearMolecule
+from liaisons.models.oscillator import Oscillator
+from liaisons.models.pendulum import Pendulum
+from liaisons.models.swing import Swing
+
+ROUNDING = 1e-12  # diagonalisation of matrices of order 3 and condition below 100
+
+
+def test_modes_of_the_molecule() -> None:
+    """K Ex. 11: Ω² = 0, κ/m, κ (1/m + 2/M) are the eigenvalues, which the text calls frequencies (KA16)."""
+    m, M, kappa = 16.0, 12.0, 3.0
+    found = analysis.normal_modes(LinearMolecule, x_1=0.0, mass_outer=m, mass_inner=M, stiffness=kappa)
+    squares = np.array([0.0, kappa / m, kappa * (1 / m + 2 / M)])
+    np.testing.assert_allclose(found.squares, squares, atol=ROUNDING)
+    np.testing.assert_allclose(found.frequencies, np.sqrt(squares), atol=ROUNDING)
+    np.testing.assert_allclose(found.mass, np.diag([m, M, m]), rtol=ROUNDING)
+    np.testing.assert_allclose(found.stiffness, kappa * np.array([[1, -1, 0], [-1, 2, -1], [0, -1, 1]]), atol=ROUNDING)
+    assert found.zero_modes == 1
+    assert found.equilibrium == pytest.approx({"x_1": 0.0, "x_2": 0.116, "x_3": 0.232}, abs=1e-15)
+
+
+def test_modes_have_unit_mass_not_unit_length() -> None:
+    """u_kᵀ M u_l = δ_kl (K eq. 151); K eq. 158 gives the same directions as unit vectors (KB12)."""
+    m, M = 16.0, 12.0
+    modes = analysis.normal_modes(LinearMolecule, mass_outer=m, mass_inner=M).modes
+    np.testing.assert_allclose(modes.T @ np.diag([m, M, m]) @ modes, np.eye(3), atol=ROUNDING)
+    printed = np.array([[1, 1, 1], [-1, 0, 1], [1, -2 * m / M, 1]]).T
+    printed = printed / np.linalg.norm(printed, axis=0)
+    lengths = np.linalg.norm(modes, axis=0)
+    np.testing.assert_allclose(np.abs(np.sum(modes / lengths * printed, axis=0)), 1, rtol=ROUNDING)
+    assert np.all(np.abs(lengths - 1) > 0.5)
+
+
+def test_modes_of_the_double_pendulum() -> None:
+    """Equal masses and rods: M = m l² [[2, 1], [1, 1]], K = m g l diag(2, 1), Ω² = (2 ∓ √2) g/l."""
+    found = analysis.normal_modes(DoublePendulum, theta_1=0.3, theta_2=-0.2)
+    np.testing.assert_allclose(found.mass, [[2, 1], [1, 1]], rtol=ROUNDING)
+    np.testing.assert_allclose(found.stiffness, 9.81 * np.diag([2.0, 1.0]), atol=1e-11)
+    np.testing.assert_allclose(found.squares, 9.81 * np.array([2 - np.sqrt(2), 2 + np.sqrt(2)]), rtol=ROUNDING)
+    assert found.equilibrium == pytest.approx({"theta_1": 0.0, "theta_2": 0.0}, abs=1e-14)
+    for matrix, diagonal in ((found.mass, np.ones(2)), (found.stiffness, found.squares)):
+        np.testing.assert_allclose(found.modes.T @ matrix @ found.modes, np.diag(diagonal), atol=1e-11)
+
+
+def test_the_pendulum_hangs_or_stands() -> None:
+    hanging = analysis.normal_modes(Pendulum, theta=0.5, length=2.0)
+    assert hanging.frequencies == pytest.approx([np.sqrt(9.81 / 2)], rel=ROUNDING)
+    standing = analysis.normal_modes(Pendulum, theta=3.0, length=2.0)
+    assert standing.equilibrium["theta"] == pytest.approx(np.pi, rel=1e-15)
+    assert standing.squares == pytest.approx([-9.81 / 2], rel=ROUNDING)
+    with pytest.raises(ComponentError, match=r"is unstable, Ω² = -4\.905; see squares"):
+        _ = standing.frequencies
+
+
+def test_equilibrium_of_the_leaning_swing() -> None:
+    """The centre of mass hangs under the pivot; Ω² = D/I (M eq. 54-56)."""
+    m, b, rope, lean = 20.0, 0.5, 2.0, 1.1
+    across, along = m * b * np.sin(lean), 2 * m * rope + m * b * np.cos(lean)
+    found = analysis.normal_modes(Swing, lean=lean)
+    assert found.equilibrium["theta"] == pytest.approx(-np.arctan2(across, along), rel=ROUNDING)
+    inertia = m * rope**2 + m * (rope**2 + b**2 + 2 * rope * b * np.cos(lean))
+    assert found.squares == pytest.approx([9.81 * np.hypot(across, along) / inertia], rel=ROUNDING)
+
+
+def test_equilibrium_under_a_force_and_a_moved_support() -> None:
+    """x = x_0 + F/K: drives less loads."""
+    found = analysis.equilibrium(Oscillator, support=2.0, x_force=5.0, x_load=2.0, stiffness=4.0)
+    assert found == pytest.approx({"x": 2.75}, rel=ROUNDING)
+    assert analysis.equilibrium(Flywheel, angle=0.7) == {"angle": 0.7}  # at rest anywhere
+
+
+def test_what_has_no_equilibrium_is_refused() -> None:
+    with pytest.raises(ComponentError, match="FreeParticle: no equilibrium found from the guess x = 0, y = 0, z = 0"):
+        analysis.equilibrium(FreeParticle)
+    with pytest.raises(ComponentError, match="LinearMolecule: no equilibrium"):
+        analysis.normal_modes(LinearMolecule, x_1_force=1.0)
+    with pytest.raises(ComponentError, match="CartesianPendulum: an equilibrium needs independent coordinates"):
+        analysis.normal_modes(CartesianPendulum)
+    with pytest.raises(ComponentError, match=r"unknown symbol 'lenght'; did you mean 'length'\?"):
+        analysis.normal_modes(Pendulum, lenght=1.0)
