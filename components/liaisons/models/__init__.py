@@ -1,14 +1,15 @@
 """The catalogue: one file, one component; each with its equation, its source and its closed form.
 
-What the files of this folder declare is here by its name: ``from liaisons.models import Pendulum``.  K and M, by which
-sources are named, are the texts of Kneller and Marle: see ``liaisons/bibliography.md``.
+What the files of this folder declare is here by its name: ``from liaisons.models import Pendulum``.  Type checkers read
+the names in ``__init__.pyi``, which ``python tests/models/test_stub.py`` writes.  K and M, by which sources are named,
+are the texts of Kneller and Marle: see ``liaisons/bibliography.md``.
 """
 
 from __future__ import annotations
 
 import pkgutil
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from liaisons.language import Component, Operator
 
@@ -34,7 +35,3 @@ CATALOGUE: tuple[type[Component], ...] = tuple(
     sorted(filter(_is_component, _DECLARED.values()), key=lambda c: (issubclass(c, Operator), c.__name__))
 )
 """All components by name, operators last."""
-
-if TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Any: ...
