@@ -22,7 +22,7 @@ from liaisons.library import catalogue, model
 from liaisons.project import fmus_directory
 
 if TYPE_CHECKING:
-    from liaisons.cosim.component import Component as Part
+    from liaisons.cosim import Part
     from liaisons.language import Component
     from liaisons.mechanics import Model
 
@@ -55,19 +55,18 @@ def flatten(
 
     if not isinstance(system, System):
         raise SimulationError(f"{shown(system)} is no system; give a System")
-    if not system.components:
-        raise SimulationError(f"{system.name} is empty; add() an FMU first")
+    parts = system.filled()
     known = catalogue() | dict(components or {})
-    models = {name: _model(part, known) for name, part in system.components.items()}
+    models = {name: _model(part, known) for name, part in parts.items()}
     starts = {
         f"{name}.{variable}": value
-        for name, part in system.components.items()
+        for name, part in parts.items()
         for variable, value in _starts(part, models[name]).items()
     }
     whole = compose(
         _identifier(system.name),
         models,
-        {str(link.target): str(link.source) for link in system.links},
+        {str(connection.target): str(connection.source) for connection in system.connections},
         starts=starts,
     )
     return build(whole, fmus_directory() / "flat" if output is None else output, backend=backend, **options)

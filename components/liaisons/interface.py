@@ -9,11 +9,11 @@ import inspect
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar, final
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar, final
 
 from numpy.typing import ArrayLike
 
-from liaisons import cosim, sweeps
+from liaisons import cosim, ssp, sweeps
 from liaisons.flattening import flatten
 from liaisons.library import Target, fmu_file
 
@@ -74,18 +74,33 @@ class System(cosim.System):
     :param name: used in messages, results and figures.
     """
 
-    def add(self, name: str, fmu: Target, /, **starts: ArrayLike) -> cosim.Component:
+    def add(self, name: str, fmu: Target, /, **starts: ArrayLike) -> cosim.Part:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
         :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
         :param starts: values of parameters and inputs at the start, where they differ from the FMU's.
-        :returns: a handle; ``handle["length"]`` is one of its ends, to be connected.
+        :returns: a handle; ``handle["length"]`` is one of its ports, to be connected.
         :raises ProjectError: if there is no such file or component.
         :raises SimulationError: if the name will not do, the file cannot be used here, or a start value is unknown,
             cannot be set, or has the wrong type.
         """
         return super().add(name, fmu_file(fmu), **starts)
+
+    @classmethod
+    def from_ssp(cls, path: Path | str) -> Self:
+        """Read an SSP archive (1.0 or 2.0), of ours or of another make.
+
+        See :func:`liaisons.ssp.read`.
+        """
+        return ssp.read(path, cls)
+
+    def write_ssp(self, path: Path | str, **options: Any) -> None:
+        """Write the system as an SSP archive with its FMUs, for every importer, or with all that there is to say.
+
+        See :func:`liaisons.ssp.write`.
+        """
+        ssp.write(self, path, **options)
 
     def flatten(self, output: Path | str | None = None, **options: Any) -> Path:
         """Build the FMU of the whole system from the equations of motion of our components: no coupling error.

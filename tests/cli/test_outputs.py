@@ -14,7 +14,8 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from liaisons.cosim import Result, System, memory, simulate
+from liaisons import System
+from liaisons.cosim import Result, memory, simulate
 from liaisons.cosim.simulation import communication_points
 from liaisons.errors import SimulationError
 from liaisons.library import fmu_path

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pythonfmu import FmuBuilder
 from scipy.integrate import solve_ivp
 
-from liaisons.cosim import Result, System
+from liaisons import System
+from liaisons.cosim import Result
 from liaisons.library import fmu_path
 
 from .conftest import Cli, is_misuse
@@ -108,7 +109,7 @@ def test_a_system_whose_ports_go_both_ways(liaisons: Cli, tmp_path: Path, whole:
 
     driven = system()
     motor = driven.add("motor", sinusoid, offset=0.0, amplitude=0.1, angular_frequency=5.0)
-    driven.connect(motor["y"], driven.components["upper"]["pivot_x"])
+    driven.connect(motor["y"], driven.parts["upper"]["pivot_x"])
     expected = driven.simulate(1.0, 0.01, tolerance=1e-11)
     if whole:
         system().write_ssp(tmp_path / "pair.ssp", stop_time=1.0, step_size=0.01)

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from liaisons.cosim import Result, System
+from liaisons import System
+from liaisons.cosim import Result
 from liaisons.models import Pendulum
 
 from .conftest import Cli, is_misuse

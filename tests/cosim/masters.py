@@ -27,7 +27,7 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from liaisons.cosim import System
+from liaisons import System
 from liaisons.cosim.instances import AnyInstance, make
 
 _LIBCOSIM = """
@@ -85,10 +85,10 @@ class RefusalError(Exception):
 
 def compared(system: System) -> list[tuple[str, str]]:
     """Outputs that no connected input enters directly: read before or after inputs are set, they are the same."""
-    fed = {link.target.place for link in system.links}
+    fed = {link.target.place for link in system.connections}
     return [
         (c.name, output)
-        for c in system.components.values()
+        for c in system.parts.values()
         for output in c.fmu.reals("output")
         if not any(owner == c.name and c.fmu.depends(output, name) for owner, name in fed)
     ]
@@ -105,7 +105,7 @@ def elsewhere(master: str, system: System, folder: Path, *, size: float, steps: 
         pytest.skip("TBB is not installed as a wheel")
     path = folder / "system.ssp"
     system.write_ssp(path, stop_time=size * steps, step_size=size)
-    wanted = [(c, v, system.components[c].fmu.variables[v].reference) for c, v in compared(system)]
+    wanted = [(c, v, system.parts[c].fmu.variables[v].reference) for c, v in compared(system)]
     task = json.dumps([str(path), size, steps, wanted])
     command = [sys.executable, "-c", _MASTERS[master], task]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -122,18 +122,18 @@ def jacobi(system: System, folder: Path, *, size: float, steps: int, sweeps: int
     :param first: what connected inputs hold during the first step, in place of the outputs at the start.
     """
     with _instances(system, folder, size * steps) as instances:
-        links = system.links
+        links = system.connections
 
         def read(owner: str, variable: str) -> float:
             buffer = (c_double * 1)()
-            assert not instances[owner].getter([system.components[owner].fmu.variables[variable]], buffer)()
+            assert not instances[owner].getter([system.parts[owner].fmu.variables[variable]], buffer)()
             return buffer[0]
 
         def hand_on(value: float | None = None) -> None:
             values = [read(*link.source.place) if value is None else value for link in links]
             for link, given in zip(links, values, strict=True):
                 buffer = (c_double * 1)(given)
-                assert not instances[link.target.component.name].setter([link.target.variable], buffer)()
+                assert not instances[link.target.part.name].setter([link.target.variable], buffer)()
 
         for _ in range(sweeps):
             hand_on()
@@ -154,7 +154,7 @@ def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mappi
     """In initialization, with their start values."""
     with ExitStack() as stack:
         instances = {}
-        for name, part in system.components.items():
+        for name, part in system.parts.items():
             fmpy.extract(part.fmu.path, folder / name)
             instance = instances[name] = stack.enter_context(make(name, part.fmu, folder / name))
             instance.setup(None, 0.0, stop_time)

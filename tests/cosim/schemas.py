@@ -8,7 +8,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from liaisons.cosim import System
+from liaisons import System
 
 
 def validated(system: System, folder: Path, form: Literal["portable", "full"], **experiment: float) -> int:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.cosim import Component, System
-from liaisons.cosim.ports import links
+from liaisons.cosim import Part, System
+from liaisons.cosim.connections import connect
 from liaisons.errors import ConnectError, SimulationError
 
 FmuPaths = Callable[[str], Path]
@@ -24,26 +24,26 @@ def _joined(system: System) -> list[str]:
 
 
 @pytest.fixture
-def cubic(system: System, fmu: FmuPaths) -> Component:
+def cubic(system: System, fmu: FmuPaths) -> Part:
     return system.add("cubic", fmu("Cubic"))
 
 
 @pytest.fixture
-def spring(system: System, fmu: FmuPaths) -> Component:
+def spring(system: System, fmu: FmuPaths) -> Part:
     return system.add("spring", fmu("Spring"))
 
 
 @pytest.fixture
-def mass(system: System, fmu: FmuPaths) -> Component:
+def mass(system: System, fmu: FmuPaths) -> Part:
     return system.add("mass", fmu("Mass"))
 
 
 @pytest.fixture
-def probe(system: System, fmu: FmuPaths) -> Component:
+def probe(system: System, fmu: FmuPaths) -> Part:
     return system.add("probe", fmu("Probe"))
 
 
-def test_signal_onto_active_coordinate_is_a_triple(system: System, cubic: Component, spring: Component) -> None:
+def test_signal_onto_active_coordinate_is_a_triple(system: System, cubic: Part, spring: Part) -> None:
     system.connect(cubic["y"], spring["length"])
     assert _joined(system) == [
         "cubic.y -> spring.length",
@@ -54,7 +54,7 @@ def test_signal_onto_active_coordinate_is_a_triple(system: System, cubic: Compon
 
 @pytest.mark.parametrize("swapped", [False, True])
 def test_free_coordinate_and_active_coordinate_couple_both_ways(
-    system: System, mass: Component, spring: Component, swapped: bool
+    system: System, mass: Part, spring: Part, swapped: bool
 ) -> None:
     ends = (spring["length"], mass["q"]) if swapped else (mass["q"], spring["length"])
     system.connect(*ends)
@@ -81,10 +81,10 @@ def test_points_connect_axis_by_axis_both_ways(system: System, fmu: FmuPaths) ->
 
 def test_suffix_stands_before_the_index(system: System, fmu: FmuPaths) -> None:
     points = system.add("points", fmu("Points"))
-    assert [end.name for end in points["theta[3]"].port() or ()] == ["theta[3]", "theta_dot[3]", "theta_ddot[3]"]
+    assert [end.name for end in points["theta[3]"].triple() or ()] == ["theta[3]", "theta_dot[3]", "theta_ddot[3]"]
 
 
-def test_single_variables(system: System, cubic: Component, probe: Component, spring: Component) -> None:
+def test_single_variables(system: System, cubic: Part, probe: Part, spring: Part) -> None:
     system.connect(cubic["y"], probe["u"])
     system.connect(probe["echo"], spring["length_dot"])
     assert _joined(system) == ["cubic.y -> probe.u", "probe.echo -> spring.length_dot"]
@@ -115,7 +115,7 @@ def test_what_does_not_fit_is_said_with_both_ends(
     assert _joined(system) == []
 
 
-def test_unknown_variable_is_answered_with_the_nearest(spring: Component) -> None:
+def test_unknown_variable_is_answered_with_the_nearest(spring: Part) -> None:
     with pytest.raises(ConnectError, match=r"Spring\.fmu has no variable 'lenght'; did you mean 'length'"):
         spring["lenght"]
 
@@ -127,7 +127,7 @@ def test_unknown_variable_is_answered_with_the_nearest_point(system: System, fmu
 
 
 def test_input_has_one_source_and_nothing_is_connected_by_halves(
-    system: System, cubic: Component, probe: Component, spring: Component
+    system: System, cubic: Part, probe: Part, spring: Part
 ) -> None:
     system.connect(probe["echo"], spring["length_ddot"])
     with pytest.raises(ConnectError, match=r"cubic\.y_ddot .* spring\.length_ddot: probe\.echo feeds it already"):
@@ -135,16 +135,16 @@ def test_input_has_one_source_and_nothing_is_connected_by_halves(
     assert _joined(system) == ["probe.echo -> spring.length_ddot"]
 
 
-def test_end_of_another_system_is_refused(system: System, spring: Component, fmu: FmuPaths) -> None:
+def test_end_of_another_system_is_refused(system: System, spring: Part, fmu: FmuPaths) -> None:
     stranger = System("other").add("spring", fmu("Spring"))
     with pytest.raises(ConnectError, match=r"spring\.seen is no component of test"):
         system.connect(stranger["seen"], spring["length"])
 
 
-def test_points_with_different_axes_are_refused(system: System, fmu: FmuPaths, cubic: Component) -> None:
+def test_points_with_different_axes_are_refused(system: System, fmu: FmuPaths, cubic: Part) -> None:
     points = system.add("points", fmu("Points"))
     with pytest.raises(ConnectError, match=r"points\.bob has the port components x, z, cubic\.y has none"):
-        links(points["bob"], cubic["y"])
+        connect(points["bob"], cubic["y"])
 
 
 @pytest.mark.parametrize("name", ["", "a.b"])

@@ -13,9 +13,9 @@ import pytest
 
 from liaisons.check import slope
 from liaisons.cosim import IncompleteError, Result, System, simulate
+from liaisons.cosim.connections import Connection
 from liaisons.cosim.coupling.polynomials import Polynomials
 from liaisons.cosim.coupling.signals import Curve
-from liaisons.cosim.ports import Link
 from liaisons.cosim.schedule import Coupling, algebraic_loops
 from liaisons.errors import SimulationError
 
@@ -341,7 +341,7 @@ def test_half_connected_port_is_reported(component: Components, caplog: pytest.L
     system.connect(motor["y_dot"], swing["length_dot"])
     system.simulate(0.1, 0.1)
     assert caplog.records == []  # a rate alone may be meant
-    system.join([Link(motor["y"], swing["length"])])
+    system.join([Connection(motor["y"], swing["length"])])
     system.simulate(0.1, 0.1)
     assert "swing.length is fed, but swing.length_ddot is not" in caplog.text
 

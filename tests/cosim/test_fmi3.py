@@ -15,8 +15,8 @@ import pytest
 
 from liaisons.cosim import IncompleteError, System, simulate
 from liaisons.cosim.description import read
-from liaisons.cosim.instance3 import Instance3
-from liaisons.cosim.variables import Variable
+from liaisons.cosim.instances.fmi3 import Instance3
+from liaisons.cosim.variables import Scalar
 from liaisons.errors import ConnectError, SimulationError
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -55,7 +55,7 @@ def instance(row: Path, tmp_path: Path) -> Iterator[Instance3]:
         yield made
 
 
-def _variables(row: Path, *names: str) -> list[Variable]:
+def _variables(row: Path, *names: str) -> list[Scalar]:
     fmu = read(row)
     return [fmu.variables[name] for name in names]
 

@@ -32,13 +32,14 @@ _LIAISONS = [sys.executable, "-c", "from liaisons.cli import main; raise SystemE
 # Each archive is simulated by a process of its own, forked from this one, which has imported everything.
 _DRIVER = """
 import json, os, sys, traceback
+from liaisons import ssp
 from liaisons.cosim import System, simulate
 from liaisons.errors import LiaisonsError
 
 def message(path):
     try:
         if path.endswith(".ssp"):
-            System.from_ssp(path).simulate(1.0, 0.5)
+            ssp.read(path, System).simulate(1.0, 0.5)
         else:
             simulate(path)
     except LiaisonsError as error:

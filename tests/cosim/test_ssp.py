@@ -15,8 +15,9 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 from schemas import validated
 
-from liaisons.cosim import System, simulate, ssp
-from liaisons.cosim.description import read
+from liaisons import System, ssp
+from liaisons.cosim import simulate
+from liaisons.cosim.description import DefaultExperiment, read
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
@@ -59,20 +60,20 @@ def test_round_trip_gives_the_same_bits(system: System, tmp_path: Path, form: Fo
 def test_both_ways_of_a_port_are_known_again(system: System, tmp_path: Path, form: Form) -> None:
     system.write_ssp(tmp_path / "system.ssp", form=form)
     again = System.from_ssp(tmp_path / "system.ssp")
-    assert [link.back for link in again._links.values()] == [link.back for link in system._links.values()]
-    assert sum(link.back for link in again._links.values()) == 1
+    assert [link.back for link in again._connections.values()] == [link.back for link in system._connections.values()]
+    assert sum(link.back for link in again._connections.values()) == 1
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_experiment_is_kept(system: System, tmp_path: Path, form: Form) -> None:
     path = tmp_path / "system.ssp"
     system.write_ssp(path, form=form, start_time=0.1, stop_time=2.1, step_size=0.05)
-    assert ssp.read(path, System).experiment == ssp.Experiment(0.1, 2.1, 0.05)
+    assert ssp.read(path, System).experiment == DefaultExperiment(0.1, 2.1, 0.05)
     System.from_ssp(path).write_ssp(path, form=form)
-    assert ssp.read(path, System).experiment == ssp.Experiment(0.1, 2.1, 0.05)
+    assert ssp.read(path, System).experiment == DefaultExperiment(0.1, 2.1, 0.05)
 
 
-def _experiment(system: System, path: Path, **given: Any) -> ssp.Experiment:
+def _experiment(system: System, path: Path, **given: Any) -> DefaultExperiment:
     system.write_ssp(path, **given)
     return ssp.read(path, System).experiment
 
@@ -86,14 +87,14 @@ def test_experiment_is_that_of_the_last_run_else_that_of_the_fmus(
     made.connect(sinusoid["y"], pendulum["pivot_x"])
     own = [read(component(name)).experiment for name in ("Pendulum", "Sinusoid")]
     longest, finest = max(e.stop_time or 0 for e in own), min(e.step_size or 1 for e in own)
-    assert _experiment(made, path) == ssp.Experiment(0.0, longest, finest)
+    assert _experiment(made, path) == DefaultExperiment(0.0, longest, finest)
     made.simulate(3.0, 0.25, start_time=1.0)
-    assert _experiment(made, path) == ssp.Experiment(1.0, 3.0, 0.25)
-    assert _experiment(made, path, stop_time=0.5) == ssp.Experiment(0.0, 0.5, 0.25)
-    assert _experiment(made, path, step_size=0.5) == ssp.Experiment(1.0, 3.0, 0.5)
-    assert _experiment(made, path, start_time=longest + 1) == ssp.Experiment(longest + 1, None, 0.25)
+    assert _experiment(made, path) == DefaultExperiment(1.0, 3.0, 0.25)
+    assert _experiment(made, path, stop_time=0.5) == DefaultExperiment(0.0, 0.5, 0.25)
+    assert _experiment(made, path, step_size=0.5) == DefaultExperiment(1.0, 3.0, 0.5)
+    assert _experiment(made, path, start_time=longest + 1) == DefaultExperiment(longest + 1, None, 0.25)
     made.simulate(times=[0.0, 0.1, 0.4])
-    assert _experiment(made, path) == ssp.Experiment(0.0, 0.4, 0.1)
+    assert _experiment(made, path) == DefaultExperiment(0.0, 0.4, 0.1)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -154,13 +155,13 @@ def test_one_fmu_is_stored_once_and_two_of_one_name_apart(fmu: FmuPaths, tmp_pat
     with zipfile.ZipFile(tmp_path / "names.ssp") as archive:
         fmus = [name for name in archive.namelist() if name.endswith(".fmu")]
     assert fmus == ["resources/Cubic.fmu", "resources/Cubic_2.fmu"]
-    assert "length_force" in repr(System.from_ssp(tmp_path / "names.ssp")._components["c"].fmu.reals("output"))
+    assert "length_force" in repr(System.from_ssp(tmp_path / "names.ssp").parts["c"].fmu.reals("output"))
 
 
 def test_unpacked_files_go_with_the_system(system: System, tmp_path: Path) -> None:
     system.write_ssp(tmp_path / "system.ssp")
     again = System.from_ssp(tmp_path / "system.ssp")
-    path = again._components["spring"].fmu.path
+    path = again.parts["spring"].fmu.path
     assert path.exists()
     del again
     gc.collect()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.cosim import System
+from liaisons import System
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError
 
 FmuPaths = Callable[[str], Path]
@@ -131,7 +131,7 @@ def test_parameters_of_all_levels(archive: Archive) -> None:
     )
     system = System.from_ssp(archive(_system("root", inner, before=outer)))
     # what stands further out, and what stands later, counts more
-    assert system._components["deep_spring"].starts == {"length": 0.5, "stiffness": 4.0, "length_dot": 7.0}
+    assert system.parts["deep_spring"].starts == {"length": 0.5, "stiffness": 4.0, "length_dot": 7.0}
 
 
 def test_prefix_source_and_mapping(archive: Archive) -> None:
@@ -149,13 +149,13 @@ def test_prefix_source_and_mapping(archive: Archive) -> None:
         **{"values.ssv": SET.format(parameters), "map.ssm": entries},
     )
     # with a mapping, only what it names is taken
-    assert System.from_ssp(path)._components["spring"].starts == {"stiffness": 21.0, "input_reconstruction": 2}
+    assert System.from_ssp(path).parts["spring"].starts == {"stiffness": 21.0, "input_reconstruction": 2}
 
 
 def test_units_are_converted(archive: Archive, caplog: pytest.LogCaptureFixture) -> None:
     values = _real("length", 250, unit="mm") + _real("stiffness", 5, unit="mm") + _real("nothing", 1)
     path = archive(_system("root", _component("spring", "Spring", _bindings(values))))
-    starts = System.from_ssp(path)._components["spring"].starts
+    starts = System.from_ssp(path).parts["spring"].starts
     assert starts == {"length": 0.25, "stiffness": 5.0}  # the FMU gives the stiffness no unit
     assert "has no variable 'nothing'" in caplog.text
     kelvin = archive(_system("root", _component("spring", "Spring", _bindings(_real("length", 1, unit="degC")))))

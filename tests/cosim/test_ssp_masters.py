@@ -12,10 +12,10 @@ import pytest
 from masters import MASTERS, SWEEPS, RefusalError, Values, compared, elsewhere, jacobi
 from schemas import validated
 
-from liaisons.cosim import System
-from liaisons.cosim.ssp import Form
+from liaisons import System
 from liaisons.project import load_module, scenario_files
 from liaisons.scenario import names
+from liaisons.ssp import Form
 
 H, STEPS = 0.01, 20
 
@@ -70,7 +70,7 @@ def _agree(found: Values, expected: Values) -> None:
 
 def _check(master: str, system: System, folder: Path) -> None:
     first = 0.0 if master == "fmpy" else None
-    expected = jacobi(system, folder, size=H, steps=STEPS, first=first, sweeps=SWEEPS[master](len(system.components)))
+    expected = jacobi(system, folder, size=H, steps=STEPS, first=first, sweeps=SWEEPS[master](len(system.parts)))
     _agree(elsewhere(master, system, folder, size=H, steps=STEPS), expected)
 
 

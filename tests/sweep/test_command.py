@@ -69,7 +69,7 @@ def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch,
     def interrupted(*_: object, **__: object) -> None:
         raise end
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", interrupted)
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_here", interrupted)
     arguments = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1"]
     for more, words in (
         (["--csv", str(tmp_path / "t.csv")], "t.csv.journal has what is done"),
@@ -97,7 +97,7 @@ def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, caps
         assert time_limit == 3.0
         deliver(dict.fromkeys(cases, outcomes.pop(0)))
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", simulate)
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_here", simulate)
     command = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1", "--csv", str(csv), "--time-limit", "3"]
     assert main(command) == 1
     said = capsys.readouterr().out
@@ -120,7 +120,7 @@ def test_random_cases(pendulum, tmp_path) -> None:
 def test_a_system_of_a_python_file_and_of_an_archive(swing, tmp_path, capsys) -> None:
     file, archive = tmp_path / "my_system.py", tmp_path / "swing.ssp"
     swing.write_ssp(archive)
-    lines = [f"system.add({n!r}, {str(c.fmu.path)!r})" for n, c in swing.components.items()]
+    lines = [f"system.add({n!r}, {str(c.fmu.path)!r})" for n, c in swing.parts.items()]
     file.write_text("\n".join(["from liaisons import System", "system = System('swing')", *lines]), encoding="utf-8")
     arguments = ["--over", "bob.theta_0=0:1:3", "--keep", "bob.theta:max", "--stop", "0.1", "--step", "0.05"]
     for subject in (f"{file}:system", str(archive)):

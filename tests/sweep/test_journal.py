@@ -182,7 +182,7 @@ def test_retry_does_what_has_failed_again_for_whatever_reason(pendulum, tmp_path
         done.extend(cases)
         deliver(dict.fromkeys(cases, (7.0,)))
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweep"), "simulate_here", simulate)
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_here", simulate)
     assert sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN).failures.keys() == {2}
     assert done == []
     again = sweep(pendulum, CASES, ["theta"], journal=journal, retry=True, **SPAN)

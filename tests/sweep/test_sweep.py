@@ -72,10 +72,10 @@ def test_a_system(swing, coupling) -> None:
     table = sweep(swing, cases, ["bob.theta", "motor.y:max"], coupling=coupling, **SPAN)
     for number in range(3):
         alone = System("alone")
-        bob = alone.add("bob", swing.components["bob"].fmu.path, theta_0=cases["bob.theta_0"][number])
+        bob = alone.add("bob", swing.parts["bob"].fmu.path, theta_0=cases["bob.theta_0"][number])
         motor = alone.add(
             "motor",
-            swing.components["motor"].fmu.path,
+            swing.parts["motor"].fmu.path,
             offset=1.0,
             angular_frequency=6.0,
             amplitude=cases["motor.amplitude"][number],

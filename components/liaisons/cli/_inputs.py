@@ -16,8 +16,8 @@ from liaisons.errors import SimulationError, suggestion
 
 if TYPE_CHECKING:
     from liaisons.cosim import System
-    from liaisons.cosim.component import End
-    from liaisons.cosim.drive import Function
+    from liaisons.cosim.drives import Function
+    from liaisons.cosim.parts import Port
 
 Triple = tuple[float, float, float]
 """Value, rate, acceleration."""
@@ -60,19 +60,19 @@ def _of_expression(system: System, prefix: str, name: str, text: str) -> Functio
         function = expression(text)
     except ExpressionError as error:
         raise ExpressionError(f"--input {name}: {error}") from None
-    return function if _driven(system, f"{prefix}{name}").port() else lambda t: function(t).value
+    return function if _driven(system, f"{prefix}{name}").triple() else lambda t: function(t).value
 
 
-def _driven(system: System, full: str) -> End:
+def _driven(system: System, full: str) -> Port:
     """The input of this name.
 
     :raises SimulationError: with the nearest name, if there is none.
     """
     owner, _, name = full.partition(".")
-    if owner not in system.components:
-        words = suggestion(owner, system.components)
+    if owner not in system.parts:
+        words = suggestion(owner, system.parts)
         raise SimulationError(f"--input: {system.name} has no component {owner!r}{words}; write COMPONENT.NAME")
-    component = system.components[owner]
+    component = system.parts[owner]
     inputs = component.fmu.reals("input", longest=1000)
     if name not in component.fmu.variables:
         raise SimulationError(f"--input: {component.fmu.path.name} has no input {name!r}{suggestion(name, inputs)}")
@@ -95,7 +95,7 @@ def _of_table(system: System, path: Path, prefix: str, start_time: float, stop_t
     curves: dict[str, Function] = {}
     rates: set[str] = set()
     for name, end in ends.items():
-        if port := end.port():
+        if port := end.triple():
             beside = [f"{name.removesuffix(end.name)}{other.name}" for other in port[1:]]
             curves[name] = curve(times, columns[name], *map(columns.get, beside))
             rates.update(beside)

@@ -9,11 +9,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from liaisons import ssp
 from liaisons.check import table
 from liaisons.cli._command import add_unpacked_limit, command
 from liaisons.cli._inputs import drives
 from liaisons.cli._mismatch import mismatches, taken_out
-from liaisons.cosim import System, ssp
+from liaisons.cosim import System
 from liaisons.errors import SimulationError
 from liaisons.files import check_writable
 from liaisons.library import fmu_file
@@ -70,7 +71,7 @@ def _simulate(arguments: argparse.Namespace) -> int:
         stop_time=subject.stop_time,
     )
     record = [f"{subject.prefix}{name}" for name in arguments.record.split(",")] if arguments.record else None
-    parts = subject.system.components.items()
+    parts = subject.system.parts.items()
     hidden = [n for part, c in parts for v in mismatches(c.fmu) if (n := f"{part}.{v}") not in (record or ())]
     if record is None:
         record = [f"{part}.{v}" for part, c in parts for v in c.fmu.recorded()]
@@ -129,11 +130,11 @@ def _of_fmu(path: Path, arguments: argparse.Namespace) -> _Subject:
 
 def _of_archive(path: Path, arguments: argparse.Namespace) -> _Subject:
     """What the archive does not say of its experiment, its FMUs do: the latest end, the shortest step."""
-    archive = ssp.read(path, System, dict(arguments.starts))
-    own = archive.experiment
-    found = ssp.chosen(own.start_time, own.stop_time, own.step_size, own, archive.system.components.values())
-    default = (own.start_time, found.stop_time, found.step_size)
-    return _Subject(archive.system, "", *_span(path, arguments, default), arguments.tolerance)
+    system = ssp.read(path, System, dict(arguments.starts))
+    own = system.experiment
+    found = ssp.chosen(system, own.start_time)
+    default = (found.start_time or 0.0, found.stop_time, found.step_size)
+    return _Subject(system, "", *_span(path, arguments, default), arguments.tolerance)
 
 
 def _span(

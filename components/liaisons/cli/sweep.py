@@ -175,18 +175,19 @@ def _interrupted(journal: Path | None) -> Iterator[None]:
 
 def _subject(arguments: argparse.Namespace) -> dict[str, Any]:
     """What is simulated, and from when to when: arguments of ``sweep()``."""
-    from liaisons.cosim import System, ssp
+    from liaisons import ssp
+    from liaisons.cosim import System
 
     stop_time, step_size, starts = arguments.stop, arguments.step, dict(arguments.starts)
     file, separator, name = arguments.subject.rpartition(".py:")
     found = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
     if arguments.subject.endswith(".ssp"):
-        archive = ssp.read(arguments.subject, System, starts)
+        system = ssp.read(arguments.subject, System, starts)
         return {
-            "subject": archive.system,
-            "start_time": archive.experiment.start_time if arguments.start is None else arguments.start,
-            "stop_time": archive.experiment.stop_time if stop_time is None else stop_time,
-            "step_size": archive.experiment.step_size if step_size is None else step_size,
+            "subject": system,
+            "start_time": system.experiment.start_time if arguments.start is None else arguments.start,
+            "stop_time": system.experiment.stop_time if stop_time is None else stop_time,
+            "step_size": system.experiment.step_size if step_size is None else step_size,
         }
     subject = found if isinstance(found, System) else fmu_file(arguments.subject)
     span = {"start_time": arguments.start, "stop_time": stop_time, "step_size": step_size}

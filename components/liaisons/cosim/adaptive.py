@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
-from liaisons.cosim.component import Component
 from liaisons.cosim.coupling.member import Judge
 from liaisons.cosim.coupling.signals import Signals
 from liaisons.cosim.instances import AnyInstance
+from liaisons.cosim.parts import Part
 from liaisons.cosim.refusal import RefusedError
 
 _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
@@ -38,7 +38,7 @@ class Adaptive:
 
     def __init__(
         self,
-        components: Mapping[str, Component],
+        parts: Mapping[str, Part],
         instances: Mapping[str, AnyInstance],
         bus: Bus,
         *,
@@ -58,8 +58,7 @@ class Adaptive:
         self._saves: dict[str, Call] = {name: save for name, (save, _) in states.items()}
         self._restores: dict[str, Call] = {name: restore for name, (_, restore) in states.items()}
         units = [  # a function of time is compared with nothing but itself
-            components[name].fmu.variables[variable].unit if name in components else variable
-            for name, variable in bus.index
+            parts[name].fmu.variables[variable].unit if name in parts else variable for name, variable in bus.index
         ]
         numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
         self._units = np.array([numbers[unit] for unit in units], dtype=np.intp)

@@ -65,14 +65,14 @@ class Bus:
         """What is read from a component to be recorded only."""
         return self._others[name]
 
-    def part(self, places: Sequence[Place]) -> NDArray[np.float64]:
+    def view(self, places: Sequence[Place]) -> NDArray[np.float64]:
         """View of places that lie side by side."""
         first = self.index[places[0]]
         return self.values[first : first + len(places)]
 
     def buffer(self, places: Sequence[Place]) -> Array[c_double]:
         """The same for foreign functions."""
-        return (c_double * len(places)).from_buffer(self.part(places).data)
+        return (c_double * len(places)).from_buffer(self.view(places).data)
 
     def copies(self, inputs: Sequence[Place]) -> list[Call]:
         """Calls that copy to inputs what feeds them, neighbours at once."""

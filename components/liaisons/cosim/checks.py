@@ -10,34 +10,34 @@ import numpy as np
 
 from liaisons.arguments import chosen
 from liaisons.cosim import schedule
-from liaisons.cosim.component import INPUT_RECONSTRUCTION, Component, End
+from liaisons.cosim.connections import Connection
 from liaisons.cosim.coupling.member import way
 from liaisons.cosim.messages import logger
-from liaisons.cosim.ports import Link
+from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
 from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.errors import SimulationError
 
 _ITERATING = {"implicit", "waveform"}
 
 
-def coupling(components: Mapping[str, Component], links: Sequence[Link], asked: Coupling | None) -> Coupling:
+def coupling(parts: Mapping[str, Part], connections: Sequence[Connection], asked: Coupling | None) -> Coupling:
     """The coupling that is asked for; else implicit where a cycle has a port that goes two ways, else Gauss-Seidel.
 
     :raises SimulationError: if there is no such coupling, or an FMU that would have to repeat steps cannot.
     """
     if asked is not None:
         chosen("coupling", asked, get_args(Coupling))
-    feeds = {link.target.place: link.source.place for link in links}
-    cycles = [group for group in schedule.groups(components, feeds) if len(group) > 1]
-    stuck = [name for group in cycles for name in group if not components[name].fmu.restores]
+    feeds = {connection.target.place: connection.source.place for connection in connections}
+    cycles = [group for group in schedule.groups(parts, feeds) if len(group) > 1]
+    stuck = [name for group in cycles for name in group if not parts[name].fmu.restores]
     if asked in _ITERATING:
         if stuck:
             raise SimulationError(
-                f"coupling = {asked!r} repeats steps, but {stuck[0]} ({components[stuck[0]].fmu.path.name}) cannot go "
+                f"coupling = {asked!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
                 "back: its canGetAndSetFMUstate is false; choose coupling='gauss-seidel'"
             )
         return asked
-    two_ways = [link for link in links if link.back]
+    two_ways = [connection for connection in connections if connection.back]
     if asked is None and two_ways and not stuck:
         return "implicit"
     if asked is None and two_ways:
@@ -46,11 +46,11 @@ def coupling(components: Mapping[str, Component], links: Sequence[Link], asked: 
             "'gauss-seidel', an error of first order, unstable where effective masses are large",
             two_ways[0].source,
             stuck[0],
-            components[stuck[0]].fmu.path.name,
+            parts[stuck[0]].fmu.path.name,
         )
     for group in cycles:
         logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
-    for loop in _loops(components, feeds):
+    for loop in _loops(parts, feeds):
         logger.log(
             logging.WARNING if asked is None else logging.INFO,
             "algebraic loop, which explicit coupling solves by one sweep a step (unstable where its gain exceeds 1; "
@@ -60,7 +60,7 @@ def coupling(components: Mapping[str, Component], links: Sequence[Link], asked: 
     return asked or "gauss-seidel"
 
 
-def prepared(components: Mapping[str, Component], feeds: Feeds, chosen: Coupling) -> Mapping[str, Component]:
+def prepared(parts: Mapping[str, Part], feeds: Feeds, chosen: Coupling) -> Mapping[str, Part]:
     """The components as the coupling needs them.
 
     In an iteration, FMUs of ours that cannot be told how inputs move interpolate them.
@@ -68,90 +68,88 @@ def prepared(components: Mapping[str, Component], feeds: Feeds, chosen: Coupling
     :raises SimulationError: if the user has said that such a one does something else.
     """
     if chosen not in _ITERATING:
-        return components
+        return parts
     fed = {name for name, _ in feeds}
-    ready = dict(components)
-    for name, component in components.items():
-        if name not in fed or component.reconstruction is None or way(component) != "mean":
+    ready = dict(parts)
+    for name, part in parts.items():
+        if name not in fed or part.reconstruction is None or way(part) != "mean":
             continue
-        if INPUT_RECONSTRUCTION in component.starts:
+        if INPUT_RECONSTRUCTION in part.starts:
             raise SimulationError(
-                f"{name}: {INPUT_RECONSTRUCTION}={component.reconstruction} cannot be coupled by {chosen!r}: this FMU "
+                f"{name}: {INPUT_RECONSTRUCTION}={part.reconstruction} cannot be coupled by {chosen!r}: this FMU "
                 f"takes no derivatives of inputs; leave {INPUT_RECONSTRUCTION} out, or set 2"
             )
-        ready[name] = component.interpolating()
+        ready[name] = part.interpolating()
     return ready
 
 
-def _loops(components: Mapping[str, Component], feeds: Feeds) -> list[str]:
+def _loops(parts: Mapping[str, Part], feeds: Feeds) -> list[str]:
     """Algebraic loops, as one reads them."""
-    found = schedule.algebraic_loops(feeds, lambda o, i: components[o[0]].fmu.depends(o[1], i[1]))
+    found = schedule.algebraic_loops(feeds, lambda o, i: parts[o[0]].fmu.depends(o[1], i[1]))
     return [" -> ".join(".".join(place) for place in loop) for loop in found]
 
 
-def steps(
-    components: Mapping[str, Component], feeds: Feeds, times: Sequence[float], chosen: Coupling, *, adaptive: bool
-) -> None:
+def steps(parts: Mapping[str, Part], feeds: Feeds, times: Sequence[float], chosen: Coupling, *, adaptive: bool) -> None:
     """Whether all FMUs can take the steps that are planned.
 
     :raises SimulationError: naming the one that cannot, and what it lacks.
     """
-    for name, variable in schedule.late_inputs(schedule.order(components, feeds), feeds, chosen):
-        if components[name].interpolates:
+    for name, variable in schedule.late_inputs(schedule.order(parts, feeds), feeds, chosen):
+        if parts[name].interpolates:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(
                 f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs inputs at the end of a step, but "
                 f"{'.'.join(feeds[name, variable])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
             )
     if adaptive:
-        loops = [] if chosen in _ITERATING else _loops(components, feeds)
+        loops = [] if chosen in _ITERATING else _loops(parts, feeds)
         if loops:
             raise SimulationError(
                 f"error_tolerance cannot be kept by {chosen!r}, which solves this algebraic loop by one sweep a step "
                 f"however short it is: choose coupling='implicit': {loops[0]}"
             )
-        for name, component in components.items():
+        for name, part in parts.items():
             lacks = (
                 "canGetAndSetFMUstate"
-                if not component.fmu.restores
+                if not part.fmu.restores
                 else "canHandleVariableCommunicationStepSize"
-                if not component.fmu.variable_step
+                if not part.fmu.variable_step
                 else ""
             )
             if lacks:
                 raise SimulationError(
                     f"error_tolerance needs steps that are taken back and differ in size, but {name} "
-                    f"({component.fmu.path.name}) cannot: its {lacks} is false; leave error_tolerance out"
+                    f"({part.fmu.path.name}) cannot: its {lacks} is false; leave error_tolerance out"
                 )
         return
     first, odd = times[1] - times[0], _odd_step(times)
-    for name, component in components.items():
-        if odd is not None and not component.fmu.variable_step:
+    for name, part in parts.items():
+        if odd is not None and not part.fmu.variable_step:
             raise SimulationError(
                 f"{name}: takes steps of one size only, {first:.10g} s, and one would be {odd:.10g} s: "
                 "choose a step_size that divides stop_time - start_time, or even times"
             )
 
 
-def inputs(components: Mapping[str, Component], feeds: Feeds, driven: Collection[Place]) -> None:
+def inputs(parts: Mapping[str, Part], feeds: Feeds, driven: Collection[Place]) -> None:
     """Whether every input that needs a source has one, and whole ports are connected.
 
     :raises SimulationError: for an input without connection and without start value.
     """
     known = {*feeds, *driven}
-    for name, component in components.items():
-        for variable in component.fmu.reals("input", longest=_LONGEST):
-            given = (name, variable) in known or variable in component.starts
-            if not given and component.fmu.variables[variable].start is None:
+    for name, part in parts.items():
+        for variable in part.fmu.reals("input", longest=_LONGEST):
+            given = (name, variable) in known or variable in part.starts
+            if not given and part.fmu.variables[variable].start is None:
                 raise SimulationError(
                     f"{name}.{variable} is an input without a start value and nothing feeds it: connect it, or "
                     f"set {variable}=... where {name} is added"
                 )
     for name, variable in feeds:
-        port, order = End(components[name], variable).curve()
-        if port and order == 0:
-            missing = [end for end in port if end.place not in known and end.name not in components[name].starts]
-            if missing and components[name].reconstruction != 0:
+        triple, order = Port(parts[name], variable).curve()
+        if triple and order == 0:
+            missing = [end for end in triple if end.place not in known and end.name not in parts[name].starts]
+            if missing and parts[name].reconstruction != 0:
                 logger.warning(
                     "%s.%s is fed, but %s is not and keeps its start value: connect the whole port, or set %s=0 (hold)",
                     name,

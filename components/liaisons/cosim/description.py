@@ -26,13 +26,13 @@ DESCRIPTION = "modelDescription.xml"
 
 @final
 @dataclass(frozen=True, slots=True)
-class Experiment:
-    """The default experiment [s, s, 1, s]; None where the FMU gives none."""
+class DefaultExperiment:
+    """What an FMU or an archive says of its simulation [s, s, 1, s]; None where it says nothing."""
 
-    stop_time: float | None
-    step_size: float | None
-    tolerance: float | None
     start_time: float | None = None
+    stop_time: float | None = None
+    step_size: float | None = None
+    tolerance: float | None = None
 
 
 @final
@@ -68,7 +68,7 @@ class Fmu:
     only_one: bool
     unpacked: int
     log_categories: tuple[str, ...]
-    experiment: Experiment
+    experiment: DefaultExperiment
     variables: Variables
     units: Mapping[str, Unit]
     _outputs: Table = field(repr=False)
@@ -201,16 +201,16 @@ def _true(attributes: Mapping[str, str], name: str) -> bool:
     return attributes.get(name, "false") in {"true", "1"}
 
 
-def _experiment(path: Path, attributes: Mapping[str, str]) -> Experiment:
+def _experiment(path: Path, attributes: Mapping[str, str]) -> DefaultExperiment:
     try:
-        texts = (attributes.get(name) for name in ("stopTime", "stepSize", "tolerance", "startTime"))
-        given = Experiment(*(None if text is None else float(text) for text in texts))
+        texts = (attributes.get(name) for name in ("startTime", "stopTime", "stepSize", "tolerance"))
+        given = DefaultExperiment(*(None if text is None else float(text) for text in texts))
     except ValueError as error:
         raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
     start = given.start_time if given.start_time and math.isfinite(given.start_time) else None
     stop_time, step_size = usable(start or 0.0, given.stop_time, given.step_size)
     tolerance = given.tolerance if given.tolerance and 0 < given.tolerance < math.inf else None
-    return Experiment(stop_time, step_size, tolerance, start)
+    return DefaultExperiment(start, stop_time, step_size, tolerance)
 
 
 def usable(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:

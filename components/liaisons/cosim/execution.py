@@ -22,15 +22,15 @@ from liaisons.cosim import schedule
 from liaisons.cosim.adaptive import Adaptive
 from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.calls import Call
-from liaisons.cosim.component import Component
 from liaisons.cosim.coupling.coupled import Coupled
 from liaisons.cosim.coupling.signals import watched
-from liaisons.cosim.drive import SIGNALS, Signal
+from liaisons.cosim.drives import SIGNALS, Drive
 from liaisons.cosim.explicit import Explicit
 from liaisons.cosim.instances import AnyInstance, extract, make
 from liaisons.cosim.interrupts import deferred_interrupts
 from liaisons.cosim.loop import Loop
 from liaisons.cosim.messages import DISCARD, ERROR, WARNING, Action
+from liaisons.cosim.parts import Part
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.refusal import RefusedError
 from liaisons.cosim.schedule import Coupling, Feeds, Place
@@ -62,8 +62,8 @@ class Settings:
 class Execution:
     """One run; :attr:`times` and :attr:`values` say how far it came, after an exception too.
 
-    :param components: by name, in the order of addition.
-    :param links: input -> output.
+    :param parts: by name, in the order of addition.
+    :param connections: input -> output.
     :param signals: functions of time that feed further inputs.
     :param recorded: the real variables to record.
     :param times: communication points [s]; with steps of adapted size the begin, the end of the first step, the end.
@@ -71,15 +71,15 @@ class Execution:
 
     def __init__(
         self,
-        components: Mapping[str, Component],
-        links: Feeds,
-        signals: Sequence[Signal],
+        parts: Mapping[str, Part],
+        connections: Feeds,
+        signals: Sequence[Drive],
         recorded: Sequence[Place],
         *,
         times: Sequence[float],
         settings: Settings,
     ) -> None:
-        self._components = components
+        self._parts = parts
         self._signals = signals
         self._recorded = recorded
         self._planned = times
@@ -87,9 +87,9 @@ class Execution:
         self._iterates = settings.coupling in {"implicit", "waveform"}
 
         driven = {place: source for s in signals for place, source in zip(s.inputs, s.places, strict=True)}
-        self._feeds = driven | dict(links)
-        self._order = schedule.order([SIGNALS, *components], self._feeds)
-        also = watched(components, self._feeds) if self._iterates else []
+        self._feeds = driven | dict(connections)
+        self._order = schedule.order([SIGNALS, *parts], self._feeds)
+        also = watched(parts, self._feeds) if self._iterates else []
         self._bus = Bus(self._order, self._feeds, also, recorded)
         self._rows = np.empty((len(times), self._bus.values.size))
         self._points: list[float] = []
@@ -118,13 +118,13 @@ class Execution:
         with ExitStack() as stack:
             directory = stack.enter_context(passing_folder())
             folders: dict[Path, Path] = {}
-            for name, component in self._components.items():
-                path = component.fmu.path
+            for name, part in self._parts.items():
+                path = part.fmu.path
                 if path not in folders:
                     folders[path] = extract(path, directory / str(len(folders)))
-                    try_to_start(component, folders[path], self._planned)
-                asks = self._iterates and component.asks
-                self._instances[name] = stack.enter_context(make(name, component.fmu, folders[path], asks=asks))
+                    try_to_start(part, folders[path], self._planned)
+                asks = self._iterates and part.asks
+                self._instances[name] = stack.enter_context(make(name, part.fmu, folders[path], asks=asks))
             calls = self._initialize()
             span = self._planned[0], self._planned[-1]
             show = stack.enter_context(progress_bar(self._settings.progress, "t = {:.6g} of {:.6g} s", *span))
@@ -140,7 +140,7 @@ class Execution:
         self._clock.set(begin, begin)
         for name, instance in self._instances.items():
             instance.setup(self._settings.tolerance, begin, end)
-            for variable, value in self._components[name].starts.items():
+            for variable, value in self._parts[name].starts.items():
                 instance.assign(variable, value)
             instance.enter_initialization()
         calls = self._settle_iterating(begin) if self._iterates else self._settle_explicitly()
@@ -149,7 +149,7 @@ class Execution:
 
     def _settle_explicitly(self) -> list[Call]:
         explicit = Explicit(
-            self._components,
+            self._parts,
             self._instances,
             self._feeds,
             self._bus,
@@ -166,7 +166,7 @@ class Execution:
 
     def _settle_iterating(self, begin: float) -> list[Call]:
         self._coupled = coupled = Coupled(
-            self._components,
+            self._parts,
             self._instances,
             self._feeds,
             self._bus,
@@ -182,7 +182,7 @@ class Execution:
         for instance in self._instances.values():
             instance.exit_initialization()
         coupled.settle(begin, self._planned[1], initial=False)
-        others = [call for name in self._components for call in self._other_readings(name)]
+        others = [call for name in self._parts for call in self._other_readings(name)]
         self._perform(others)
         return [coupled.step, *others]
 
@@ -190,7 +190,7 @@ class Execution:
         places = self._bus.others(name)
         if not places:
             return []
-        variables = self._components[name].fmu.variables
+        variables = self._parts[name].fmu.variables
         call = self._instances[name].getter([variables[v] for _, v in places], self._bus.buffer(places))
         self._owners[call] = ("get", name)
         return [call]
@@ -217,7 +217,7 @@ class Execution:
         tolerance = self._settings.error_tolerance
         assert tolerance is not None
         adaptive = Adaptive(
-            self._components,
+            self._parts,
             self._instances,
             self._bus,
             signals=self._coupled.signals if self._iterates else None,
@@ -259,7 +259,7 @@ class Execution:
         raise RefusedError(str(error)) if status in {DISCARD, ERROR} else error
 
     def _depends(self, output: Place, input_: Place) -> bool:
-        return self._components[output[0]].fmu.depends(output[1], input_[1])
+        return self._parts[output[0]].fmu.depends(output[1], input_[1])
 
     def _depends_initially(self, output: Place, input_: Place) -> bool:
-        return self._components[output[0]].fmu.depends(output[1], input_[1], initially=True)
+        return self._parts[output[0]].fmu.depends(output[1], input_[1], initially=True)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from liaisons.cosim import schedule
 from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.calls import Call
-from liaisons.cosim.component import Component
-from liaisons.cosim.drive import SIGNALS, Signal
+from liaisons.cosim.drives import SIGNALS, Drive
 from liaisons.cosim.instances import AnyInstance
 from liaisons.cosim.messages import Action
+from liaisons.cosim.parts import Part
 from liaisons.cosim.schedule import Depends, Feeds, Operation
 
 
@@ -28,17 +28,17 @@ class Explicit:
 
     def __init__(
         self,
-        components: Mapping[str, Component],
+        parts: Mapping[str, Part],
         instances: Mapping[str, AnyInstance],
         feeds: Feeds,
         bus: Bus,
         *,
         order: Sequence[str],
-        signals: Sequence[Signal],
+        signals: Sequence[Drive],
         clock: Clock,
     ) -> None:
         self.owners: dict[Call, tuple[Action, str]] = {}
-        self._components = components
+        self._parts = parts
         self._instances = instances
         self._feeds = feeds
         self._bus = bus
@@ -52,7 +52,7 @@ class Explicit:
 
     def step(self, depends: Depends, coupling: schedule.Coupling) -> list[Call]:
         """One communication step."""
-        newest = {name for name, component in self._components.items() if component.takes_newest}
+        newest = {name for name, part in self._parts.items() if part.takes_newest}
         return self._prepared(schedule.step(self._order, self._feeds, depends, coupling, newest), initial=False)
 
     def _prepared(self, program: Iterable[Operation], *, initial: bool) -> list[Call]:
@@ -63,9 +63,9 @@ class Explicit:
         bus = self._bus
         if name == SIGNALS:
             if action == "get":
-                yield from (partial(self._evaluate, s, bus.part(s.places)) for s in self._signals)
+                yield from (partial(self._evaluate, s, bus.view(s.places)) for s in self._signals)
             return
-        instance, variables = self._instances[name], self._components[name].fmu.variables
+        instance, variables = self._instances[name], self._parts[name].fmu.variables
         if action == "step":
             call = instance.stepper(self._clock.start, self._clock.size)
         else:
@@ -79,5 +79,5 @@ class Explicit:
         self.owners[call] = operation
         yield call
 
-    def _evaluate(self, source: Signal, part: NDArray) -> None:
-        part[:] = source(self._clock.end)
+    def _evaluate(self, source: Drive, view: NDArray) -> None:
+        view[:] = source(self._clock.end)

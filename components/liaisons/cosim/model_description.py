@@ -10,7 +10,7 @@ from typing import IO, final
 
 from liaisons.array_names import Shape, complete, split
 from liaisons.cosim import documents
-from liaisons.cosim.variables import Array, Variable, Variables, VariableType
+from liaisons.cosim.variables import Array, Scalar, Variables, VariableType
 
 Attributes = Mapping[str, str]
 
@@ -97,13 +97,13 @@ def parse(file: IO[bytes]) -> Description:
 class _Elements:
     """FMI 2.0 scalars ``name[1]``, ``name[2]``, ... until it is known whether they are an array."""
 
-    like: Variable
+    like: Scalar
     references: array[int] = field(default_factory=lambda: array("L"))
     indices: array[int] = field(default_factory=lambda: array("L"))
     starts: list[str | None] = field(default_factory=list)
     shapes: list[Shape] | None = None  # kept when the indices are not simply 1, 2, 3, ...
 
-    def add(self, variable: Variable, index: Shape) -> None:
+    def add(self, variable: Scalar, index: Shape) -> None:
         count = len(self.references)
         if self.shapes is None and index != (count + 1,):
             self.shapes = [(k,) for k in range(1, count + 1)]
@@ -113,7 +113,7 @@ class _Elements:
         self.indices.append(variable.index)
         self.starts.append(variable.start)
 
-    def entries(self, *, free: bool) -> dict[str, Variable | Array]:
+    def entries(self, *, free: bool) -> dict[str, Scalar | Array]:
         """The array; or its members one by one if some are missing, or its name is not free."""
         count = len(self.references)
         shape = (count,) if self.shapes is None else complete(self.shapes)
@@ -139,7 +139,7 @@ class _Reader:
         self._type = ""
         self._type_units: dict[str, str] = {}
         self._table: Table | None = None
-        self._entries: dict[str, Variable | _Elements | _Pending] = {}
+        self._entries: dict[str, Scalar | _Elements | _Pending] = {}
         self._scalar: Attributes | None = None  # FMI 2.0: waits for the child with its type
         self._pending: _Pending | None = None  # FMI 3.0: waits for its dimensions
         self._count = 0
@@ -249,7 +249,7 @@ class _Reader:
 
         return handle
 
-    def _variable(self, kind: VariableType, base: str, attributes: Attributes, typed: Attributes) -> Variable:
+    def _variable(self, kind: VariableType, base: str, attributes: Attributes, typed: Attributes) -> Scalar:
         index = self._count
         self._count += 1
         reference = int(attributes["valueReference"])
@@ -264,7 +264,7 @@ class _Reader:
         if causality == "output" and initial == "exact":
             self.description.exact.add(index)
         free = causality in {"parameter", "input"} or initial in {"exact", "approx"}
-        return Variable(
+        return Scalar(
             name=attributes["name"],
             reference=reference,
             type=kind,
@@ -276,7 +276,7 @@ class _Reader:
             index=index,
         )
 
-    def _add(self, variable: Variable) -> None:
+    def _add(self, variable: Scalar) -> None:
         base, index = split(variable.name)
         if index is not None:
             group = self._entries.get(f"{base}[")  # no variable has such a name
@@ -317,7 +317,7 @@ class _Reader:
             and entry.variable.causality == "structuralParameter"
             and not entry.dimensions
         }
-        entries: dict[str, Variable | Array] = {}
+        entries: dict[str, Scalar | Array] = {}
         for name, entry in self._entries.items():
             if isinstance(entry, _Elements):
                 entries |= entry.entries(free=entry.like.name not in self._entries)
@@ -359,11 +359,11 @@ class _Reader:
 class _Pending:
     """An FMI 3.0 variable whose dimensions and sizes are not known yet."""
 
-    variable: Variable
+    variable: Scalar
     dimensions: list[tuple[str | None, str | None]] = field(default_factory=list)
     starts: list[str] = field(default_factory=list)
 
-    def entry(self, sizes: Mapping[int, int]) -> Variable | Array:
+    def entry(self, sizes: Mapping[int, int]) -> Scalar | Array:
         variable = self.variable
         starts = self.starts or ([] if variable.start is None else variable.start.split())
         if not self.dimensions:
@@ -385,7 +385,7 @@ class _Pending:
         return size
 
 
-def _alike(one: Variable, other: Variable) -> bool:
+def _alike(one: Scalar, other: Scalar) -> bool:
     return (one.base, one.type, one.causality, one.settable, one.unit) == (
         other.base,
         other.type,

@@ -15,8 +15,8 @@ from typing import Any
 from weakref import WeakSet
 
 from liaisons import cache
-from liaisons.cosim.component import Component
 from liaisons.cosim.description import Fmu
+from liaisons.cosim.parts import Part
 from liaisons.cosim.trial import Task
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
@@ -24,7 +24,7 @@ from liaisons.errors import SimulationError
 _known: WeakSet[Fmu] = WeakSet()
 
 
-def try_to_start(component: Component, directory: Path, times: Sequence[float]) -> None:
+def try_to_start(part: Part, directory: Path, times: Sequence[float]) -> None:
     """Load, instantiate, initialize and step an FMU in a process of its own, once a file.
 
     Its inputs have their start values there, so a later crash is still possible.  FMUs that we have built on this
@@ -35,7 +35,7 @@ def try_to_start(component: Component, directory: Path, times: Sequence[float]) 
     :param times: begin and first communication point of the simulation [s], at least.
     :raises SimulationError: if that process crashes; what the FMU refuses is left to its own message.
     """
-    fmu = component.fmu
+    fmu = part.fmu
     if fmu in _known:
         return
     try:
@@ -47,7 +47,7 @@ def try_to_start(component: Component, directory: Path, times: Sequence[float]) 
         return
     library, resources = (directory / fmu.binary).resolve(), directory.resolve() / "resources"
     place = resources.as_uri() if fmu.version == 2 else f"{resources}/"
-    starts = [_start(component, name) for name in component.starts]
+    starts = [_start(part, name) for name in part.starts]
     settings = (fmu.binary, times[0], times[1] - times[0], starts, sys.version)
     key = sha256(repr((digest, *settings)).encode()).hexdigest()
     if cache.knows(key):
@@ -57,7 +57,7 @@ def try_to_start(component: Component, directory: Path, times: Sequence[float]) 
         "parent": os.getpid(),
         "version": fmu.version,
         "library": str(library),
-        "name": component.name,
+        "name": part.name,
         "guid": fmu.guid,
         "resources": place,
         "start_time": times[0],
@@ -82,15 +82,15 @@ def try_to_start(component: Component, directory: Path, times: Sequence[float]) 
         status = done.returncode
         reason = signal.Signals(-status).name if status < 0 else f"status {status:#x}"
         raise SimulationError(
-            f"{component.name}: {fmu.path.name} crashes when it is {stages[-1]} ({reason}); "
+            f"{part.name}: {fmu.path.name} crashes when it is {stages[-1]} ({reason}); "
             "build or copy it again, or ask its maker"
         )
     _known.add(fmu)
 
 
-def _start(component: Component, name: str) -> tuple[str, list[int], list[Any]]:
+def _start(part: Part, name: str) -> tuple[str, list[int], list[Any]]:
     """Type, value references and values of a start value."""
-    entry = component.fmu.variables.entries.get(name)
-    like = entry.like if isinstance(entry, Array) else component.fmu.variables[name]
-    value = component.starts[name]
-    return like.base, list(component.fmu.references(name)), list(value) if isinstance(value, tuple) else [value]
+    entry = part.fmu.variables.entries.get(name)
+    like = entry.like if isinstance(entry, Array) else part.fmu.variables[name]
+    value = part.starts[name]
+    return like.base, list(part.fmu.references(name)), list(value) if isinstance(value, tuple) else [value]

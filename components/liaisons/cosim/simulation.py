@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from liaisons.arguments import as_path, finite, listed, named, numbers, shown
 from liaisons.cosim import checks
-from liaisons.cosim.component import Component, component
-from liaisons.cosim.drive import Function, Signal, evaluate
+from liaisons.cosim.connections import Connection
+from liaisons.cosim.drives import Drive, Function, evaluate
 from liaisons.cosim.execution import Execution, Settings
 from liaisons.cosim.memory import check_memory
-from liaisons.cosim.ports import Link
+from liaisons.cosim.parts import Part
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError, Interrupted, Result
@@ -56,7 +56,7 @@ def simulate(
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
     path = as_path("fmu", fmu)
-    single = component(path.stem, path, starts)
+    single = Part.of(path.stem, path, starts)
     experiment = single.fmu.experiment
     if times is None:
         start_time = experiment.start_time if start_time is None else start_time
@@ -84,12 +84,12 @@ def simulate(
 
 def run(
     title: str,
-    components: Mapping[str, Component],
+    parts: Mapping[str, Part],
     *,
     recorded: Mapping[str, Place],
     times: Sequence[float],
-    links: Sequence[Link] = (),
-    signals: Sequence[Signal] = (),
+    connections: Sequence[Connection] = (),
+    signals: Sequence[Drive] = (),
     tolerance: float | None = None,
     coupling: Coupling | None = None,
     error_tolerance: float | None = None,
@@ -99,19 +99,19 @@ def run(
 
     :param recorded: name in the result -> variable.
     """
-    feeds = {link.target.place: link.source.place for link in links}
+    feeds = {connection.target.place: connection.source.place for connection in connections}
     check_positive("tolerance", tolerance)
     check_positive("error_tolerance", error_tolerance)
-    chosen = checks.coupling(components, links, coupling)
-    components = checks.prepared(components, feeds, chosen)
-    checks.steps(components, feeds, times, chosen, adaptive=error_tolerance is not None)
+    chosen = checks.coupling(parts, connections, coupling)
+    parts = checks.prepared(parts, feeds, chosen)
+    checks.steps(parts, feeds, times, chosen, adaptive=error_tolerance is not None)
     driven = [place for s in signals for place in s.inputs]
     for place in driven:
         if place in feeds:
             raise SimulationError(f"inputs: {'.'.join(place)} is connected with {'.'.join(feeds[place])} already")
-    checks.inputs(components, feeds, driven)
+    checks.inputs(parts, feeds, driven)
     execution = Execution(
-        components,
+        parts,
         feeds,
         signals,
         list(recorded.values()),
@@ -124,7 +124,7 @@ def run(
             progress=title if progress else "",
         ),
     )
-    units = {name: _unit(components, links, place) for name, place in recorded.items()}
+    units = {name: _unit(parts, connections, place) for name, place in recorded.items()}
 
     def result() -> Result:
         return Result(title, execution.times, tuple(recorded), execution.values, units)
@@ -201,7 +201,7 @@ def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_si
     return points.tolist()
 
 
-def reals(owner: Component, name: str) -> dict[str, Place]:
+def reals(owner: Part, name: str) -> dict[str, Place]:
     """The places of a real variable, or of the elements of an array, by their names.
 
     :raises SimulationError: if there is none of this name, or it is of another type.
@@ -210,7 +210,7 @@ def reals(owner: Component, name: str) -> dict[str, Place]:
     return {element: real(owner, element) for element in names}
 
 
-def real(owner: Component, name: str) -> Place:
+def real(owner: Part, name: str) -> Place:
     """The place of a real variable.
 
     :raises SimulationError: if there is none of this name, or it is of another type.
@@ -223,14 +223,14 @@ def real(owner: Component, name: str) -> Place:
     return owner.name, name
 
 
-def signals(components: Mapping[str, Component], inputs: Mapping[Place, Function], start_time: float) -> list[Signal]:
+def signals(parts: Mapping[str, Part], inputs: Mapping[Place, Function], start_time: float) -> list[Drive]:
     """The functions of time that drive inputs.
 
     :raises SimulationError: if there is no such input, it is driven twice, or what drives it is no function.
     """
-    found: list[Signal] = []
+    found: list[Drive] = []
     for (owner_name, name), function in inputs.items():
-        owner = components[owner_name]
+        owner = parts[owner_name]
         place = real(owner, name)
         causality = owner.fmu.variables[name].causality
         if causality != "input":
@@ -239,9 +239,9 @@ def signals(components: Mapping[str, Component], inputs: Mapping[Place, Function
             raise SimulationError(
                 f"inputs: {name} = {shown(function)} is no function of time; give a constant as start value"
             )
-        port = owner[name].port()
-        whole = port is not None and evaluate(function, name, start_time).ndim > 0
-        found.append(Signal(function, tuple(end.place for end in port) if port and whole else (place,)))
+        triple = owner[name].triple()
+        whole = triple is not None and evaluate(function, name, start_time).ndim > 0
+        found.append(Drive(function, tuple(end.place for end in triple) if triple and whole else (place,)))
     driven = [place for source in found for place in source.inputs]
     for place in driven:
         if driven.count(place) > 1:
@@ -257,9 +257,9 @@ def check_positive(name: str, value: float | None) -> None:
             raise SimulationError(f"{name} = {value!r}: must be > 0")
 
 
-def _unit(components: Mapping[str, Component], links: Sequence[Link], place: Place) -> str:
+def _unit(parts: Mapping[str, Part], connections: Sequence[Connection], place: Place) -> str:
     """Unit of a variable; if it has none, that of what it is connected with."""
     name, variable = place
-    own = components[name].fmu.variables[variable].unit
-    near = (end.variable.unit for link in links for end in link.opposite(place) if end.variable.unit)
+    own = parts[name].fmu.variables[variable].unit
+    near = (end.variable.unit for connection in connections for end in connection.opposite(place) if end.variable.unit)
     return own or next(near, "")

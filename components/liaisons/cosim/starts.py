@@ -12,7 +12,7 @@ import numpy as np
 from liaisons.arguments import shown
 from liaisons.array_names import offset, split
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.variables import Array, Variable, VariableType
+from liaisons.cosim.variables import Array, Scalar, VariableType
 from liaisons.errors import SimulationError, suggestion
 
 Start = float | int | bool | str
@@ -89,7 +89,7 @@ def _own_starts(entry: Array) -> Any:
     return own[0] if len(own) == 1 else np.reshape(own, entry.shape)
 
 
-def _check_settable(owner: str, fmu: Fmu, variable: Variable, name: str, value: object) -> None:
+def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: object) -> None:
     if variable.settable:
         return
     settable = [
@@ -102,7 +102,7 @@ def _check_settable(owner: str, fmu: Fmu, variable: Variable, name: str, value: 
     )
 
 
-def _converted(label: str, variable: Variable, value: Any) -> Start:
+def _converted(label: str, variable: Scalar, value: Any) -> Start:
     kind = variable.type
     if kind not in _TAKES:
         raise SimulationError(f"{label}: {kind} variables cannot be set here")

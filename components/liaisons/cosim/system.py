@@ -14,15 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Self
 
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, finite, listed, named, shown
-from liaisons.cosim import ssp
-from liaisons.cosim.component import Component, End, component
-from liaisons.cosim.drive import Function
-from liaisons.cosim.ports import Link, links
+from liaisons.arguments import listed, named, shown
+from liaisons.cosim.connections import Connection, connect
+from liaisons.cosim.description import DefaultExperiment
+from liaisons.cosim.drives import Function
+from liaisons.cosim.parts import Part, Port
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.cosim.simulation import communication_points, first_points, reals, run, signals
 from liaisons.errors import ConnectError, SimulationError, suggestion
@@ -32,112 +31,71 @@ from liaisons.results import Result
 class System:
     """FMUs, connected; :meth:`simulate` runs all of them from the start, as often as it is called.
 
-    :class:`liaisons.System`, a storey above, takes components by name and can be flattened.
+    :class:`liaisons.System`, a storey above, takes components by name, and archives.
 
     :param name: used in messages, results and figures.
+    :ivar experiment: the last run, or what the archive says that it comes from.
     """
 
     def __init__(self, name: str) -> None:
         if not isinstance(name, str) or not name:
             raise SimulationError(f"name = {shown(name)}: give the system a name")
         self.name = name
-        self._components: dict[str, Component] = {}
-        self._links: dict[Place, Link] = {}
-        self._last = ssp.Experiment()  # run, or what the archive says
+        self._parts: dict[str, Part] = {}
+        self._connections: dict[Place, Connection] = {}
+        self.experiment = DefaultExperiment()
 
-    def add(self, name: str, fmu: Path | str, /, **starts: ArrayLike) -> Component:
+    def add(self, name: str, fmu: Path | str, /, **starts: ArrayLike) -> Part:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
         :param fmu: path of the file.
         :param starts: values of parameters and inputs at the start, where they differ from the FMU's.
-        :returns: a handle; ``handle["length"]`` is one of its ends, to be connected.
+        :returns: a handle; ``handle["length"]`` is one of its ports, to be connected.
         :raises SimulationError: if the name will not do, the file cannot be used here, or a start value is unknown,
             cannot be set, or has the wrong type.
         """
         if not isinstance(name, str) or not name or "." in name:
             raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
-        if name in self._components:
+        if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
-        self._components[name] = component(name, fmu, starts)
-        return self._components[name]
+        self._parts[name] = Part.of(name, fmu, starts)
+        return self._parts[name]
 
-    def connect(self, source: End, target: End) -> None:
-        """Connect two ends: ports, points, or single variables.
+    def connect(self, source: Port, target: Port) -> None:
+        """Connect two ports: triples, points, or single variables.
 
         * a signal or free coordinate with an active coordinate: value, rate and acceleration; from a free coordinate
           or point the force goes back as its load, both directions at once;
         * a named point with another (``upper["bob"]``, ``lower["pivot"]``): all their axes;
         * else an output with an input.
 
-        Which end gives and which takes follows from causality, so their order does not matter.  Nothing is connected
+        Which port gives and which takes follows from causality, so their order does not matter.  Nothing is connected
         unless everything fits.
 
-        :raises ConnectError: if causality or units clash, or an input has a source already; names both ends.
+        :raises ConnectError: if causality or units clash, or an input has a source already; names both.
         """
-        for end in (source, target):
-            if not isinstance(end, End):
+        for port in (source, target):
+            if not isinstance(port, Port):
                 raise ConnectError(
-                    f'{self.name}: {shown(end)} is no end; connect handle["length"] of what add() has returned'
+                    f'{self.name}: {shown(port)} is no port; connect handle["length"] of what add() has returned'
                 )
-            if self._components.get(end.component.name) is not end.component:
-                raise ConnectError(f"{end} is no component of {self.name}; connect what its add() has returned")
-        self.join(links(source, target))
+            if self._parts.get(port.part.name) is not port.part:
+                raise ConnectError(f"{port} is no component of {self.name}; connect what its add() has returned")
+        self.join(connect(source, target))
 
-    def join(self, links: Iterable[Link]) -> None:
+    def join(self, connections: Iterable[Connection]) -> None:
         """Put scalar connections into the system, all of them or none.
 
         :raises ConnectError: if an input has a source already.
         """
-        joined = dict(self._links)
-        for link in links:
-            taken = joined.setdefault(link.target.place, link)
-            if taken is not link:
-                raise ConnectError(
-                    f"{link.source} cannot be connected with {link.target}: {taken.source} feeds it already; "
-                    "an input has one source"
-                )
-        self._links = joined
-
-    @classmethod
-    def from_ssp(cls, path: Path | str) -> Self:
-        """Read an SSP archive (1.0 or 2.0), of ours or of another make; see :mod:`liaisons.cosim.ssp`.
-
-        :raises SimulationError: if the archive is damaged or incomplete, or has what cannot be simulated here.
-        :raises ConnectError: if one of its connections does not fit.
-        """
-        archive = ssp.read(as_path("archive", path), cls)
-        assert isinstance(archive.system, cls)
-        archive.system._last = archive.experiment  # noqa: SLF001 - it is one of us
-        return archive.system
-
-    def write_ssp(
-        self,
-        path: Path | str,
-        *,
-        form: ssp.Form = "portable",
-        start_time: float | None = None,
-        stop_time: float | None = None,
-        step_size: float | None = None,
-    ) -> None:
-        """Write the system as an SSP archive with its FMUs; see :mod:`liaisons.cosim.ssp.writer` for the two forms.
-
-        What is not given of the default experiment is that of the last run, else the longest time and the shortest
-        step of the FMUs' own experiments.
-
-        :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all that there is to say).
-        :param start_time: begin of the default experiment [s].
-        :param stop_time: its end [s].
-        :param step_size: its communication step [s], for importers that look for one.
-        :raises SimulationError: if it is empty, cannot be written in this form, or not to this path.
-        """
-        self._check_filled()
-        for label, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
-            if value is not None:
-                finite(label, value)
-        experiment = ssp.chosen(start_time, stop_time, step_size, self._last, self._components.values())
-        path = as_path("archive", path)
-        ssp.write(path, self.name, self._components, self._links.values(), form=form, experiment=experiment)
+        joined = dict(self._connections)
+        for connection in connections:
+            taken = joined.setdefault(connection.target.place, connection)
+            if taken is not connection:
+                ends = f"{connection.source} cannot be connected with {connection.target}"
+                raise ConnectError(f"{ends}: {taken.source} feeds it already; an input has one source")
+        self._connections = joined
 
     def simulate(
         self,
@@ -179,7 +137,7 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        self._check_filled()
+        self.filled()
         recorded = self._recorded(record)
         given = named("inputs", {} if inputs is None else inputs)
         driven = {self._place("input", name): function for name, function in given.items()}
@@ -189,14 +147,15 @@ class System:
             points = first_points(start_time, stop_time, step_size)
         else:
             raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
-        self._last = ssp.Experiment(points[0], points[-1], points[1] - points[0] if step_size is None else step_size)
+        step = points[1] - points[0] if step_size is None else step_size
+        self.experiment = DefaultExperiment(points[0], points[-1], step)
         return run(
             self.name,
-            self._components,
+            self._parts,
             recorded=recorded,
             times=points,
-            links=list(self._links.values()),
-            signals=signals(self._components, driven, points[0]),
+            connections=list(self._connections.values()),
+            signals=signals(self._parts, driven, points[0]),
             tolerance=tolerance,
             coupling=coupling,
             error_tolerance=error_tolerance,
@@ -204,39 +163,44 @@ class System:
         )
 
     @property
-    def components(self) -> Mapping[str, Component]:
+    def parts(self) -> Mapping[str, Part]:
         """The FMUs by name."""
-        return dict(self._components)
+        return dict(self._parts)
 
     @property
-    def links(self) -> tuple[Link, ...]:
+    def connections(self) -> tuple[Connection, ...]:
         """The scalar connections."""
-        return tuple(self._links.values())
+        return tuple(self._connections.values())
+
+    def filled(self) -> Mapping[str, Part]:
+        """The same.
+
+        :raises SimulationError: if there is none.
+        """
+        if not self._parts:
+            raise SimulationError(f"{self.name} is empty; add() an FMU first")
+        return self.parts
 
     def __repr__(self) -> str:
         lines = [f"System {self.name!r}"]
-        lines += [f"  {component}" for component in self._components.values()]
-        lines += [f"  {link.source} -> {link.target}" for link in self._links.values()]
+        lines += [f"  {part}" for part in self._parts.values()]
+        lines += [f"  {connection.source} -> {connection.target}" for connection in self._connections.values()]
         return "\n".join(lines)
-
-    def _check_filled(self) -> None:
-        if not self._components:
-            raise SimulationError(f"{self.name} is empty; add() an FMU first")
 
     def _recorded(self, record: str | Iterable[str] | None) -> dict[str, Place]:
         """Name in the result -> what is recorded under it."""
         if record is None:
-            places = [(c.name, v) for c in self._components.values() for v in c.fmu.recorded()]
-            return {f"{component}.{variable}": (component, variable) for component, variable in places}
+            places = [(c.name, v) for c in self._parts.values() for v in c.fmu.recorded()]
+            return {f"{part}.{variable}": (part, variable) for part, variable in places}
         return {full: place for name in listed("record", record) for full, place in self._places(name).items()}
 
     def _places(self, name: str) -> dict[str, Place]:
         owner, variable = self._place("record", name)
-        return {f"{owner}.{element}": place for element, place in reals(self._components[owner], variable).items()}
+        return {f"{owner}.{element}": place for element, place in reals(self._parts[owner], variable).items()}
 
     def _place(self, what: str, name: str) -> Place:
         owner, _, variable = name.partition(".")
-        if owner not in self._components:
-            hint = suggestion(owner, self._components)
+        if owner not in self._parts:
+            hint = suggestion(owner, self._parts)
             raise SimulationError(f"{what} {name!r}: {self.name} has no component {owner!r}{hint}")
         return owner, variable

@@ -21,7 +21,7 @@ _T = TypeVar("_T")
 
 @final
 @dataclass(frozen=True, slots=True)
-class Variable:
+class Scalar:
     """One scalar variable; ``unit`` is empty where the FMU gives none.
 
     :param reference: value reference; elements of an FMI 3.0 array share that of the array.
@@ -54,7 +54,7 @@ class Array:
     :param whole: whether it is one variable of FMI 3.0, which is read and set as a whole.
     """
 
-    like: Variable
+    like: Scalar
     shape: Shape
     references: Sequence[int]
     starts: Sequence[str | None]
@@ -70,7 +70,7 @@ class Array:
         """Names of its elements, the last index running fastest."""
         return (f"{self.like.name}[{index}]" for index in indices(self.shape))
 
-    def element(self, name: str, position: int) -> Variable:
+    def element(self, name: str, position: int) -> Scalar:
         """The scalar at a position."""
         return replace(
             self.like,
@@ -83,16 +83,16 @@ class Array:
 
 
 @final
-class Variables(Mapping[str, Variable]):
+class Variables(Mapping[str, Scalar]):
     """All scalars by name, elements of arrays among them, in the order of the file (arrays where they begin)."""
 
-    def __init__(self, entries: Mapping[str, Variable | Array]) -> None:
+    def __init__(self, entries: Mapping[str, Scalar | Array]) -> None:
         self.entries = entries
         self.arrays: Mapping[str, Shape] = {n: entry.shape for n, entry in entries.items() if isinstance(entry, Array)}
 
-    def __getitem__(self, name: str) -> Variable:
+    def __getitem__(self, name: str) -> Scalar:
         entry = self.entries.get(name)
-        if isinstance(entry, Variable):
+        if isinstance(entry, Scalar):
             return entry
         base, index = split(name)
         array = self.entries.get(base)

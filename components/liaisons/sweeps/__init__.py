@@ -2,6 +2,6 @@
 
 from liaisons.sweeps.cases import Cases, grid, sample
 from liaisons.sweeps.errors import JournalError, SweepError
-from liaisons.sweeps.sweep import sweep
+from liaisons.sweeps.sweeping import sweep
 
 __all__ = ["Cases", "JournalError", "SweepError", "grid", "sample", "sweep"]

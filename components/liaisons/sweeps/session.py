@@ -17,11 +17,11 @@ import numpy as np
 from liaisons.cosim import Result, schedule
 from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.calls import Call
-from liaisons.cosim.component import Component
 from liaisons.cosim.explicit import Explicit
 from liaisons.cosim.instances import AnyInstance, extract, make
 from liaisons.cosim.loop import Loop
 from liaisons.cosim.messages import WARNING
+from liaisons.cosim.parts import Part
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.schedule import Place
 from liaisons.cosim.simulation import run
@@ -61,30 +61,30 @@ class Session:
     def outcome(self, case: int) -> Outcome:
         """Simulate one case; what goes wrong comes back in words."""
         try:
-            components = self._plan.starts(case)
+            parts = self._plan.starts(case)
         except LiaisonsError as error:  # a value that does not fit never will
             return Failure(str(error), refused=True)
         try:
-            return evaluate(self._plan.keep, self._result(components))
+            return evaluate(self._plan.keep, self._result(parts))
         except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
             self.close()
             return failure(error)
 
-    def _result(self, components: dict[str, Component]) -> Result:
+    def _result(self, parts: dict[str, Part]) -> Result:
         plan = self._plan
         if plan.coupling not in {"gauss-seidel", "jacobi"}:
             return run(
                 plan.title,
-                components,
+                parts,
                 recorded=plan.recorded,
                 times=plan.times,
-                links=plan.links,
+                connections=plan.connections,
                 tolerance=plan.tolerance,
                 coupling=plan.coupling,
             )
         if self._run is None:
             self._run = _Prepared(plan, self._folders)
-        result = self._run.result(components)
+        result = self._run.result(parts)
         if not self._run.restores:
             self.close()
         return result
@@ -102,12 +102,12 @@ class _Prepared:
         self._stack = ExitStack()
         self._instances: dict[str, AnyInstance] = {}
         self._terminable: list[Call] = []
-        self.restores = all(component.fmu.restores for component in plan.components.values())
+        self.restores = all(part.fmu.restores for part in plan.parts.values())
         try:
-            for name, component in plan.components.items():
-                folder = folders[component.fmu.path]
-                try_to_start(component, folder, plan.times)
-                instance = make(name, component.fmu, folder)
+            for name, part in plan.parts.items():
+                folder = folders[part.fmu.path]
+                try_to_start(part, folder, plan.times)
+                instance = make(name, part.fmu, folder)
                 self._instances[name] = self._stack.enter_context(instance)
             self._prepare()
         except BaseException:
@@ -124,7 +124,7 @@ class _Prepared:
             call()
         self._stack.close()
 
-    def result(self, components: dict[str, Component]) -> Result:
+    def result(self, parts: dict[str, Part]) -> Result:
         """Simulate with these start values."""
         plan, clock, times = self._plan, self._clock, self._plan.times
         self._perform(self._restore)
@@ -132,7 +132,7 @@ class _Prepared:
         clock.set(times[0], times[0])
         for name, instance in self._instances.items():
             instance.setup(plan.tolerance, times[0], times[-1])
-            for variable, value in components[name].starts.items():
+            for variable, value in parts[name].starts.items():
                 instance.assign(variable, value)
             instance.enter_initialization()
         self._perform(self._initial)
@@ -148,13 +148,11 @@ class _Prepared:
 
     def _prepare(self) -> None:
         plan = self._plan
-        feeds = {link.target.place: link.source.place for link in plan.links}
-        order = schedule.order(plan.components, feeds)
+        feeds = {connection.target.place: connection.source.place for connection in plan.connections}
+        order = schedule.order(plan.parts, feeds)
         recorded = list(plan.recorded.values())
         self._clock, self._bus = Clock(plan.times[0]), Bus(order, feeds, [], recorded)
-        explicit = Explicit(
-            plan.components, self._instances, feeds, self._bus, order=order, signals=[], clock=self._clock
-        )
+        explicit = Explicit(plan.parts, self._instances, feeds, self._bus, order=order, signals=[], clock=self._clock)
         assert plan.coupling is not None
         self._owners = explicit.owners
         self._initial = explicit.consistent(self._depends_initially, initial=True)
@@ -187,10 +185,10 @@ class _Prepared:
             raise self._instances[name].failure(action, status, self._clock.when(action))
 
     def _depends(self, output: Place, input_: Place) -> bool:
-        return self._plan.components[output[0]].fmu.depends(output[1], input_[1])
+        return self._plan.parts[output[0]].fmu.depends(output[1], input_[1])
 
     def _depends_initially(self, output: Place, input_: Place) -> bool:
-        return self._plan.components[output[0]].fmu.depends(output[1], input_[1], initially=True)
+        return self._plan.parts[output[0]].fmu.depends(output[1], input_[1], initially=True)
 
 
 def session_of(task: Task) -> Session:
@@ -210,8 +208,8 @@ def extract_all(plan: Plan, folder: Path) -> dict[Path, Path]:
     :raises SimulationError: if a file is damaged.
     """
     found: dict[Path, Path] = {}
-    for component in plan.components.values():
-        path = component.fmu.path
+    for part in plan.parts.values():
+        path = part.fmu.path
         if path not in found:
             found[path] = extract(path, folder / str(len(found)))
     return found

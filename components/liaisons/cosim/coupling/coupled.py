@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from liaisons.cosim import schedule
 from liaisons.cosim.bus import Bus, Clock
-from liaisons.cosim.component import Component
 from liaisons.cosim.coupling.group import Group
 from liaisons.cosim.coupling.member import Judge, Member
 from liaisons.cosim.coupling.signals import Signals
-from liaisons.cosim.drive import SIGNALS, Signal
+from liaisons.cosim.drives import SIGNALS, Drive
 from liaisons.cosim.instances import AnyInstance
+from liaisons.cosim.parts import Part
 from liaisons.cosim.schedule import Depends, Feeds
 
 
@@ -29,12 +29,12 @@ class Coupled:
 
     def __init__(
         self,
-        components: Mapping[str, Component],
+        parts: Mapping[str, Part],
         instances: Mapping[str, AnyInstance],
         feeds: Feeds,
         bus: Bus,
         *,
-        drives: Sequence[Signal],
+        drives: Sequence[Drive],
         newton: bool,
         depends: Depends,
         depends_initially: Depends,
@@ -43,16 +43,16 @@ class Coupled:
         clock: Clock,
     ) -> None:
         self._clock = clock
-        places = [place for name in (SIGNALS, *components) for place in bus.outputs(name, every=False)]
-        self.signals = Signals(components, feeds, places)
+        places = [place for name in (SIGNALS, *parts) for place in bus.outputs(name, every=False)]
+        self.signals = Signals(parts, feeds, places)
         self._drives = [(drive, [self.signals.index[place] for place in drive.places]) for drive in drives]
         self._groups: list[Group] = []
         feeds = {target: source for target, source in feeds.items() if source[0] != SIGNALS}
         own = {target for (target, _), (source, _) in feeds.items() if target == source}
-        for names in schedule.groups(components, feeds):
+        for names in schedule.groups(parts, feeds):
             cyclic = len(names) > 1 or names[0] in own
             members = [
-                Member(components[name], instances[name], bus, self.signals, judge=judge, clock=clock, repeated=cyclic)
+                Member(parts[name], instances[name], bus, self.signals, judge=judge, clock=clock, repeated=cyclic)
                 for name in names
             ]
             self._groups.append(

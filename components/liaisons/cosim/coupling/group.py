@@ -184,7 +184,7 @@ class _Jacobian:
                 source = member.sources[k]
                 effects = [(value, source, 1.0, 0), (member.slopes.start + i, curve.rate, 1.0, 0)]
                 if not initial:
-                    effects += _through_motion(signals.port(value), curve)
+                    effects += _through_motion(signals.triple(value), curve)
                 entries += [
                     (place[row], place[column], number, factor, power)
                     for row, column, factor, power in effects
@@ -210,13 +210,13 @@ class _Jacobian:
         return factors.solve
 
 
-def _through_motion(port: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:
+def _through_motion(triple: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:
     """How the data of an input at t + H move a port: (of the port, of the input, factor, power of H)."""
-    if len(port) < 3 or len(curve.data) > len(_INTEGRALS) or curve.order > 0:
+    if len(triple) < 3 or len(curve.data) > len(_INTEGRALS) or curve.order > 0:
         return []
     integrals = _INTEGRALS[len(curve.data)]
     return [
-        (port[row], datum, factor, power + 2 - row)
+        (triple[row], datum, factor, power + 2 - row)
         for power, (datum, factors) in enumerate(zip(curve.data, integrals, strict=True))
         for row, factor in enumerate(factors)
     ]

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.bus import Bus, Clock
 from liaisons.cosim.calls import Call
-from liaisons.cosim.component import Component, End
 from liaisons.cosim.coupling.polynomials import HIGHEST, Polynomials
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
-from liaisons.cosim.instance import Instance
-from liaisons.cosim.instance3 import ASKED, Instance3
 from liaisons.cosim.instances import AnyInstance
+from liaisons.cosim.instances.fmi2 import Instance2
+from liaisons.cosim.instances.fmi3 import ASKED, Instance3
 from liaisons.cosim.messages import WARNING, Action
+from liaisons.cosim.parts import Part, Port
 from liaisons.cosim.schedule import Depends
 
 Prepared = tuple[Action, Call]
@@ -32,13 +32,13 @@ _ORDERS = np.arange(1, HIGHEST + 1)
 _POWERS = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
 
 
-def way(component: Component) -> Way:
+def way(part: Part) -> Way:
     """How the inputs of a component can be made to move within a step."""
-    if component.interpolates:
+    if part.interpolates:
         return "interpolate"
-    if component.asks:
+    if part.asks:
         return "asked"
-    return "polynomial" if component.fmu.input_derivatives else "mean"
+    return "polynomial" if part.fmu.input_derivatives else "mean"
 
 
 @final
@@ -50,7 +50,7 @@ class Member:
 
     def __init__(
         self,
-        component: Component,
+        part: Part,
         instance: AnyInstance,
         bus: Bus,
         signals: Signals,
@@ -59,13 +59,13 @@ class Member:
         clock: Clock,
         repeated: bool,
     ) -> None:
-        self.name = component.name
-        self.component = component
+        self.name = part.name
+        self.part = part
         self._instance = instance
         self._judge = judge
         self._signals = signals
         self._size = clock.size
-        inputs, outputs, variables = bus.inputs[self.name], bus.outputs(self.name, every=False), component.fmu.variables
+        inputs, outputs, variables = bus.inputs[self.name], bus.outputs(self.name, every=False), part.fmu.variables
         self.inputs = [variables[name] for _, name in inputs]
         self.outputs = [variables[name] for _, name in outputs]
         self.curves = [signals.curve(place) for place in inputs]
@@ -76,7 +76,7 @@ class Member:
         self.slopes = slice(signals.count + first, signals.count + first + len(outputs))
         self.sloped = bool(outputs) and self.name in signals.sloped
 
-        self._way: Way = way(component)
+        self._way: Way = way(part)
         self._set_values, self._set = _buffer(len(inputs), bus.buffer(inputs) if inputs else None)
         self._read, buffer = _buffer(len(outputs), bus.buffer(outputs) if outputs else None)
         self._get: list[Prepared] = [("get", instance.getter(self.outputs, buffer))] if outputs else []
@@ -100,7 +100,7 @@ class Member:
         if self._way == "mean":
             self._middle, buffer = _buffer(len(self.inputs))
             return [("set", self._instance.setter(self.inputs, buffer))]
-        highest = 1 if self.component.reconstruction is None else HIGHEST
+        highest = 1 if self.part.reconstruction is None else HIGHEST
         self._polynomials = Polynomials(self.curves, self._signals.zero + 1, highest)
         if self._way == "asked":
             assert isinstance(self._instance, Instance3)
@@ -133,9 +133,9 @@ class Member:
         """
         self._rate_values, seed = _buffer(len(self.inputs))
         part, values = _buffer(len(self.outputs))
-        curves = (End(self.component, variable.name).curve() for variable in self.inputs)
-        holds = self.component.reconstruction == 0
-        unknown = np.array([holds or port is None or order == 2 for port, order in curves])
+        curves = (Port(self.part, variable.name).curve() for variable in self.inputs)
+        holds = self.part.reconstruction == 0
+        unknown = np.array([holds or triple is None or order == 2 for triple, order in curves])
         derive = self._instance.directional(self.outputs, self.inputs, seed, values)
 
         def add() -> int | None:
@@ -148,7 +148,7 @@ class Member:
 
     def _telling(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Prepared]:
         """A call that sets derivatives of inputs, (input, order) each, and the numbers that it takes."""
-        assert isinstance(self._instance, Instance)  # FMI 3.0 has no such function
+        assert isinstance(self._instance, Instance2)  # FMI 3.0 has no such function
         values, buffer = _buffer(len(which))
         variables, orders = [self.inputs[k] for k, _ in which], [order for _, order in which]
         return values, ("shape", self._instance.input_derivatives(variables, orders, buffer))
@@ -156,7 +156,7 @@ class Member:
     @property
     def order(self) -> int:
         """Order of the error in H that the motion of its inputs within a step leads to."""
-        ours = self.component.reconstruction is not None
+        ours = self.part.reconstruction is not None
         if self._way == "interpolate":  # by itself: triples quintic, others linear
             return min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
         if self._way in {"polynomial", "asked"} and ours:
@@ -231,7 +231,7 @@ class Derivatives:
         self._member = member
         self._calls: list[Prepared] = []
         self._parts: list[NDArray[np.float64]] = []
-        if not member.component.fmu.differentiates:
+        if not member.part.fmu.differentiates:
             return
         seed = (c_double * 1)(1.0)
         name = member.name

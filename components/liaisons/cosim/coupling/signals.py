@@ -9,8 +9,8 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.component import Component, End
-from liaisons.cosim.drive import SIGNALS
+from liaisons.cosim.drives import SIGNALS
+from liaisons.cosim.parts import Part, Port
 from liaisons.cosim.schedule import Feeds, Place
 
 Vector = NDArray[np.float64]
@@ -18,24 +18,24 @@ Indices = NDArray[np.intp]
 Snapshot = tuple[Vector, Vector, float]
 
 
-def watched(components: Mapping[str, Component], feeds: Feeds) -> list[Place]:
+def watched(parts: Mapping[str, Part], feeds: Feeds) -> list[Place]:
     """Outputs that are read besides the connected ones, since these are derivatives, or have them, in one port."""
-    ports = (curve(components, feeds, source)[0] for source in feeds.values())
-    return [place for port in ports for place in port]
+    ports = (curve(parts, feeds, source)[0] for source in feeds.values())
+    return [place for triple in ports for place in triple]
 
 
-def curve(components: Mapping[str, Component], feeds: Feeds, source: Place) -> tuple[list[Place], int]:
+def curve(parts: Mapping[str, Part], feeds: Feeds, source: Place) -> tuple[list[Place], int]:
     """The outputs of the port that an output is a part of, and which derivative it is; of another output, itself.
 
     A function of time that drives a whole port is a port as well.
     """
     if source[0] == SIGNALS:
-        port, order = End(components[(target := driven(feeds, source))[0]], target[1]).curve()
-        sources = [feeds.get(end.place, ("?", "")) for end in port or ()]
-        whole = port is not None and all(name == SIGNALS for name, _ in sources)
+        triple, order = Port(parts[(target := driven(feeds, source))[0]], target[1]).curve()
+        sources = [feeds.get(end.place, ("?", "")) for end in triple or ()]
+        whole = triple is not None and all(name == SIGNALS for name, _ in sources)
         return (sources, order) if whole else ([source], 0)
-    port, order = End(components[source[0]], source[1]).curve()
-    return ([end.place for end in port], order) if port else ([source], 0)
+    triple, order = Port(parts[source[0]], source[1]).curve()
+    return ([end.place for end in triple], order) if triple else ([source], 0)
 
 
 def driven(feeds: Feeds, source: Place) -> Place:
@@ -76,8 +76,8 @@ class Signals:
     :param sloped: components that give derivatives of their outputs.
     """
 
-    def __init__(self, components: Mapping[str, Component], feeds: Feeds, places: Sequence[Place]) -> None:
-        self._components = components
+    def __init__(self, parts: Mapping[str, Part], feeds: Feeds, places: Sequence[Place]) -> None:
+        self._parts = parts
         self._feeds = feeds
         self.count = len(places)
         self.places = places
@@ -99,35 +99,35 @@ class Signals:
 
         Of what functions of time give, the acceleration of a port has one: its motion is known at both ends of a step.
         """
-        whole = place[0] == SIGNALS and len(curve(self._components, self._feeds, place)[0]) == 3
+        whole = place[0] == SIGNALS and len(curve(self._parts, self._feeds, place)[0]) == 3
         return self.count + self.index[place] if whole or place[0] in self.sloped else self.zero
 
     def curve(self, input_: Place) -> Curve:
         """What an input follows."""
         source = self._feeds[input_]
-        port, order = curve(self._components, self._feeds, source)
-        data = [self.index[place] for place in port]
+        triple, order = curve(self._parts, self._feeds, source)
+        data = [self.index[place] for place in triple]
         if len(data) == 1 and source[0] in self.sloped:
             data.append(self.slope(source))
         return Curve(tuple(data), order, self._rate(source))
 
-    def port(self, index: int) -> list[int]:
+    def triple(self, index: int) -> list[int]:
         """Value, rate and acceleration, if this is the index of an acceleration."""
-        port, order = curve(self._components, self._feeds, self.places[index])
-        return [self.index[place] for place in port] if order == 2 and all(p in self.index for p in port) else []
+        triple, order = curve(self._parts, self._feeds, self.places[index])
+        return [self.index[place] for place in triple] if order == 2 and all(p in self.index for p in triple) else []
 
     def _rate(self, source: Place) -> int:
-        port, order = curve(self._components, self._feeds, source)
-        return self.index[port[order + 1]] if order + 1 < len(port) else self.slope(source)
+        triple, order = curve(self._parts, self._feeds, source)
+        return self.index[triple[order + 1]] if order + 1 < len(triple) else self.slope(source)
 
     def _find_sloped(self) -> frozenset[str]:
         """Components whose outputs' derivatives are right: those whose inputs' derivatives can be told to them."""
-        found = {name for name, c in self._components.items() if c.fmu.output_derivative_order > 0}
+        found = {name for name, c in self._parts.items() if c.fmu.output_derivative_order > 0}
         while True:
             self.sloped = frozenset(found)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
-                if name in found and not (self._components[name].is_told and self._rate(source) != self.zero):
+                if name in found and not (self._parts[name].is_told and self._rate(source) != self.zero):
                     found.discard(name)
             if len(found) == len(self.sloped):
                 return self.sloped
@@ -135,7 +135,7 @@ class Signals:
     def _units(self) -> NDArray[np.intp]:
         """Outputs of one unit share one size."""
         owners = [driven(self._feeds, place) if place[0] == SIGNALS else place for place in self.places]
-        units = [self._components[name].fmu.variables[variable].unit for name, variable in owners]
+        units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
         numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
         return np.array([numbers[unit] for unit in units], dtype=np.intp)
 

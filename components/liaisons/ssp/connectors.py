@@ -8,12 +8,12 @@ from typing import Literal, final
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.array_names import Shape, split
-from liaisons.cosim.component import Component
+from liaisons.cosim.connections import Connection
 from liaisons.cosim.description import LONGEST
 from liaisons.cosim.model_description import Unit
-from liaisons.cosim.ports import Link
-from liaisons.cosim.ssp.xml import BASE_UNITS, tag
-from liaisons.cosim.variables import Array, Variable
+from liaisons.cosim.parts import Part
+from liaisons.cosim.variables import Array, Scalar
+from liaisons.ssp.xml import BASE_UNITS, tag
 
 Form = Literal["portable", "full"]
 
@@ -32,7 +32,7 @@ class Connector:
     """A scalar, or an array of FMI 3.0."""
 
     name: str
-    like: Variable
+    like: Scalar
     shape: Shape
 
     @property
@@ -44,37 +44,40 @@ class Connector:
         return Connector(name, self.like, self.shape)
 
 
-def connector(component: Component, variable: str) -> tuple[Connector, Shape]:
+def connector(part: Part, variable: str) -> tuple[Connector, Shape]:
     """The connector that a variable belongs to, and its index there; no index for the whole."""
-    array = component.fmu.variables.whole(variable)
+    array = part.fmu.variables.whole(variable)
     if array is None:
-        return Connector(variable, component.fmu.variables[variable], ()), ()
+        return Connector(variable, part.fmu.variables[variable], ()), ()
     _, index = split(variable) if variable != array.like.name else ("", None)
     return Connector(array.like.name, array.like, array.shape), index or ()
 
 
-def inner(component: Component, links: Iterable[Link], shown: Iterable[Place]) -> list[Connector]:
+def inner(part: Part, connections: Iterable[Connection], shown: Iterable[Place]) -> list[Connector]:
     """What a component needs: what is connected inside, and what the system shows."""
-    ends = (end for link in links for end in (link.source, link.target) if end.component is component)
-    names = [end.name for end in ends] + [name for owner, name in shown if owner == component.name]
-    found = (connector(component, name)[0] for name in names)
+    ends = (end for connection in connections for end in (connection.source, connection.target) if end.part is part)
+    names = [end.name for end in ends] + [name for owner, name in shown if owner == part.name]
+    found = (connector(part, name)[0] for name in names)
     return list({c.name: c for c in found}.values())
 
 
-def outer(components: Iterable[Component], links: Collection[Link]) -> dict[Place, Connector]:
+def outer(parts: Iterable[Part], connections: Collection[Connection]) -> dict[Place, Connector]:
     """What the system shows: outputs, and inputs that nothing inside feeds; no lists of thousands of scalars."""
-    fed = {(link.target.component.name, connector(link.target.component, link.target.name)[0].name) for link in links}
+    fed = {
+        (connection.target.part.name, connector(connection.target.part, connection.target.name)[0].name)
+        for connection in connections
+    }
     found: dict[Place, Connector] = {}
-    for component in components:
-        for name, entry in component.fmu.variables.entries.items():
+    for part in parts:
+        for name, entry in part.fmu.variables.entries.items():
             like = entry.like if isinstance(entry, Array) else entry
             if like.type != "Real" or like.causality not in {"input", "output"}:
                 continue
             if isinstance(entry, Array) and not entry.whole and entry.size > LONGEST:
                 continue
             names = entry.names() if isinstance(entry, Array) and not entry.whole else [name]
-            places = [(component.name, n) for n in names if (component.name, n) not in fed]
-            found |= {place: connector(component, place[1])[0].named("_".join(place)) for place in places}
+            places = [(part.name, n) for n in names if (part.name, n) not in fed]
+            found |= {place: connector(part, place[1])[0].named("_".join(place)) for place in places}
     return found
 
 
@@ -90,7 +93,7 @@ def add_connectors(parent: Element, connectors: Collection[Connector], units: Un
             SubElement(element, tag("ssc:Dimension"), size=str(size))
 
 
-def add_type(parent: Element, prefix: str, variable: Variable, units: Units, form: Form) -> Element:
+def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form: Form) -> Element:
     """Add the type of a variable, with its unit if that is defined."""
     name = (
         _PORTABLE.get(variable.type, variable.type) if form == "portable" else _FULL.get(variable.base, variable.base)
@@ -99,12 +102,12 @@ def add_type(parent: Element, prefix: str, variable: Variable, units: Units, for
     return SubElement(parent, tag(f"{prefix}:{name}"), unit)
 
 
-def units_of(components: Iterable[Component]) -> dict[str, Unit]:
+def units_of(parts: Iterable[Part]) -> dict[str, Unit]:
     """The units that components define; one that two of them define differently is left out."""
     found: dict[str, Unit] = {}
     torn: set[str] = set()
-    for component in components:
-        for name, unit in component.fmu.units.items():
+    for part in parts:
+        for name, unit in part.fmu.units.items():
             if found.setdefault(name, unit) != unit:
                 torn.add(name)
     return {name: unit for name, unit in found.items() if name not in torn}

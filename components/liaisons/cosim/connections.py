@@ -1,4 +1,4 @@
-"""What is connected when two ends are: ports, found from the names of variables, or two single variables.
+"""What is connected when two ports are: triples and points, found from the names of variables, or two single variables.
 
 A coordinate is one port with two causalities, and so is a component of a named point::
 
@@ -16,76 +16,76 @@ import math
 from dataclasses import dataclass
 from typing import final
 
-from liaisons.cosim.component import End
+from liaisons.cosim.parts import Port
 from liaisons.errors import ConnectError
 
 
 @final
 @dataclass(frozen=True, slots=True)
-class Link:
+class Connection:
     """One scalar connection: an output feeds an input."""
 
-    source: End
-    target: End
+    source: Port
+    target: Port
 
     @property
     def back(self) -> bool:
         """Whether it takes the force of a moved mechanism back to what moves it, so that the port goes two ways."""
         moved, mover = self.source.without("_force"), self.target.without("_load")
-        return moved is not None and mover is not None and bool(moved.port() and mover.port())
+        return moved is not None and mover is not None and bool(moved.triple() and mover.triple())
 
-    def opposite(self, place: tuple[str, str]) -> list[End]:
-        """The other end, if the variable of this component and name is one of the two."""
-        ends = (self.source, self.target)
-        return [other for end, other in zip(ends, reversed(ends), strict=True) if end.place == place]
+    def opposite(self, place: tuple[str, str]) -> list[Port]:
+        """The other port, if the variable of this component and name is one of the two."""
+        ports = (self.source, self.target)
+        return [other for port, other in zip(ports, reversed(ports), strict=True) if port.place == place]
 
 
-def links(first: End, second: End) -> list[Link]:
-    """The scalar connections that join two ends; the order of the ends does not matter, causality decides.
+def connect(first: Port, second: Port) -> list[Connection]:
+    """The scalar connections that join two ports; their order does not matter, causality decides.
 
     :raises ConnectError: if they do not fit; the message names both.
     """
     if not (first.exists and second.exists):
-        return _point_links(first, second)
+        return _point_connections(first, second)
     if first.is_array or second.is_array:
-        return _array_links(first, second)
+        return _array_connections(first, second)
     if (first.variable.causality, second.variable.causality) == ("input", "output"):
         first, second = second, first
-    source, target = first.port(), second.port()
+    source, target = first.triple(), second.triple()
     if source is None or target is None:
-        return [_link(first, second)]
-    joined = [_link(output, input_) for output, input_ in zip(source, target, strict=True)]
+        return [_connection(first, second)]
+    joined = [_connection(output, input_) for output, input_ in zip(source, target, strict=True)]
     load, force = first.beside("_load"), second.beside("_force")
     if load is not None and force is not None:
-        joined.append(_link(force, load))
+        joined.append(_connection(force, load))
     return joined
 
 
-def _array_links(first: End, second: End) -> list[Link]:
+def _array_connections(first: Port, second: Port) -> list[Connection]:
     one, other = first.elements(), second.elements()
     if len(one) != len(other):
         raise ConnectError(
             f"{first} has {len(one)} elements, {second} has {len(other)}: connect single elements, "
             f"for example '{(one if first.is_array else other)[0].name}'"
         )
-    return [link for pair in zip(one, other, strict=True) for link in links(*pair)]
+    return [connection for pair in zip(one, other, strict=True) for connection in connect(*pair)]
 
 
-def _point_links(first: End, second: End) -> list[Link]:
+def _point_connections(first: Port, second: Port) -> list[Connection]:
     one, other = first.axes(), second.axes()
     if one.keys() != other.keys():
         raise ConnectError(
             f"{first} has the port components {_listed(one)}, {second} has {_listed(other)}: "
             "connect single components, for example 'bob_x' with 'pivot_x'"
         )
-    return [link for axis in one for link in links(one[axis], other[axis])]
+    return [connection for axis in one for connection in connect(one[axis], other[axis])]
 
 
-def _listed(axes: dict[str, End]) -> str:
+def _listed(axes: dict[str, Port]) -> str:
     return ", ".join(axes) or "none"
 
 
-def _link(source: End, target: End) -> Link:
+def _connection(source: Port, target: Port) -> Connection:
     causalities = source.variable.causality, target.variable.causality
     if causalities != ("output", "input"):
         hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
@@ -93,17 +93,17 @@ def _link(source: End, target: End) -> Link:
             f"{source} ({causalities[0]}) and {target} ({causalities[1]}) cannot be connected: "
             f"one end must be an output, the other an input{hint}"
         )
-    for end in (source, target):
-        if end.variable.type != "Real":
+    for port in (source, target):
+        if port.variable.type != "Real":
             raise ConnectError(
-                f"{source} and {target} cannot be connected: {end} is {end.variable.type}, only Real variables can be"
+                f"{source} and {target} cannot be connected: {port} is {port.variable.type}, only Real variables can be"
             )
     _check_units(source, target)
-    return Link(source, target)
+    return Connection(source, target)
 
 
-def _check_units(source: End, target: End) -> None:
-    one, other = (end.component.fmu.units.get(end.variable.unit) for end in (source, target))
+def _check_units(source: Port, target: Port) -> None:
+    one, other = (port.part.fmu.units.get(port.variable.unit) for port in (source, target))
     if one is None or other is None:  # no unit fits any; one without a definition cannot be checked
         return
     words = f"{source} [{source.variable.unit}] and {target} [{target.variable.unit}] cannot be connected: "

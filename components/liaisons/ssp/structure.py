@@ -9,8 +9,8 @@ from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
 from liaisons.array_names import Shape
-from liaisons.cosim.ssp.xml import path, tag
 from liaisons.errors import SimulationError
+from liaisons.ssp.xml import path, tag
 
 Path = tuple[str, ...]
 """Names of elements from the outermost system, which is (), inwards."""
@@ -47,7 +47,7 @@ class Structure:
     edges: list[tuple[Node, Node]] = field(default_factory=list)
     shown: set[tuple[Path, str]] = field(default_factory=set)
 
-    def links(self) -> Iterator[tuple[Node, Node]]:
+    def connections(self) -> Iterator[tuple[Node, Node]]:
         """From component to component, whatever lies between.
 
         :raises SimulationError: if an input has several sources, or connections go round without a component.
@@ -166,12 +166,12 @@ def _read_system(system: Element, here: Path, structure: Structure, dictionaries
 _DICTIONARIES = path("ssd:SignalDictionaries", "ssd:SignalDictionary")
 
 
-def _source(component: Element, here: Path) -> str:
-    name, kind, source = ".".join(here), component.get("type", _FMU), component.get("source")
+def _source(part: Element, here: Path) -> str:
+    name, kind, source = ".".join(here), part.get("type", _FMU), part.get("source")
     if kind != _FMU:
         raise SimulationError(f"component {name} is of type {kind!r}; only FMUs ({_FMU}) can be simulated")
-    if component.get("implementation", "any") not in {"any", "CoSimulation"}:
-        wanted = component.get("implementation")
+    if part.get("implementation", "any") not in {"any", "CoSimulation"}:
+        wanted = part.get("implementation")
         raise SimulationError(f"component {name} asks for {wanted}; only co-simulation is there: export it for that")
     if not source:
         raise SimulationError(f"component {name} has no source: a sketch without an FMU cannot be simulated")

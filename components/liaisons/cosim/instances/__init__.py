@@ -6,10 +6,10 @@ from pathlib import Path
 
 from liaisons.cosim.archive import Archive
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.instance import Instance
-from liaisons.cosim.instance3 import Instance3
+from liaisons.cosim.instances.fmi2 import Instance2
+from liaisons.cosim.instances.fmi3 import Instance3
 
-AnyInstance = Instance | Instance3
+AnyInstance = Instance2 | Instance3
 
 
 def extract(path: Path, folder: Path) -> Path:
@@ -29,4 +29,4 @@ def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> AnyInst
     :param asks: it is to ask for inputs inside communication steps (FMI 3.0).
     :raises SimulationError: if the library cannot be loaded or refuses to make an instance.
     """
-    return Instance(name, fmu, directory) if fmu.version == 2 else Instance3(name, fmu, directory, asks=asks)
+    return Instance2(name, fmu, directory) if fmu.version == 2 else Instance3(name, fmu, directory, asks=asks)

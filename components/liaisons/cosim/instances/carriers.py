@@ -10,16 +10,17 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.array_names import split
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.variables import Array as Elements
-from liaisons.cosim.variables import Variable, split
+from liaisons.cosim.variables import Scalar
 
 Transfer = Callable[[], int]
 
 
 @final
 @dataclass(frozen=True)
-class Part:
+class Carrier:
     """Whole variables of one type, one behind the other in a buffer, and the scalars that are wanted of them.
 
     :param references: value references of the variables, each once.
@@ -51,13 +52,13 @@ class Part:
         return self.base == "Float64" and in_order and len(self.wanted) == len(self.places)
 
 
-def parts(fmu: Fmu, variables: Sequence[Variable]) -> list[Part]:
+def carriers(fmu: Fmu, variables: Sequence[Scalar]) -> list[Carrier]:
     """The variables that carry these scalars, those of one type together."""
     bases = dict.fromkeys(variable.base for variable in variables)
-    return [part(fmu, variables, [k for k, v in enumerate(variables) if v.base == base], base) for base in bases]
+    return [carrier(fmu, variables, [k for k, v in enumerate(variables) if v.base == base], base) for base in bases]
 
 
-def part(fmu: Fmu, variables: Sequence[Variable], wanted: Sequence[int], base: str = "Float64") -> Part:
+def carrier(fmu: Fmu, variables: Sequence[Scalar], wanted: Sequence[int], base: str = "Float64") -> Carrier:
     """The variables that carry some of these scalars."""
     begins: dict[int, int] = {}
     size = 0
@@ -69,7 +70,7 @@ def part(fmu: Fmu, variables: Sequence[Variable], wanted: Sequence[int], base: s
             size += entry.size if isinstance(entry, Elements) else 1
     places = [begins[variables[k].reference] + variables[k].position for k in wanted]
     buffer = ((c_float if base == "Float32" else c_double) * size)()
-    return Part(base, tuple(begins), buffer, np.array(wanted, dtype=np.intp), np.array(places, dtype=np.intp))
+    return Carrier(base, tuple(begins), buffer, np.array(wanted, dtype=np.intp), np.array(places, dtype=np.intp))
 
 
 def counted(references: Sequence[int]) -> tuple[object, object]:
@@ -87,10 +88,10 @@ def view(values: Any, kind: type[np.floating[Any]] = np.float64) -> NDArray[Any]
     return np.frombuffer(values, dtype=kind)
 
 
-def reading(reads: Sequence[tuple[Transfer, Part]], values: Array[c_double]) -> Transfer:
+def reading(reads: Sequence[tuple[Transfer, Carrier]], values: Array[c_double]) -> Transfer:
     """A call that reads and hands on what is wanted; it returns the worst status."""
     bus = view(values)
-    steps = [(read, part.scratch, part.wanted, part.places) for read, part in reads]
+    steps = [(read, carrier.scratch, carrier.wanted, carrier.places) for read, carrier in reads]
 
     def call() -> int:
         worst = 0
@@ -102,10 +103,10 @@ def reading(reads: Sequence[tuple[Transfer, Part]], values: Array[c_double]) -> 
     return call
 
 
-def setting(transfers: Sequence[tuple[Transfer, Transfer, Part]], values: Array[c_double]) -> Transfer:
+def setting(transfers: Sequence[tuple[Transfer, Transfer, Carrier]], values: Array[c_double]) -> Transfer:
     """A call that sets what is given within what the FMU holds; it returns the worst status."""
     bus = view(values)
-    steps = [(read, write, part.scratch, part.wanted, part.places) for read, write, part in transfers]
+    steps = [(read, write, carrier.scratch, carrier.wanted, carrier.places) for read, write, carrier in transfers]
 
     def call() -> int:
         worst = 0

@@ -31,7 +31,7 @@ from liaisons.cosim.calls import Call, Kind, Prepared
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.messages import COMPLAINTS, ERROR, FATAL, Action, Messages, logger
 from liaisons.cosim.variables import Array as Elements
-from liaisons.cosim.variables import Variable
+from liaisons.cosim.variables import Scalar
 from liaisons.errors import SimulationError
 
 _FUNCTION: dict[Action, str] = {
@@ -47,11 +47,11 @@ _FUNCTION: dict[Action, str] = {
 
 _YES = c_int(fmi2True)
 _handles = count(1)
-_instances: dict[int, Instance] = {}
+_instances: dict[int, Instance2] = {}
 
 
 @final
-class Instance:
+class Instance2:
     """An FMI 2.0 co-simulation instance; a context manager that terminates, frees and unloads it.
 
     :param name: name of the component, used as instance name and in messages.
@@ -79,7 +79,7 @@ class Instance:
         with suppress(FMICallException):
             self._slave.setDebugLogging(True, categories)
 
-    def __enter__(self) -> Instance:
+    def __enter__(self) -> Instance2:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -105,11 +105,11 @@ class Instance:
         self._call("exitInitializationMode")
         self._initialized = True
 
-    def getter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
+    def getter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
         """A call that reads these reals into a buffer of as many values."""
         return self._transfer("get", variables, values)
 
-    def setter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
+    def setter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
         """A call that sets these reals from a buffer of as many values."""
         return self._transfer("set", variables, values)
 
@@ -125,16 +125,16 @@ class Instance:
         return self._prepared("save", byref(state)), self._prepared("restore", state)
 
     def directional(
-        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Array[c_double], values: Array[c_double]
+        self, unknowns: Sequence[Scalar], knowns: Sequence[Scalar], seed: Array[c_double], values: Array[c_double]
     ) -> Call:
         """A call that calculates how the unknowns change with the knowns, which change like the seed."""
         return self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
 
-    def input_derivatives(self, variables: Sequence[Variable], orders: Sequence[int], values: Array[c_double]) -> Call:
+    def input_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
         """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values."""
         return self._prepared("shape", *_references(variables), (c_int * len(orders))(*orders), values)
 
-    def output_derivatives(self, variables: Sequence[Variable], orders: Sequence[int], values: Array[c_double]) -> Call:
+    def output_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
         """A call that reads derivatives of outputs into a buffer of as many values."""
         return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
 
@@ -171,7 +171,7 @@ class Instance:
         except FMICallException as error:
             raise self.messages.failure(error.function, error.status, about) from None
 
-    def _transfer(self, action: Action, variables: Sequence[Variable], values: Array[c_double]) -> Call:
+    def _transfer(self, action: Action, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
         references, count = _references(variables)
         call = self._prepared(action, references, count, values)
         return call.recorded(
@@ -196,7 +196,7 @@ class Instance:
         return c_void_p(address)
 
 
-def _references(variables: Sequence[Variable]) -> tuple[Array[c_uint], c_size_t]:
+def _references(variables: Sequence[Scalar]) -> tuple[Array[c_uint], c_size_t]:
     return _numbers(tuple(variable.reference for variable in variables))
 
 

@@ -21,7 +21,7 @@ Function = Callable[[float], float | Sequence[float]]
 
 @final
 @dataclass(frozen=True)
-class Signal:
+class Drive:
     """A function of time [s] that feeds inputs of one component: a number, or one for each of them."""
 
     function: Function
@@ -30,7 +30,7 @@ class Signal:
     @property
     def places(self) -> list[Place]:
         """Where its values stand on the bus."""
-        return [(SIGNALS, f"{component}.{variable}") for component, variable in self.inputs]
+        return [(SIGNALS, f"{part}.{variable}") for part, variable in self.inputs]
 
     def __call__(self, t: float) -> NDArray[np.float64]:
         """Its values, shape (inputs,).

@@ -6,33 +6,33 @@ from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.array_names import offset, split
-from liaisons.cosim.component import Component
-from liaisons.cosim.ssp.connectors import Form, Units, add_type, add_units
-from liaisons.cosim.ssp.xml import document, tag
+from liaisons.cosim.parts import Part
 from liaisons.cosim.starts import Value
+from liaisons.ssp.connectors import Form, Units, add_type, add_units
+from liaisons.ssp.xml import document, tag
 
-Parameter = tuple[str, Component, str]
+Parameter = tuple[str, Part, str]
 """Its name in the set, and the component and variable that it is for."""
 
 _INITIAL = "initialValues"  # the set that OSP's masters look for
 
 
-def start(component: Component, name: str) -> Value:
+def start(part: Part, name: str) -> Value:
     """The start value of a variable, an element or a whole array that has one."""
-    if name in component.starts:
-        return component.starts[name]
+    if name in part.starts:
+        return part.starts[name]
     base, index = split(name)
-    whole, place = component.starts[base], offset(index or (), component.fmu.arrays[base])
+    whole, place = part.starts[base], offset(index or (), part.fmu.arrays[base])
     assert isinstance(whole, tuple)
     assert place is not None
     return whole[place]
 
 
-def scalars(component: Component) -> list[str]:
+def scalars(part: Part) -> list[str]:
     """Names that have start values: elements of FMI 2.0's arrays one by one, arrays of FMI 3.0 as a whole."""
     names: list[str] = []
-    for name in component.starts:
-        names += [name] if component.fmu.variables.whole(name) else component.fmu.elements(name)
+    for name in part.starts:
+        names += [name] if part.fmu.variables.whole(name) else part.fmu.elements(name)
     return list(dict.fromkeys(names))
 
 
@@ -41,11 +41,11 @@ def parameter_set(listed: Iterable[Parameter], units: Units, form: Form) -> byte
     root = Element(tag("ssv:ParameterSet"), version="1.0" if form == "portable" else "2.0", name=_INITIAL)
     group = SubElement(root, tag("ssv:Parameters"))
     used: dict[str, None] = {}
-    for name, component, variable in listed:
+    for name, part, variable in listed:
         parameter = SubElement(group, tag("ssv:Parameter"), name=name)
-        array = component.fmu.variables.whole(variable)
-        element = add_type(parameter, "ssv", array.like if array else component.fmu.variables[variable], units, form)
-        element.attrib = {"value": text(start(component, variable)), **element.attrib}
+        array = part.fmu.variables.whole(variable)
+        element = add_type(parameter, "ssv", array.like if array else part.fmu.variables[variable], units, form)
+        element.attrib = {"value": text(start(part, variable)), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
         for size in array.shape if array else ():
             SubElement(parameter, tag("ssc:Dimension"), size=str(size))
@@ -56,8 +56,8 @@ def parameter_set(listed: Iterable[Parameter], units: Units, form: Form) -> byte
 def mapping(listed: Iterable[Parameter]) -> bytes:
     """The file that maps the parameters of a set to the variables of a system's components."""
     root = Element(tag("ssm:ParameterMapping"), version="2.0")
-    for name, component, variable in listed:
-        SubElement(root, tag("ssm:MappingEntry"), source=name, target=f"{component.name}.{variable}")
+    for name, part, variable in listed:
+        SubElement(root, tag("ssm:MappingEntry"), source=name, target=f"{part.name}.{variable}")
     return document(root)
 
 

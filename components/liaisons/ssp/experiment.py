@@ -3,39 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import final
 from xml.etree.ElementTree import Element, SubElement
 
-from liaisons.cosim.component import Component
-from liaisons.cosim.description import usable
-from liaisons.cosim.ssp.xml import path, tag
+from liaisons.arguments import finite
+from liaisons.cosim import System
+from liaisons.cosim.description import DefaultExperiment, usable
+from liaisons.ssp.xml import path, tag
 
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Experiment:
-    """Start, stop and communication step [s]; None where nothing is said."""
-
-    start_time: float = 0.0
-    stop_time: float | None = None
-    step_size: float | None = None
-
-
 def chosen(
-    start_time: float | None,
-    stop_time: float | None,
-    step_size: float | None,
-    last: Experiment,
-    components: Iterable[Component],
-) -> Experiment:
-    """What is given; what is not is that of the last run, else the longest time and the shortest step of the FMUs."""
-    of_fmus = [component.fmu.experiment for component in components]
+    system: System,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+) -> DefaultExperiment:
+    """What is given; what is not is that of the last run, else the longest time and the shortest step of the FMUs.
+
+    :raises SimulationError: for what is no finite number.
+    """
+    for label, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
+        if value is not None:
+            finite(label, value)
+    last, of_fmus = system.experiment, [part.fmu.experiment for part in system.parts.values()]
     if start_time is None:  # that of a run goes with its end
-        start_time = last.start_time if stop_time is None and last.stop_time is not None else 0.0
+        start_time = (last.start_time or 0.0) if stop_time is None and last.stop_time is not None else 0.0
     if stop_time is None:
         stops = [stop for e in of_fmus if (stop := e.stop_time) is not None]
         known = [stop for stop in (last.stop_time, max(stops, default=None)) if stop is not None and stop > start_time]
@@ -43,10 +36,10 @@ def chosen(
     if step_size is None:
         steps = [step for e in of_fmus if (step := e.step_size) is not None]
         step_size = min(steps, default=None) if last.step_size is None else last.step_size
-    return Experiment(start_time, stop_time, step_size)
+    return DefaultExperiment(start_time, stop_time, step_size)
 
 
-def add_master(system: Element, experiment: Experiment) -> None:
+def add_master(system: Element, experiment: DefaultExperiment) -> None:
     """Tell OMSimulator the step size, as the last child of the system."""
     if experiment.step_size is None:
         return
@@ -62,7 +55,7 @@ def add_master(system: Element, experiment: Experiment) -> None:
     )
 
 
-def add_experiment(root: Element, experiment: Experiment) -> None:
+def add_experiment(root: Element, experiment: DefaultExperiment) -> None:
     """Add the default experiment, with the step size for libcosim."""
     times = {"startTime": experiment.start_time, "stopTime": experiment.stop_time}
     given = {name: repr(float(value)) for name, value in times.items() if value is not None}
@@ -72,7 +65,7 @@ def add_experiment(root: Element, experiment: Experiment) -> None:
         SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(experiment.step_size))
 
 
-def read_experiment(root: Element) -> Experiment:
+def read_experiment(root: Element) -> DefaultExperiment:
     """What a structure says of its experiment.
 
     :raises ValueError: for a number that is none.
@@ -87,7 +80,7 @@ def read_experiment(root: Element) -> Experiment:
     ]
     start = 0.0 if element is None else float(element.get("startTime", 0.0))
     span = usable(start, None if stop is None else float(stop), float(steps[0]) if steps else None)
-    return Experiment(start if math.isfinite(start) else 0.0, *span)
+    return DefaultExperiment(start if math.isfinite(start) else 0.0, *span)
 
 
 def _annotation(parent: Element, kind: str) -> Element:

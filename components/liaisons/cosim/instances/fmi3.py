@@ -42,10 +42,20 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.calls import Call, Kind, Prepared
 from liaisons.cosim.description import Fmu
+from liaisons.cosim.instances.carriers import (
+    Carrier,
+    Transfer,
+    buffered,
+    carrier,
+    carriers,
+    counted,
+    reading,
+    setting,
+    view,
+)
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, Action, Messages, logger
-from liaisons.cosim.transfer import Part, Transfer, buffered, counted, part, parts, reading, setting, view
 from liaisons.cosim.variables import Array as Elements
-from liaisons.cosim.variables import Variable
+from liaisons.cosim.variables import Scalar
 from liaisons.errors import SimulationError
 
 _FUNCTION: dict[Action, str] = {
@@ -167,16 +177,16 @@ class Instance3:
         self._call("fmi3ExitInitializationMode")
         self._initialized = True
 
-    def getter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
+    def getter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
         """A call that reads these reals into a buffer of as many values."""
-        found = parts(self._fmu, variables)
+        found = carriers(self._fmu, variables)
         if found[0].direct and len(found) == 1:
             return self._transfer("fmi3GetFloat64", found[0].references, values)
         return reading([(self._transfer(f"fmi3Get{p.base}", p.references, p.buffer), p) for p in found], values)
 
-    def setter(self, variables: Sequence[Variable], values: Array[c_double]) -> Call:
+    def setter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
         """A call that sets these reals from a buffer of as many values."""
-        found = parts(self._fmu, variables)
+        found = carriers(self._fmu, variables)
         if found[0].direct and len(found) == 1:
             return self._transfer("fmi3SetFloat64", found[0].references, values)
         reads = [self._transfer(f"fmi3Get{p.base}", p.references, p.buffer) for p in found]
@@ -219,12 +229,12 @@ class Instance3:
             values=addressof(ended),
         )
 
-    def guide(self, variables: Sequence[Variable], values: NDArray[np.float64]) -> Call:
+    def guide(self, variables: Sequence[Scalar], values: NDArray[np.float64]) -> Call:
         """Let these inputs follow values inside each step; returns a call to make before it.
 
         :param values: at the fifths of the step, shape (ASKED, len(variables)); may change from step to step.
         """
-        found = parts(self._fmu, variables)
+        found = carriers(self._fmu, variables)
         writes = [(self._transfer(f"fmi3Set{p.base}", p.references, p.buffer), p) for p in found]
         reads = [self._transfer(f"fmi3Get{p.base}", p.references, p.buffer) for p in found if not p.whole]
         self._answers = [[_within(write, p, row) for write, p in writes] for row in values]
@@ -249,14 +259,14 @@ class Instance3:
 
     def directional(
         self,
-        unknowns: Sequence[Variable],
-        knowns: Sequence[Variable],
+        unknowns: Sequence[Scalar],
+        knowns: Sequence[Scalar],
         seed: Array[c_double],
         values: Array[c_double],
     ) -> Call:
         """A call that multiplies the partial derivatives of unknowns by knowns with a seed."""
-        rows = part(self._fmu, unknowns, range(len(unknowns)))
-        columns = part(self._fmu, knowns, range(len(knowns)))
+        rows = carrier(self._fmu, unknowns, range(len(unknowns)))
+        columns = carrier(self._fmu, knowns, range(len(knowns)))
         multiply = partial(
             self._function("fmi3GetDirectionalDerivative"),
             self._pointer,
@@ -273,11 +283,11 @@ class Instance3:
 
         return derive
 
-    def output_derivatives(self, variables: Sequence[Variable], orders: Sequence[int], values: Array[c_double]) -> Call:
+    def output_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
         """A call that reads derivatives of outputs by time, each of its order."""
         reads = []
         for order in sorted(set(orders)):
-            p = part(self._fmu, variables, [k for k, other in enumerate(orders) if other == order])
+            p = carrier(self._fmu, variables, [k for k, other in enumerate(orders) if other == order])
             many = (c_int32 * len(p.references))(*[order] * len(p.references))
             function = self._function("fmi3GetOutputDerivatives")
             reads.append(
@@ -352,7 +362,7 @@ class Instance3:
         )
 
 
-def _within(write: Transfer, whole: Part, values: NDArray[np.float64]) -> Transfer:
+def _within(write: Transfer, whole: Carrier, values: NDArray[np.float64]) -> Transfer:
     """A call that sets these values within what stands in the buffer."""
     scratch, places, wanted = whole.scratch, whole.places, whole.wanted
 

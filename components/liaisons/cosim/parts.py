@@ -1,4 +1,4 @@
-"""An FMU in a system, and its ends: the things that are connected."""
+"""An FMU in a system, what SSP calls a component, and its ports: the things that are connected."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import final
 from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values
-from liaisons.cosim.variables import Variable
+from liaisons.cosim.variables import Scalar
 from liaisons.errors import ConnectError
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
@@ -19,8 +19,8 @@ INPUT_RECONSTRUCTION = "input_reconstruction"
 
 @final
 @dataclass(frozen=True, eq=False)
-class Component:
-    """One FMU in a system, under a name of its own; ``component["length"]`` is one of its ends.
+class Part:
+    """One FMU in a system, under a name of its own; ``part["length"]`` is one of its ports.
 
     :param name: name in the system.
     :param fmu: what was read from the file.
@@ -31,18 +31,27 @@ class Component:
     fmu: Fmu
     starts: Mapping[str, Value]
 
-    def __getitem__(self, name: str) -> End:
+    @classmethod
+    def of(cls, name: str, path: Path | str, starts: Mapping[str, object]) -> Part:
+        """Read an FMU and check the start values for it.
+
+        :raises SimulationError: if the file cannot be used here, or a start value does not fit.
+        """
+        fmu = read(as_path(f"{name}: fmu", path))
+        return cls(name, fmu, start_values(name, fmu, starts))
+
+    def __getitem__(self, name: str) -> Port:
         """A variable, an array, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
 
         :raises ConnectError: with the nearest name, if there is nothing of that name.
         """
         if not isinstance(name, str):
-            raise ConnectError(f"{self.name}: ends go by name, {shown(name)} is none")
-        end = End(self, name)
-        if not end.exists and not end.axes():
+            raise ConnectError(f"{self.name}: ports go by name, {shown(name)} is none")
+        port = Port(self, name)
+        if not port.exists and not port.axes():
             points = {other[:-2] for other in self.fmu.variables.entries if other.endswith(("_x", "_y", "_z"))}
             raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *points)}")
-        return end
+        return port
 
     @property
     def reconstruction(self) -> int | None:
@@ -75,7 +84,7 @@ class Component:
         """Whether it is to be given the newest inputs before a step: it interpolates, or it is of another make."""
         return self.reconstruction in {None, 2}
 
-    def interpolating(self) -> Component:
+    def interpolating(self) -> Part:
         """The same, but that it interpolates its inputs."""
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
@@ -84,87 +93,78 @@ class Component:
         return f"<{self.name}: {self.fmu.path.name}{starts}>"
 
 
-def component(name: str, path: Path | str, starts: Mapping[str, object]) -> Component:
-    """Read an FMU and check the start values for it.
-
-    :raises SimulationError: if the file cannot be used here, or a start value does not fit.
-    """
-    fmu = read(as_path(f"{name}: fmu", path))
-    return Component(name, fmu, start_values(name, fmu, starts))
-
-
 @final
 @dataclass(frozen=True)
-class End:
+class Port:
     """A variable, array, port or point of one component, to be connected with another."""
 
-    component: Component
+    part: Part
     name: str
 
     @property
-    def variable(self) -> Variable:
+    def variable(self) -> Scalar:
         """The variable of this name."""
-        return self.component.fmu.variables[self.name]
+        return self.part.fmu.variables[self.name]
 
     @property
     def place(self) -> tuple[str, str]:
         """Names of component and variable."""
-        return self.component.name, self.name
+        return self.part.name, self.name
 
     @property
     def is_array(self) -> bool:
         """Whether it stands for all elements of an array."""
-        return self.name in self.component.fmu.arrays
+        return self.name in self.part.fmu.arrays
 
     @property
     def exists(self) -> bool:
         """Whether it is a variable or an array; a point is none."""
-        return self.is_array or self.name in self.component.fmu.variables
+        return self.is_array or self.name in self.part.fmu.variables
 
-    def elements(self) -> list[End]:
+    def elements(self) -> list[Port]:
         """The scalars of an array; of a scalar, itself."""
-        return [End(self.component, name) for name in self.component.fmu.elements(self.name)]
+        return [Port(self.part, name) for name in self.part.fmu.elements(self.name)]
 
-    def beside(self, suffix: str) -> End | None:
-        """The end whose name has this suffix more, before the index if there is one; None if there is none.
+    def beside(self, suffix: str) -> Port | None:
+        """The port whose name has this suffix more, before the index if there is one; None if there is none.
 
         ``theta[3]`` with ``_dot`` is ``theta_dot[3]``.
         """
         base, index = self._parts()
-        end = End(self.component, f"{base}{suffix}{index}")
-        return end if end.exists else None
+        port = Port(self.part, f"{base}{suffix}{index}")
+        return port if port.exists else None
 
-    def without(self, suffix: str) -> End | None:
-        """The end whose name has this suffix less; None if there is none."""
+    def without(self, suffix: str) -> Port | None:
+        """The port whose name has this suffix less; None if there is none."""
         base, index = self._parts()
-        end = End(self.component, f"{base.removesuffix(suffix)}{index}")
-        return end if base.endswith(suffix) and end.exists else None
+        port = Port(self.part, f"{base.removesuffix(suffix)}{index}")
+        return port if base.endswith(suffix) and port.exists else None
 
     def _parts(self) -> tuple[str, str]:
         base, bracket, index = self.name.partition("[") if self.name.endswith("]") else (self.name, "", "")
         return base, f"{bracket}{index}"
 
-    def port(self) -> tuple[End, End, End] | None:
+    def triple(self) -> tuple[Port, Port, Port] | None:
         """Value, rate and acceleration, where all three exist and are real inputs or real outputs; else None."""
         rate, acceleration = self.beside("_dot"), self.beside("_ddot")
         if not self.exists or self.is_array or rate is None or acceleration is None:
             return None
         triple = (self, rate, acceleration)
-        kinds = {(end.variable.type, end.variable.causality) for end in triple}
+        kinds = {(port.variable.type, port.variable.causality) for port in triple}
         return triple if kinds in ({("Real", "input")}, {("Real", "output")}) else None
 
-    def curve(self) -> tuple[tuple[End, End, End] | None, int]:
+    def curve(self) -> tuple[tuple[Port, Port, Port] | None, int]:
         """The port that this is a part of, and as which derivative of it; (None, 0) if of none."""
         for order, suffix in enumerate(("", "_dot", "_ddot")):
-            port = value.port() if (value := self.without(suffix)) else None
-            if port is not None:
-                return port, order
+            triple = value.triple() if (value := self.without(suffix)) else None
+            if triple is not None:
+                return triple, order
         return None, 0
 
-    def axes(self) -> dict[str, End]:
+    def axes(self) -> dict[str, Port]:
         """The components of the point of this name that are ports."""
-        ends = {axis: self.beside(f"_{axis}") for axis in "xyz"}
-        return {axis: end for axis, end in ends.items() if end is not None and end.port() is not None}
+        ports = {axis: self.beside(f"_{axis}") for axis in "xyz"}
+        return {axis: port for axis, port in ports.items() if port is not None and port.triple() is not None}
 
     def __str__(self) -> str:
-        return f"{self.component.name}.{self.name}"
+        return f"{self.part.name}.{self.name}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
-from liaisons.cosim.component import Component
-from liaisons.cosim.ports import Link
-from liaisons.cosim.ssp.experiment import Experiment
+from liaisons.cosim.connections import Connection
+from liaisons.cosim.description import DefaultExperiment
+from liaisons.cosim.parts import Part
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -20,7 +20,7 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 <p>{experiment}</p>
 <h2>Components</h2>
 <table><tr><th>name</th><th>FMU</th><th>start values</th></tr>
-{components}
+{parts}
 </table>
 <h2>Connections</h2>
 <table><tr><th>output</th><th>input</th><th>unit</th></tr>
@@ -31,7 +31,7 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 """
 
 
-def page(name: str, components: Iterable[Component], links: Iterable[Link], experiment: Experiment) -> str:
+def page(name: str, parts: Iterable[Part], connections: Iterable[Connection], experiment: DefaultExperiment) -> str:
     """The page as HTML."""
     times = [f"starts at t = {experiment.start_time:g} s"]
     if experiment.stop_time is not None:
@@ -41,15 +41,18 @@ def page(name: str, components: Iterable[Component], links: Iterable[Link], expe
     return _PAGE.format(
         title=escape(name),
         experiment=f"The experiment {', '.join(times)}.",
-        components="\n".join(
-            _row(c.name, f"{c.fmu.model_name} (FMI {c.fmu.version}.0)", ", ".join(_starts(c))) for c in components
+        parts="\n".join(
+            _row(c.name, f"{c.fmu.model_name} (FMI {c.fmu.version}.0)", ", ".join(_starts(c))) for c in parts
         ),
-        connections="\n".join(_row(str(link.source), str(link.target), link.source.variable.unit) for link in links),
+        connections="\n".join(
+            _row(str(connection.source), str(connection.target), connection.source.variable.unit)
+            for connection in connections
+        ),
     )
 
 
-def _starts(component: Component) -> list[str]:
-    return [f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in component.starts.items()]
+def _starts(part: Part) -> list[str]:
+    return [f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in part.starts.items()]
 
 
 def _row(*cells: str) -> str:

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from liaisons.arguments import as_path, listed, named, whole
 from liaisons.cosim import System, checks
-from liaisons.cosim.component import Component, component
-from liaisons.cosim.ports import Link
+from liaisons.cosim.connections import Connection
+from liaisons.cosim.parts import Part
 from liaisons.cosim.schedule import Coupling
 from liaisons.cosim.simulation import check_positive, communication_points
 from liaisons.progress import progress_bar
@@ -154,21 +154,21 @@ def _plan(
 ) -> Plan:
     _check_names(cases, keep, starts)
     system = subject if isinstance(subject, System) else None
-    components: dict[str, Component]
-    links: list[Link]
+    parts: dict[str, Part]
+    connections: list[Connection]
     if isinstance(subject, System):
         title = subject.name
-        components, links = dict(subject.components), list(subject.links)
-        if not components:
+        parts, connections = dict(subject.parts), list(subject.connections)
+        if not parts:
             raise SweepError(f"{title} is empty; add() an FMU first")
         if starts:
             raise SweepError(f"{title}: starts are for a single FMU; give them to add()")
     else:
         title = Path(subject).stem
-        components, links = {title: component(title, subject, starts)}, []
+        parts, connections = {title: Part.of(title, subject, starts)}, []
     start_time, stop_time, step_size, times = span
     if system is None:
-        experiment = components[title].fmu.experiment
+        experiment = parts[title].fmu.experiment
         tolerance = experiment.tolerance if tolerance is None else tolerance
         if times is None:
             start_time = experiment.start_time if start_time is None else start_time
@@ -180,21 +180,21 @@ def _plan(
     if wanted is None:
         wanted = [
             variable if system is None else f"{name}.{variable}"
-            for name, owner in components.items()
+            for name, owner in parts.items()
             for variable in owner.fmu.recorded()
         ]
     wanted += [split(m)[0] for m in keep.values() if isinstance(m, str) and split(m)[0] not in wanted]
-    chosen = checks.coupling(components, links, coupling)
-    feeds = {link.target.place: link.source.place for link in links}
-    components = dict(checks.prepared(components, feeds, chosen))
-    checks.steps(components, feeds, points, chosen, adaptive=False)
-    checks.inputs(components, feeds, [])
+    chosen = checks.coupling(parts, connections, coupling)
+    feeds = {connection.target.place: connection.source.place for connection in connections}
+    parts = dict(checks.prepared(parts, feeds, chosen))
+    checks.steps(parts, feeds, points, chosen, adaptive=False)
+    checks.inputs(parts, feeds, [])
     plan = Plan(
         title=title,
-        components=components,
-        links=tuple(links),
-        recorded=places(system, components, wanted),
-        varied=places(system, components, list(cases)),
+        parts=parts,
+        connections=tuple(connections),
+        recorded=places(system, parts, wanted),
+        varied=places(system, parts, list(cases)),
         cases=cases,
         keep=keep,
         times=tuple(points),

@@ -7,62 +7,55 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, TypeVar, final
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
-from liaisons.cosim.archive import Archive as Zip
-from liaisons.cosim.archive import too_big, unpacked_limit
-from liaisons.cosim.component import Component, End
+from liaisons.arguments import as_path
+from liaisons.cosim import System
+from liaisons.cosim.archive import Archive, too_big, unpacked_limit
+from liaisons.cosim.connections import Connection, connect
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.description import read as read_fmu
 from liaisons.cosim.documents import tree
 from liaisons.cosim.messages import logger
-from liaisons.cosim.ports import Link, links
-from liaisons.cosim.ssp.assignment import Parameter, fitted, mapped, parameters
-from liaisons.cosim.ssp.experiment import Experiment, read_experiment
-from liaisons.cosim.ssp.structure import Node, Structure, read_structure
-from liaisons.cosim.ssp.structure import Path as Place
-from liaisons.cosim.ssp.xml import STRUCTURE, path, tag
+from liaisons.cosim.parts import Part, Port
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.folders import passing_folder
-
-if TYPE_CHECKING:
-    from liaisons.cosim.system import System
+from liaisons.ssp.assignment import Parameter, fitted, mapped, parameters
+from liaisons.ssp.experiment import read_experiment
+from liaisons.ssp.structure import Node, Structure, read_structure
+from liaisons.ssp.structure import Path as Place
+from liaisons.ssp.xml import STRUCTURE, path, tag
 
 _VERSIONS = ("1.0", "2.0")
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Archive:
-    """A system and its default experiment."""
-
-    system: System
-    experiment: Experiment
+S = TypeVar("S", bound=System)
 
 
-def read(file: Path | str, system: Callable[[str], System], starts: Mapping[str, object] | None = None) -> Archive:
+def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object] | None = None) -> S:
     """Read an archive; its FMUs are unpacked into a directory that lives as long as the system.
 
-    :param system: makes a system of a name.
+    :param make: makes a system of a name.
     :param starts: start values that count more than those of the archive, by ``"component.variable"``.
+    :returns: the system, its experiment that of the archive.
     :raises SimulationError: if the archive is missing, damaged, of another version, lacks a file, or has something
         that cannot be simulated here; one line that names it.
     :raises ConnectError: if a connection does not fit.
     """
-    file = Path(file)
+    file = as_path("archive", file)
     with ExitStack() as stack:
         directory = stack.enter_context(passing_folder())
         try:
-            with Zip(file) as archive:
-                made = _read(_Files(archive), directory, system, starts or {})
+            with Archive(file) as archive:
+                system = _read(_Files(archive), directory, make, starts or {})
         except LiaisonsError as error:
             if str(file) not in str(error):
                 raise type(error)(f"{file}: {error}") from error
             raise
-        weakref.finalize(made.system, stack.pop_all().close)
-    return made
+        weakref.finalize(system, stack.pop_all().close)
+    return system
 
 
 @final
@@ -70,7 +63,7 @@ def read(file: Path | str, system: Callable[[str], System], starts: Mapping[str,
 class _Files:
     """The files of an archive, by their relative URIs."""
 
-    archive: Zip
+    archive: Archive
 
     def name(self, source: str, owner: str) -> str:
         """The file that a URI names.
@@ -96,7 +89,7 @@ class _Files:
         return element
 
 
-def _read(files: _Files, directory: Path, make: Callable[[str], System], further: Mapping[str, object]) -> Archive:
+def _read(files: _Files, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
     if STRUCTURE not in files.archive.names:  # half an archive can end in a whole one, that of an FMU inside
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
     root = files.xml(STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
@@ -118,9 +111,10 @@ def _read(files: _Files, directory: Path, make: Callable[[str], System], further
         starts[owners[owner]].pop(variable, None)
         starts[owners[owner]][variable] = value
     system = make(structure.name)
-    components = {place: system.add(_name(place), fmu.path, **starts[place]) for place, fmu in fmus.items()}
-    system.join(_links(structure, components))
-    return Archive(system, experiment)
+    parts = {place: system.add(_name(place), fmu.path, **starts[place]) for place, fmu in fmus.items()}
+    system.join(_connections(structure, parts))
+    system.experiment = experiment
+    return system
 
 
 def _name(place: Place) -> str:
@@ -185,25 +179,28 @@ def _bound(files: _Files, element: Place, binding: Element) -> Iterable[Paramete
         raise SimulationError(f"{owner} cannot be read: {error}") from None
 
 
-def _links(structure: Structure, components: dict[Place, Component]) -> list[Link]:
+def _connections(structure: Structure, parts: dict[Place, Part]) -> list[Connection]:
     """The scalar connections; one that takes a force back through a port is marked so, as by ``System.connect``."""
     pairs = [
         pair
-        for start, end in structure.links()
-        for pair in _matched(start, _ends(start, components), end, _ends(end, components))
+        for start, end in structure.connections()
+        for pair in _matched(start, _ends(start, parts), end, _ends(end, parts))
     ]
-    possible = [link for pair in pairs for link in links(*pair)]
-    found = {(link.source.place, link.target.place): link for link in sorted(possible, key=lambda link: link.back)}
+    possible = [connection for pair in pairs for connection in connect(*pair)]
+    found = {
+        (connection.source.place, connection.target.place): connection
+        for connection in sorted(possible, key=lambda connection: connection.back)
+    }
     return [found[source.place, target.place] for source, target in pairs]
 
 
-def _ends(node: Node, components: dict[Place, Component]) -> list[End]:
+def _ends(node: Node, parts: dict[Place, Part]) -> list[Port]:
     """The scalars that a connector or an element of it stands for."""
     name = f"{node.connector}[{','.join(map(str, node.indices))}]" if node.indices else node.connector
-    return components[node.element][name].elements()
+    return parts[node.element][name].elements()
 
 
-def _matched(start: Node, sources: list[End], end: Node, targets: list[End]) -> Iterable[tuple[End, End]]:
+def _matched(start: Node, sources: list[Port], end: Node, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
     if len(sources) != len(targets):
         raise ConnectError(
             f"{start} has {len(sources)} elements, {end} has {len(targets)}: they cannot be connected as a whole"

@@ -16,30 +16,30 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 from zipfile import ZipFile, ZipInfo
 
-from liaisons.cosim.component import Component
-from liaisons.cosim.ssp.parameters import scalars, start, text
+from liaisons.cosim.parts import Part
 from liaisons.cosim.starts import Value
 from liaisons.cosim.variables import Array
+from liaisons.ssp.parameters import scalars, start, text
 
 _STARTS = "resources/starts.txt"
 _MARK = b"/starts.txt"
 _DESCRIPTION = "modelDescription.xml"
 
 
-def takes_starts(component: Component) -> bool:
+def takes_starts(part: Part) -> bool:
     """Whether the FMU's library, or the Python module that stands for it, reads the file."""
-    with ZipFile(component.fmu.path) as archive:
+    with ZipFile(part.fmu.path) as archive:
         modules = [name for name in archive.namelist() if name.startswith("resources/liaisons_runtime_")]
-        return any(_MARK in archive.read(name) for name in (component.fmu.binary, *modules))
+        return any(_MARK in archive.read(name) for name in (part.fmu.binary, *modules))
 
 
-def baked(component: Component) -> bytes:
+def baked(part: Part) -> bytes:
     """The FMU with other start values: those that the component has in the system."""
-    values = {name: start(component, name) for name in scalars(component)}
+    values = {name: start(part, name) for name in scalars(part)}
     target = io.BytesIO()
-    with ZipFile(component.fmu.path) as old, ZipFile(target, "w") as new:
+    with ZipFile(part.fmu.path) as old, ZipFile(target, "w") as new:
         before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""
-        starts = before + "".join(_line(component, *item) for item in values.items())  # the last of two lines counts
+        starts = before + "".join(_line(part, *item) for item in values.items())  # the last of two lines counts
         for item in old.infolist():
             if item.filename != _STARTS:
                 data = old.read(item)
@@ -48,8 +48,8 @@ def baked(component: Component) -> bytes:
     return target.getvalue()
 
 
-def _line(component: Component, name: str, value: Value) -> str:
-    entry = component.fmu.variables.whole(name) or component.fmu.variables[name]
+def _line(part: Part, name: str, value: Value) -> str:
+    entry = part.fmu.variables.whole(name) or part.fmu.variables[name]
     like = entry.like if isinstance(entry, Array) else entry
     kind, form = ("r", ">d") if like.type == "Real" else ("i", ">q")
     numbers = value if isinstance(value, tuple) else (value,)

@@ -11,9 +11,9 @@ import numpy as np
 
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.model_description import Unit, scale
-from liaisons.cosim.ssp.xml import BASE_UNITS, path, tag
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
+from liaisons.ssp.xml import BASE_UNITS, path, tag
 
 Number = float | int | bool | str
 

@@ -1,0 +1,179 @@
+"""A system as an archive.
+
+*Portable* (SSP 1.0) is for every importer that there is: flat, connections from element to element, ``Real``, a
+parameter set a component, and, where the FMU can take them, the start values inside the FMU, too, since some importers
+pass over parameter sets.  *Full* (SSP 2.0) says everything that SSP can say: connectors of the system, ``Float64``,
+arrays, one parameter set with a mapping, documentation.  Both have units.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import get_args
+from xml.etree.ElementTree import Element, SubElement
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
+
+from liaisons.arguments import as_path
+from liaisons.arguments import chosen as one_of
+from liaisons.cosim import System
+from liaisons.cosim.connections import Connection
+from liaisons.cosim.parts import Part
+from liaisons.errors import SimulationError
+from liaisons.files import replacing
+from liaisons.ssp.baking import baked, takes_starts
+from liaisons.ssp.connectors import (
+    Connector,
+    Form,
+    Place,
+    Units,
+    add_connectors,
+    add_units,
+    connector,
+    inner,
+    outer,
+    units_of,
+)
+from liaisons.ssp.documentation import page
+from liaisons.ssp.experiment import add_experiment, add_master, chosen
+from liaisons.ssp.parameters import bind, mapping, parameter_set, scalars
+from liaisons.ssp.xml import STRUCTURE, document, tag
+
+Files = dict[str, bytes | Path]
+
+_PAGE = "documentation/index.html"
+
+
+def write(
+    system: System,
+    path: Path | str,
+    *,
+    form: Form = "portable",
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+) -> None:
+    """Write a system as an archive with its FMUs; it appears when it is complete.
+
+    What is not given of the default experiment is that of the last run, else the longest time and the shortest
+    step of the FMUs' own experiments.
+
+    :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all that there is to say).
+    :param start_time: begin of the default experiment [s].
+    :param stop_time: its end [s].
+    :param step_size: its communication step [s], for importers that look for one.
+    :raises SimulationError: if the system is empty, cannot be written in this form, or not to this path.
+    """
+    one_of("form", form, get_args(Form))
+    path, name, connections = as_path("archive", path), system.name, system.connections
+    parts = system.filled()
+    experiment = chosen(system, start_time, stop_time, step_size)
+    files: Files = {}
+    root = Element(tag("ssd:SystemStructureDescription"), version="1.0" if form == "portable" else "2.0", name=name)
+    whole = SubElement(root, tag("ssd:System"), name=name)
+    units = units_of(parts.values())
+    if form == "portable":
+        _check_scalars(path, parts.values(), connections)
+        _add_portable(whole, parts.values(), connections, units, files)
+    else:
+        _add_full(whole, parts.values(), connections, units, files)
+        files[_PAGE] = page(name, parts.values(), connections, experiment).encode()
+    add_master(whole, experiment)
+    add_units(root, "ssd:Units", units)
+    add_experiment(root, experiment)
+    if form == "full":
+        SubElement(root, tag("ssc:MetaData"), kind="general", type="text/html", source=_PAGE)
+    with replacing(path) as part, ZipFile(part, "w") as archive:
+        for file, content in {STRUCTURE: document(root), **files}.items():
+            data = content.read_bytes() if isinstance(content, Path) else content
+            # FMUs are compressed already; without a date, equal systems are equal files
+            archive.writestr(ZipInfo(file), data, ZIP_STORED if file.endswith(".fmu") else ZIP_DEFLATED)
+
+
+def _add_portable(
+    system: Element, parts: Collection[Part], connections: Collection[Connection], units: Units, files: Files
+) -> None:
+    elements = SubElement(system, tag("ssd:Elements"))
+    # All outputs, since some importers record connectors only; no free inputs, since these would set them to 0.
+    shown = [place for place, found in outer(parts, connections).items() if found.kind == "output" and not found.shape]
+    for part in parts:
+        bake = bool(part.starts) and takes_starts(part)
+        source = _add_file(files, f"{part.name}.fmu", baked(part)) if bake else _add_fmu(files, part)
+        element = _add_component(elements, part.name, source)
+        add_connectors(element, inner(part, connections, shown), units, "portable")
+        if part.starts:
+            listed = [(variable, part, variable) for variable in scalars(part)]
+            bind(element, _add_file(files, f"{part.name}.ssv", parameter_set(listed, units, "portable")))
+    _add_connections(system, connections, {})
+
+
+def _add_full(
+    system: Element, parts: Collection[Part], connections: Collection[Connection], units: Units, files: Files
+) -> None:
+    shown = outer(parts, connections)
+    add_connectors(system, shown.values(), units, "full")
+    listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in scalars(c)]
+    if listed:
+        values = _add_file(files, "parameters.ssv", parameter_set(listed, units, "full"))
+        bind(system, values, _add_file(files, "parameters.ssm", mapping(listed)))
+    elements = SubElement(system, tag("ssd:Elements"))
+    for part in parts:
+        element = _add_component(elements, part.name, _add_fmu(files, part))
+        add_connectors(element, inner(part, connections, shown), units, "full")
+    _add_connections(system, connections, shown)
+
+
+def _add_component(elements: Element, name: str, source: str) -> Element:
+    kind = "application/x-fmu-sharedlibrary"
+    return SubElement(elements, tag("ssd:Component"), name=name, type=kind, source=source)
+
+
+def _add_connections(system: Element, connections: Iterable[Connection], shown: Mapping[Place, Connector]) -> None:
+    """Those between components, arrays of FMI 3.0 element by element, and those with the system's connectors."""
+    group = SubElement(system, tag("ssd:Connections"))
+    for connection in connections:
+        attributes: dict[str, str] = {}
+        for role, end in (("start", connection.source), ("end", connection.target)):
+            found, index = connector(end.part, end.name)
+            attributes |= {f"{role}Element": end.part.name, f"{role}Connector": found.name}
+            if index:
+                attributes[f"{role}Indices"] = " ".join(map(str, index))
+        SubElement(group, tag("ssd:Connection"), attributes)
+    for (part, variable), found in shown.items():
+        inside = {"startElement": part, "startConnector": variable}
+        if found.kind == "output":
+            SubElement(group, tag("ssd:Connection"), inside | {"endConnector": found.name})
+        else:
+            ends = {"endElement": part, "endConnector": variable}
+            SubElement(group, tag("ssd:Connection"), {"startConnector": found.name} | ends)
+    if not len(group):
+        system.remove(group)
+
+
+def _add_fmu(files: Files, part: Part) -> str:
+    """The FMU itself; components of one file share it."""
+    path = part.fmu.path
+    known = next((name for name, content in files.items() if content == path), None)
+    return known or _add_file(files, path.name, path)
+
+
+def _add_file(files: Files, name: str, content: bytes | Path) -> str:
+    """Put a file among the resources, under a name that is safe in a URI and not taken."""
+    stem, dot, suffix = re.sub(r"[^\w.\-]", "_", name, flags=re.ASCII).rpartition(".")
+    number, free = 1, f"resources/{stem}{dot}{suffix}"
+    while free in files:
+        number += 1
+        free = f"resources/{stem}_{number}{dot}{suffix}"
+    files[free] = content
+    return free
+
+
+def _check_scalars(path: Path, parts: Iterable[Part], connections: Iterable[Connection]) -> None:
+    used = [(end.part, end.name) for connection in connections for end in (connection.source, connection.target)]
+    used += [(part, name) for part in parts for name in part.starts]
+    arrays = [f"{part.name}.{name}" for part, name in used if part.fmu.variables.whole(name)]
+    if arrays:
+        raise SimulationError(
+            f"{path}: {arrays[0]} belongs to an array of FMI 3.0, which SSP 1.0 does not know: choose form='full'"
+        )
