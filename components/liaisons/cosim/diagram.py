@@ -23,7 +23,10 @@ _COLUMN, _ROW, _MARGIN = 320, 84, 48
 _LINES = 3
 """So many ports are named at an arrow."""
 
-_HEAD = '<marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" '
+_HEAD = (
+    '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" '
+    'orient="auto-start-reverse"><path d="M0 0 8 4 0 8z" fill="currentColor"/></marker></defs>'
+)
 _STYLE = 'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11" text-anchor="middle"'
 
 
@@ -42,8 +45,7 @@ def diagram(name: str, parts: Mapping[str, Part], connections: Collection[Connec
     more = len(parts) - len(drawn)
     title = f"{name}, and {more} FMUs more" if more else name
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" {_STYLE}>'
-        f'<defs>{_HEAD} orient="auto-start-reverse"><path d="M0 0 8 4 0 8z" fill="currentColor"/></marker></defs>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" {_STYLE}>{_HEAD}'
         f"{_text(width / 2, 20, title, bold=True)}{''.join(arrows)}{''.join(boxes)}</svg>"
     )
 
