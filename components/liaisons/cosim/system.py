@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from liaisons.arguments import listed, named, shown
 from liaisons.cosim.connections import Connection, connect
 from liaisons.cosim.description import DefaultExperiment
+from liaisons.cosim.diagram import diagram
 from liaisons.cosim.drives import Function
 from liaisons.cosim.parts import Part, Port
 from liaisons.cosim.schedule import Coupling, Place
@@ -186,6 +187,9 @@ class System:
         lines += [f"  {part}" for part in self._parts.values()]
         lines += [f"  {connection.source} -> {connection.target}" for connection in self._connections.values()]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return diagram(self.name, self._parts, self.connections)
 
     def _recorded(self, record: str | Iterable[str] | None) -> dict[str, Place]:
         """Name in the result -> what is recorded under it."""

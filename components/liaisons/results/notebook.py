@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 _WIDTH, _HEIGHT = 120, 24
 """Of a small picture [px]; it has a point every pixel at most."""
+_ROUNDING = 1e-9
+"""What moves by less than this part of its size is still."""
 
 
 def html_table(
@@ -42,8 +44,8 @@ def curve(values: NDArray[np.float64]) -> str:
         return ""
     x, low, high = np.array(bands).T
     border = np.array([[*x, *x[::-1]], [*high, *low[::-1]]])
-    span = (high.max() - low.min()) or 1.0
-    x_scale, y_scale = _WIDTH / min(len(values), _WIDTH), (_HEIGHT - 2) / span
+    span = max(high.max() - low.min(), _ROUNDING * abs(border[1]).max()) or 1.0
+    x_scale, y_scale = _WIDTH / max(x[-1], 1), (_HEIGHT - 2) / span
     points = " ".join(f"{a * x_scale:.1f},{1 + (high.max() - b) * y_scale:.1f}" for a, b in border.T)
     return (
         f'<svg width="{_WIDTH}" height="{_HEIGHT}"><polygon points="{points}" '

@@ -25,8 +25,6 @@ from liaisons.results.notebook import curve, html_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_FEW = 10
-"""An array with more elements is one row of a summary."""
 _MOST_ROWS = 100
 """So many has a table in a notebook."""
 _FAILURE = "failure"
@@ -338,16 +336,17 @@ class Result:
         joined = bool(self.time.size) or over is not None
         return draw(self.title, horizontal, signals, self.units, joined=joined, path=path)
 
-    def summary(self, most: int | None = None) -> list[dict[str, str]]:
+    def summary(self, most: int | None = None, *, few: int = 10) -> list[dict[str, str]]:
         """Rows of a table: what each signal did, cases that failed aside; or of a sweep, its cases.
 
         :param most: how many rows; None: all.
+        :param few: arrays of no more elements than this have a row for each.
         """
         if not self.time.size:
             names = [self._label(name) for name in self.names]
             cases = self.values.T[:most].tolist()
             return [dict(zip(names, (f"{value:.6g}" for value in case), strict=True)) for case in cases]
-        return [self._did(name) for name in self._grouped(_FEW)[:most]]
+        return [self._did(name) for name in self._grouped(few)[:most]]
 
     def _did(self, name: str) -> dict[str, str]:
         values = self[name]
@@ -374,9 +373,9 @@ class Result:
         return f"<{self._headline()}: {', '.join(map(self._label, self.entries[:8]))}{rest}>"
 
     def _repr_html_(self) -> str:
-        curves = [curve(self[name]) for name in self._grouped(_FEW)[:_MOST_ROWS]] if self.time.size else []
+        curves = [curve(self[name]) for name in self.entries[:_MOST_ROWS]] if self.time.size else []
         remarks = [f"case {case} failed: {reason}" for case, reason in islice(self.failures.items(), _MOST_ROWS)]
-        return html_table(self._headline(), self.summary(_MOST_ROWS), curves=curves, remarks=remarks)
+        return html_table(self._headline(), self.summary(_MOST_ROWS, few=0), curves=curves, remarks=remarks)
 
 
 @final
