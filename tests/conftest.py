@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any, Literal
 
 import pytest
+
+from liaisons.fmu import build
+from liaisons.mechanics import assemble
 
 
 @pytest.fixture(scope="session")
@@ -17,6 +22,17 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "catalogue"
     folder.mkdir(exist_ok=True)
     return folder
+
+
+@pytest.fixture(scope="session")
+def fmu(shared_folder: Path) -> Callable[..., Path]:
+    """The FMU of a component, built once: ``fmu(Pendulum, "python")``, ``fmu(Pendulum, fmi="3")``."""
+
+    @cache
+    def built(component: Any, backend: Literal["native", "python"] = "native", fmi: Literal["2", "3"] = "2") -> Path:
+        return build(assemble(component), shared_folder, backend=backend, fmi=fmi)
+
+    return built
 
 
 @pytest.fixture

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))  # handmade.py and driver.py are no tests, but theirs
 
 from driver import Library
-from driver3 import Library3
 from handmade import fall, kick, pendulum, ring
 
 from liaisons.fmu import build
+from liaisons.fmu.layout import Fmi
+
+MODELS = {"pendulum": pendulum, "fall": fall, "kick": kick, "ring": lambda: ring(3)}
 
 
 @pytest.fixture(scope="session")
@@ -22,45 +27,26 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def pendulum_fmu(folder) -> Path:
-    return build(pendulum(), folder, backend="native")
+def handmade(folder) -> Callable[[str, Fmi], Library]:
+    """The library of a component for a version of FMI: ``handmade("pendulum", "2")``."""
+    return cache(lambda name, fmi: Library(build(MODELS[name](), folder, backend="native", fmi=fmi)))
+
+
+def _library(name: str, *versions: Fmi) -> Any:
+    """A fixture; what asks for it runs for each of the versions."""
+
+    @pytest.fixture(scope="session", params=versions, ids=[f"fmi{version}" for version in versions])
+    def library(request, handmade) -> Library:
+        return handmade(name, request.param)
+
+    return library
+
+
+pendulum_library, fall_library, kick_library, ring_library = (_library(name, "2", "3") for name in MODELS)
+pendulum2, ring2 = (_library(name, "2") for name in ("pendulum", "ring"))
+pendulum3, kick3, ring3 = (_library(name, "3") for name in ("pendulum", "kick", "ring"))
 
 
 @pytest.fixture(scope="session")
-def pendulum_library(pendulum_fmu) -> Library:
-    return Library(pendulum_fmu)
-
-
-@pytest.fixture(scope="session")
-def fall_library(folder) -> Library:
-    return Library(build(fall(), folder, backend="native"))
-
-
-@pytest.fixture(scope="session")
-def kick_library(folder) -> Library:
-    return Library(build(kick(), folder, backend="native"))
-
-
-@pytest.fixture(scope="session")
-def pendulum3(folder) -> Library3:
-    return Library3(build(pendulum(), folder, backend="native", fmi="3"))
-
-
-@pytest.fixture(scope="session")
-def fall3(folder) -> Library3:
-    return Library3(build(fall(), folder, backend="native", fmi="3"))
-
-
-@pytest.fixture(scope="session")
-def kick3(folder) -> Library3:
-    return Library3(build(kick(), folder, backend="native", fmi="3"))
-
-
-@pytest.fixture(scope="session")
-def ring_library(folder) -> Library:
-    return Library(build(ring(3), folder, backend="native"))
-
-
-@pytest.fixture(scope="session")
-def ring3(folder) -> Library3:
-    return Library3(build(ring(3), folder, backend="native", fmi="3"))
+def pendulum_fmu(pendulum2) -> Path:
+    return pendulum2.path

@@ -1,73 +1,149 @@
-"""A small FMI 2.0 importer on ctypes: calls return their status, what is logged is kept."""
+"""A small importer on ctypes for FMI 2.0 and FMI 3.0: calls return their status, what is logged is kept.
+
+Functions go by their names in FMI 3.0, with its arguments, in both versions: FMI 2.0 has most of them, too, under other
+names and without the sizes of what cannot be an array there.  Arrays are one variable for FMI 2.0 as well.
+"""
 
 from __future__ import annotations
 
 import ctypes as c
 import tempfile
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import count, takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import fmpy
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 OK, WARNING, DISCARD, ERROR = range(4)
-MODEL_EXCHANGE, CO_SIMULATION = range(2)
+MODEL_EXCHANGE, CO_SIMULATION, SCHEDULED_EXECUTION = "ModelExchange", "CoSimulation", "ScheduledExecution"
 
-_LOGGER = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
-_REFERENCES, _REALS, _INTEGERS = c.POINTER(c.c_uint), c.POINTER(c.c_double), c.POINTER(c.c_int)
-_SIGNATURES = {
-    "SetupExperiment": [c.c_int, c.c_double, c.c_double, c.c_int, c.c_double],
-    "GetReal": [_REFERENCES, c.c_size_t, _REALS],
-    "SetReal": [_REFERENCES, c.c_size_t, _REALS],
-    "GetInteger": [_REFERENCES, c.c_size_t, _INTEGERS],
-    "SetInteger": [_REFERENCES, c.c_size_t, _INTEGERS],
-    "GetBoolean": [_REFERENCES, c.c_size_t, _INTEGERS],
-    "SetString": [_REFERENCES, c.c_size_t, c.POINTER(c.c_char_p)],
-    "GetDirectionalDerivative": [_REFERENCES, c.c_size_t, _REFERENCES, c.c_size_t, _REALS, _REALS],
-    "SetRealInputDerivatives": [_REFERENCES, c.c_size_t, _INTEGERS, _REALS],
-    "GetRealOutputDerivatives": [_REFERENCES, c.c_size_t, _INTEGERS, _REALS],
-    "DoStep": [c.c_double, c.c_double, c.c_int],
-    "GetFMUstate": [c.POINTER(c.c_void_p)],
-    "SetFMUstate": [c.c_void_p],
-    "FreeFMUstate": [c.POINTER(c.c_void_p)],
-    "SerializedFMUstateSize": [c.c_void_p, c.POINTER(c.c_size_t)],
-    "SerializeFMUstate": [c.c_void_p, c.c_char_p, c.c_size_t],
-    "DeSerializeFMUstate": [c.c_char_p, c.c_size_t, c.POINTER(c.c_void_p)],
-    "SetDebugLogging": [c.c_int, c.c_size_t, c.POINTER(c.c_char_p)],
-    "GetRealStatus": [c.c_int, _REALS],
-    "GetStatus": [c.c_int, _INTEGERS],
-    "SetTime": [c.c_double],
-    "SetContinuousStates": [_REALS, c.c_size_t],
-    "GetContinuousStates": [_REALS, c.c_size_t],
-    "GetDerivatives": [_REALS, c.c_size_t],
-    "GetNominalsOfContinuousStates": [_REALS, c.c_size_t],
-    "GetEventIndicators": [_REALS, c.c_size_t],
-    "NewDiscreteStates": [c.c_void_p],
+N = c.c_size_t
+REFERENCES, REALS, SIZES, BOOL = c.POINTER(c.c_uint), c.POINTER(c.c_double), c.POINTER(N), c.POINTER(c.c_bool)
+TYPES = {
+    "Float32": c.c_float,
+    "Float64": c.c_double,
+    **{f"{sign}Int{bits}": getattr(c, f"c_{sign.lower()}int{bits}") for sign in ("", "U") for bits in (8, 16, 32, 64)},
+    "Boolean": c.c_bool,
+    "String": c.c_char_p,
 }
+_DERIVATIVE = [REFERENCES, N, REFERENCES, N, REALS, N, REALS, N]
+_COMMON: dict[str, list[Any]] = {  # of both versions
+    "SetDebugLogging": [c.c_bool, N, c.POINTER(c.c_char_p)],
+    **{f"{way}{mode}Mode": [] for way, mode in (("Exit", "Initialization"), ("Enter", "Event"))},
+    "EnterContinuousTimeMode": [],
+    "Terminate": [],
+    "Reset": [],
+    **{f"{way}{name}": [REFERENCES, N, c.POINTER(TYPES[name]), N] for way in ("Get", "Set") for name in TYPES},
+    "GetFMUState": [c.POINTER(c.c_void_p)],
+    "SetFMUState": [c.c_void_p],
+    "FreeFMUState": [c.POINTER(c.c_void_p)],
+    "SerializedFMUStateSize": [c.c_void_p, SIZES],
+    "SerializeFMUState": [c.c_void_p, c.c_char_p, N],
+    "DeserializeFMUState": [c.c_char_p, N, c.POINTER(c.c_void_p)],
+    "GetDirectionalDerivative": _DERIVATIVE,
+    "CompletedIntegratorStep": [c.c_bool, BOOL, BOOL],
+    "SetTime": [c.c_double],
+    **{f"{n}ContinuousStates": [REALS, N] for n in ("Set", "Get", "GetNominalsOf")},
+    "GetContinuousStateDerivatives": [REALS, N],
+    "GetEventIndicators": [REALS, N],
+    "GetOutputDerivatives": [REFERENCES, N, c.POINTER(c.c_int32), REALS, N],
+    "DoStep": [c.c_double, c.c_double, c.c_bool, BOOL, BOOL, BOOL, REALS],
+}
+_THREE: dict[str, list[Any]] = {
+    "EnterInitializationMode": [c.c_bool, c.c_double, c.c_double, c.c_bool, c.c_double],
+    **{f"{way}ConfigurationMode": [] for way in ("Enter", "Exit")},
+    "EnterStepMode": [],
+    "UpdateDiscreteStates": [*[BOOL] * 5, REALS],
+    "EvaluateDiscreteStates": [],
+    **{f"{way}Binary": [REFERENCES, N, SIZES, c.c_void_p, N] for way in ("Get", "Set")},
+    **{f"{way}Clock": [REFERENCES, N, BOOL] for way in ("Get", "Set")},
+    **{
+        f"{way}{what}": [REFERENCES, N, *[c.c_void_p] * (pointers + (way + what).startswith("GetInterval"))]
+        for way in ("Get", "Set")
+        for what, pointers in (
+            ("IntervalDecimal", 1),
+            ("ShiftDecimal", 1),
+            ("IntervalFraction", 2),
+            ("ShiftFraction", 2),
+        )
+    },
+    "GetNumberOfVariableDependencies": [c.c_uint, SIZES],
+    "GetVariableDependencies": [c.c_uint, SIZES, REFERENCES, SIZES, c.c_void_p, N],
+    "GetAdjointDerivative": _DERIVATIVE,
+    "GetNumberOfEventIndicators": [SIZES],
+    "GetNumberOfContinuousStates": [SIZES],
+    "ActivateModelPartition": [c.c_uint, c.c_double],
+}
+_TWO: dict[str, list[Any]] = {
+    "EnterInitializationMode": [],
+    "SetupExperiment": [c.c_int, c.c_double, c.c_double, c.c_int, c.c_double],
+    "NewDiscreteStates": [c.c_void_p],
+    "SetRealInputDerivatives": [REFERENCES, N, c.POINTER(c.c_int), REALS],
+    "CancelStep": [],
+    "GetStatus": [c.c_int, c.POINTER(c.c_int)],
+    **{f"Get{name}Status": [c.c_int, c.c_void_p] for name in ("Real", "Integer", "Boolean", "String")},
+}
+_OTHERWISE: dict[str, tuple[str, tuple[int, ...]]] = {
+    **{
+        f"{way}{name}": (way + old, (3,))
+        for way in ("Get", "Set")
+        for name, old in (("Float64", "Real"), ("Int32", "Integer"), ("Boolean", "Boolean"), ("String", "String"))
+    },
+    "GetDirectionalDerivative": ("GetDirectionalDerivative", (5, 7)),
+    "GetOutputDerivatives": ("GetRealOutputDerivatives", (4,)),
+    "GetContinuousStateDerivatives": ("GetDerivatives", ()),
+    "DoStep": ("DoStep", (3, 4, 5, 6)),
+    "DeserializeFMUState": ("DeSerializeFMUstate", ()),
+    **{name: (name.replace("State", "state"), ()) for name in _COMMON if "FMUState" in name and name[0] != "D"},
+}
+"""Names in FMI 2.0, and the arguments that are missing there."""
 
 
-class Callbacks(c.Structure):
-    _fields_ = (
-        ("logger", _LOGGER),
-        ("allocateMemory", c.c_void_p),
-        ("freeMemory", c.c_void_p),
-        ("stepFinished", c.c_void_p),
-        ("componentEnvironment", c.c_void_p),
-    )
+def _in_two(name: str, types: list[Any]) -> list[Any]:
+    int_for = {c.c_bool: c.c_int, BOOL: c.POINTER(c.c_int), c.POINTER(c.c_bool): c.POINTER(c.c_int)}
+    missing = _OTHERWISE.get(name, ("", ()))[1]
+    return [int_for.get(t, t) for i, t in enumerate(types) if i not in missing]
 
 
-class EventInfo(c.Structure):
-    _fields_ = (
-        ("newDiscreteStatesNeeded", c.c_int),
-        ("terminateSimulation", c.c_int),
-        ("nominalsOfContinuousStatesChanged", c.c_int),
-        ("valuesOfContinuousStatesChanged", c.c_int),
-        ("nextEventTimeDefined", c.c_int),
-        ("nextEventTime", c.c_double),
-    )
+SIGNATURES: dict[str, dict[str, list[Any]]] = {
+    "2": {n: _in_two(n, types) for n, types in _COMMON.items() if n in _OTHERWISE or n[3:] not in TYPES} | _TWO,
+    "3": _COMMON | _THREE,
+}
+"""By version: arguments behind the instance of every function that has one and returns a status."""
+
+Observer = Callable[["Instance", float], float | None]
+"""Called in intermediate update mode with the time; returns when to return early, or None."""
+
+
+class Step(NamedTuple):
+    status: int
+    event: bool
+    early: bool
+    time: float
+
+
+class Event(NamedTuple):
+    states_changed: bool
+    next_time: float | None
+
+
+class _EventInfo(c.Structure):
+    _fields_ = (*((name, c.c_int) for name in ("again", "end", "nominals", "states", "timed")), ("time", c.c_double))
+
+
+class _Callbacks(c.Structure):
+    _fields_ = tuple((name, c.c_void_p) for name in ("logger", "allocate", "free", "finished", "environment"))
+
+
+_LOGGERS = {
+    "2": c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p),
+    "3": c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p),
+}
+_UPDATE = c.CFUNCTYPE(None, c.c_void_p, c.c_double, *[c.c_bool] * 4, c.POINTER(c.c_bool), c.POINTER(c.c_double))
 
 
 class Library:
@@ -76,24 +152,41 @@ class Library:
     def __init__(self, fmu: Path) -> None:
         self.path = fmu
         self.description = fmpy.read_model_description(str(fmu))
+        self.fmi = (self.description.fmiVersion or "")[0]
+        self.token = self.description.guid or self.description.instantiationToken or ""
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self._counts = {v.name: int(np.prod(v.shape)) if v.shape else 1 for v in self.description.modelVariables}
+        platform = fmpy.platform if self.fmi == "2" else fmpy.platform_tuple
         with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(fmu) as archive:
-            name = self.description.modelName
-            member = f"binaries/{fmpy.platform}/{name}{fmpy.sharedLibraryExtension}"
+            member = f"binaries/{platform}/{self.description.modelName}{fmpy.sharedLibraryExtension}"
             self.functions = c.CDLL(archive.extract(member, folder))
-        self.functions.fmi2Instantiate.restype = c.c_void_p
 
-    def instantiate(self, kind: int = CO_SIMULATION, **options: Any) -> Instance:
+    def full(self, function: str) -> str:
+        """What a function is called in this version."""
+        return f"fmi{self.fmi}{_OTHERWISE.get(function, (function,))[0] if self.fmi == '2' else function}"
+
+    def elements(self, name: str) -> list[str]:
+        """A variable, or in FMI 2.0 those that an array is."""
+        if name in self.references:
+            return [name]
+        return list(takewhile(self.references.__contains__, (f"{name}[{i}]" for i in count(1))))
+
+    def count(self, *names: str) -> int:
+        """How many numbers variables have."""
+        return sum(self._counts[element] for name in names for element in self.elements(name))
+
+    def instantiate(self, kind: str = CO_SIMULATION, **options: Any) -> Instance:
         return Instance(self, kind, **options)
 
-    def start(self, kind: int = CO_SIMULATION, *, tolerance: float | None = None, **values: float) -> Instance:
-        """An instance that has left initialization mode; values by name, input_reconstruction among them."""
-        instance = self.instantiate(kind)
-        integers = {name: values.pop(name) for name in ("input_reconstruction",) if name in values}
-        assert instance.setup(tolerance=tolerance) == OK
-        assert instance.call("EnterInitializationMode") == OK
-        for name, value in integers.items():
-            assert instance.set_integer(name, int(value)) == OK
+    def start(
+        self, kind: str = CO_SIMULATION, /, *, tolerance: float | None = None, options: Any = None, **values: ArrayLike
+    ) -> Instance:
+        """An instance that has left initialization mode; values by name, settings among them."""
+        instance = self.instantiate(kind, **(options or {}))
+        assert instance.initialize(tolerance) == OK
+        for name in ("input_reconstruction", "symplectic_steps"):
+            if name in values:
+                assert instance.set_integer(name, int(np.asarray(values.pop(name)))) == OK
         assert instance.set(values) == OK
         assert instance.call("ExitInitializationMode") == OK, instance.messages
         return instance
@@ -105,109 +198,209 @@ class Instance:
     def __init__(
         self,
         library: Library,
-        kind: int,
+        kind: str,
         *,
         name: bytes | None = b"it",
-        guid: str | None = None,
-        resources: str | None = None,
-        logging: int = 0,
+        token: str | None = None,
+        resources: Path | None = None,
+        logging: bool = False,
+        events: bool = False,
+        early: bool = False,
+        observer: Observer | None = None,
+        wanted: Iterable[str] = (),
     ) -> None:
         self.library = library
         self.messages: list[str] = []
         self.log: list[tuple[int, str, str]] = []
-        self._logger = _LOGGER(self._note)  # must live as long as the instance
-        self._callbacks = Callbacks(self._logger)
-        guid = guid or library.description.guid or ""
-        self.component = library.functions.fmi2Instantiate(
-            name, kind, guid.encode(), resources and resources.encode(), c.byref(self._callbacks), 0, logging
-        )
+        self.seen: list[tuple[bool, ...]] = []
+        self._observer = observer
+        self._logger = _LOGGERS[library.fmi](self._note)  # this and what follows must live as long as the instance
+        self._update = _UPDATE(self._tell) if observer else _UPDATE()
+        self._callbacks = _Callbacks(c.cast(self._logger, c.c_void_p))
+        self._two, self._exchanges = library.fmi == "2", kind == MODEL_EXCHANGE
+        token = library.token if token is None else token
+        folder = resources and (resources.as_uri() if self._two else str(resources)).encode()
+        made = f"Instantiate{kind}" if library.fmi == "3" else "Instantiate"
+        arguments: list[Any] = [name, token.encode(), folder, c.c_bool(False), c.c_bool(logging)]
+        if self._two:
+            callbacks = c.byref(self._callbacks)
+            arguments = [name, int(not self._exchanges), token.encode(), folder, callbacks, 0, int(logging)]
+        elif kind == CO_SIMULATION:
+            references = self.refs(wanted)
+            arguments += [c.c_bool(events), c.c_bool(early), references, N(len(references)), None, self._logger]
+            arguments.append(self._update)
+        else:
+            arguments += [None, self._logger, *([None] * 3 if kind == SCHEDULED_EXECUTION else [])]
+        entry = getattr(library.functions, f"fmi{library.fmi}{made}")
+        entry.restype = c.c_void_p
+        self.pointer = entry(*arguments)
 
-    def _note(self, _environment: Any, _name: bytes, status: int, category: bytes, message: bytes) -> None:
+    def _note(self, _environment: Any, *rest: Any) -> None:
+        status, category, message = rest[-3:]
         self.messages.append(message.decode())
         self.log.append((status, category.decode(), message.decode()))
 
+    def _tell(self, _environment: Any, time: float, *rest: Any) -> None:
+        *flags, requested, return_time = rest
+        self.seen.append(tuple(flags))
+        assert self._observer is not None
+        until = self._observer(self, time)
+        if until is not None:
+            requested[0], return_time[0] = True, until
+
     def __del__(self) -> None:
-        self.library.functions.fmi2FreeInstance(c.c_void_p(self.component))
+        getattr(self.library.functions, f"fmi{self.library.fmi}FreeInstance")(c.c_void_p(self.pointer))
 
     def call(self, function: str, *arguments: Any) -> int:
-        """A function of the instance by its name without fmi2."""
-        entry = getattr(self.library.functions, f"fmi2{function}")
-        entry.argtypes = [c.c_void_p, *_SIGNATURES.get(function, [])] if function in _SIGNATURES else None
-        return entry(c.c_void_p(self.component), *arguments)
+        """A function of the instance, by its name and with its arguments in FMI 3.0 where it is there."""
+        missing = _OTHERWISE[function][1] if self._two and function in _OTHERWISE else ()
+        return self.invoke(function, *(a for i, a in enumerate(arguments) if i not in missing))
+
+    def invoke(self, function: str, *arguments: Any) -> int:
+        """The same with the arguments that it has in this version."""
+        entry = getattr(self.library.functions, self.library.full(function))
+        entry.argtypes = [c.c_void_p, *SIGNATURES[self.library.fmi][function]]
+        return entry(c.c_void_p(self.pointer), *arguments)
+
+    def flags(self, n: int) -> Any:
+        """What n booleans are written to."""
+        return ((c.c_int if self._two else c.c_bool) * n)(*[True] * n)
+
+    # ---- variables
 
     def refs(self, names: Iterable[str]) -> Any:
-        found = [self.library.references[name] for name in names]
+        found = [self.library.references[element] for name in names for element in self.library.elements(name)]
         return (c.c_uint * len(found))(*found)
 
-    def setup(self, tolerance: float | None = None, start: float = 0.0) -> int:
-        return self.call("SetupExperiment", int(tolerance is not None), tolerance or 0.0, start, 0, 0.0)
-
-    def set(self, values: Mapping[str, float] | None = None, /, **more: float) -> int:
+    def set(self, values: Mapping[str, ArrayLike] | None = None, /, **more: ArrayLike) -> int:
+        """Numbers, or columns of them for arrays."""
         values = {**(values or {}), **more}
-        return self.call("SetReal", self.refs(values), len(values), reals(values.values()))
+        flat = [number for value in values.values() for number in np.ravel(value).tolist()]
+        references = self.refs(values)
+        return self.call("SetFloat64", references, len(references), reals(flat), len(flat))
+
+    def read(self, *names: str) -> tuple[int, NDArray]:
+        """Status, and the numbers of all variables, one behind the other."""
+        values, references = (c.c_double * self.library.count(*names))(), self.refs(names)
+        status = self.call("GetFloat64", references, len(references), values, len(values))
+        return status, np.array(values)
 
     def get(self, *names: str) -> NDArray:
-        values = (c.c_double * len(names))()
-        assert self.call("GetReal", self.refs(names), len(names), values) == OK, self.messages
-        return np.array(values)
+        status, values = self.read(*names)
+        assert status == OK, self.messages
+        return values
 
     def __getitem__(self, name: str) -> float:
         return float(self.get(name)[0])
 
     def set_integer(self, name: str, value: int) -> int:
-        return self.call("SetInteger", self.refs([name]), 1, (c.c_int * 1)(value))
+        return self.call("SetInt32", self.refs([name]), 1, (c.c_int32 * 1)(value), 1)
+
+    def get_integer(self, name: str) -> int:
+        value = (c.c_int32 * 1)()
+        assert self.call("GetInt32", self.refs([name]), 1, value, 1) == OK
+        return value[0]
+
+    # ---- derivatives
+
+    def directional(self, unknowns: Sequence[str], known: Mapping[str, ArrayLike]) -> NDArray:
+        """J v, of all unknowns one behind the other."""
+        return self._derivative("GetDirectionalDerivative", unknowns, list(known), known.values(), unknowns)
+
+    def adjoint(self, unknowns: Mapping[str, ArrayLike], knowns: Sequence[str]) -> NDArray:
+        """wᵀ J, of all knowns one behind the other."""
+        return self._derivative("GetAdjointDerivative", list(unknowns), knowns, unknowns.values(), knowns)
+
+    def _derivative(
+        self, function: str, unknowns: Sequence[str], knowns: Sequence[str], seed: Any, sought: Sequence[str]
+    ) -> NDArray:
+        unknown, known, result = self.refs(unknowns), self.refs(knowns), (c.c_double * self.library.count(*sought))()
+        given = reals(np.concatenate([np.ravel(v) for v in seed]).tolist())
+        arguments = (unknown, len(unknown), known, len(known), given, len(given), result, len(result))
+        assert self.call(function, *arguments) == OK, self.messages
+        return np.array(result)
+
+    def output_derivatives(self, *names: str) -> NDArray:
+        """Of first order."""
+        references, values = self.refs(names), (c.c_double * self.library.count(*names))()
+        orders = (c.c_int32 * len(references))(*[1] * len(references))
+        status = self.call("GetOutputDerivatives", references, len(references), orders, values, len(values))
+        assert status == OK, self.messages
+        return np.array(values)
+
+    # ---- life
+
+    def initialize(self, tolerance: float | None = None, start: float = 0.0, stop: float | None = None) -> int:
+        """Into initialization mode."""
+        given = (tolerance is not None, tolerance or 0.0, start, stop is not None, stop or 0.0)
+        if not self._two:
+            return self.call("EnterInitializationMode", *given)
+        return self.call("SetupExperiment", *given) or self.call("EnterInitializationMode")
 
     def step(self, time: float, size: float) -> int:
-        return self.call("DoStep", time, size, 1)
+        return self.advance(time, size).status
 
-    def derivative(self, unknowns: Iterable[str], known: Mapping[str, float]) -> NDArray:
-        """Directional derivative of the unknowns along a direction of the known variables."""
-        unknowns = list(unknowns)
-        result = (c.c_double * len(unknowns))()
-        direction = reals(known.values())
-        status = self.call(
-            "GetDirectionalDerivative",
-            self.refs(unknowns),
-            len(unknowns),
-            self.refs(known),
-            len(known),
-            direction,
-            result,
-        )
-        assert status == OK, self.messages
-        return np.array(result)
+    def advance(self, time: float, size: float) -> Step:
+        """fmi3DoStep; in FMI 2.0 what says the same."""
+        flags, reached = (c.c_bool * 3)(), c.c_double()
+        pointers = [c.cast(c.byref(flags, i), BOOL) for i in range(3)]
+        status = self.call("DoStep", time, size, True, *pointers, c.byref(reached))
+        if self._two and status in (OK, DISCARD):
+            assert self.call("GetRealStatus", 2, c.byref(reached)) == OK
+        return Step(status, flags[0], flags[2], reached.value)
+
+    def update(self) -> Event:
+        """fmi3UpdateDiscreteStates, fmi2NewDiscreteStates."""
+        info, flags = _EventInfo(), (c.c_bool * 5)()
+        pointers = [c.cast(c.byref(flags, i), BOOL) for i in range(5)]
+        if self._two:
+            assert self.call("NewDiscreteStates", c.byref(info)) == OK, self.messages
+            flags[:] = [bool(flag) for flag in (info.again, info.end, info.nominals, info.states, info.timed)]
+        else:
+            time = c.cast(c.byref(info, _EventInfo.time.offset), REALS)
+            assert self.call("UpdateDiscreteStates", *pointers, time) == OK, self.messages
+        assert list(flags[:3]) == [False, False, False]
+        return Event(flags[3], info.time if flags[4] else None)
+
+    def go_on(self) -> Event:
+        """From event mode into continuous-time mode, or in co-simulation into step mode."""
+        event = self.update()
+        mode = "EnterContinuousTimeMode" if self._exchanges else "EnterStepMode"
+        assert self.call(mode) == OK, self.messages
+        return event
 
     def vector(self, function: str, n: int) -> NDArray:
         values = (c.c_double * n)()
         assert self.call(function, values, n) == OK, self.messages
         return np.array(values)
 
+    # ---- saved states
+
     def save(self) -> c.c_void_p:
         state = c.c_void_p()
-        assert self.call("GetFMUstate", c.byref(state)) == OK
+        assert self.call("GetFMUState", c.byref(state)) == OK
         return state
 
-    def serialize(self) -> bytes:
-        state, size = self.save(), c.c_size_t()
-        assert self.call("SerializedFMUstateSize", state, c.byref(size)) == OK
-        content = c.create_string_buffer(size.value)
-        assert self.call("SerializeFMUstate", state, content, size) == OK
-        assert self.call("FreeFMUstate", c.byref(state)) == OK
+    def restore(self, state: c.c_void_p) -> int:
+        return self.call("SetFMUState", state)
+
+    def drop(self, state: c.c_void_p) -> None:
+        assert self.call("FreeFMUState", c.byref(state)) == OK
         assert state.value is None
+
+    def serialize(self) -> bytes:
+        state, size = self.save(), N()
+        assert self.call("SerializedFMUStateSize", state, c.byref(size)) == OK
+        content = c.create_string_buffer(size.value)
+        assert self.call("SerializeFMUState", state, content, size) == OK
+        self.drop(state)
         return content.raw
 
     def deserialize(self, content: bytes) -> int:
         state = c.c_void_p()
-        status = self.call("DeSerializeFMUstate", content, len(content), c.byref(state))
-        if status == OK:
-            status = self.call("SetFMUstate", state)
-        self.call("FreeFMUstate", c.byref(state))
+        status = self.call("DeserializeFMUState", content, len(content), c.byref(state)) or self.restore(state)
+        self.call("FreeFMUState", c.byref(state))
         return status
-
-    def new_discrete_states(self) -> EventInfo:
-        info = EventInfo()
-        assert self.call("NewDiscreteStates", c.byref(info)) == OK
-        return info
 
 
 def reals(values: Iterable[float]) -> Any:

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 import fmpy
 import pytest
-from driver import Library
+from driver import CO_SIMULATION, MODEL_EXCHANGE, SCHEDULED_EXECUTION, SIGNATURES, Library
 from handmade import kick, pendulum
 
 from liaisons import compiler
@@ -53,34 +53,46 @@ def test_same_sources_in_another_process(tmp_path, pendulum_fmu) -> None:
     assert (tmp_path / "HandPendulum.fmu").read_bytes() == pendulum_fmu.read_bytes()
 
 
-def test_members(pendulum_fmu) -> None:
-    names = list(members(pendulum_fmu))
+def binary(library: Library) -> str:
+    platform = fmpy.platform if library.fmi == "2" else fmpy.platform_tuple
+    return f"binaries/{platform}/HandPendulum{fmpy.sharedLibraryExtension}"
+
+
+def test_members(pendulum_library, folder) -> None:
+    fmi = pendulum_library.fmi
+    assert pendulum_library.path == folder / ("fmi3" if fmi == "3" else "") / "HandPendulum.fmu"
+    names = list(members(pendulum_library.path))
     assert names[0] == "modelDescription.xml"
-    assert f"binaries/{fmpy.platform}/HandPendulum{fmpy.sharedLibraryExtension}" in names
-    assert "documentation/index.html" in names
+    assert {binary(pendulum_library), "documentation/index.html"} <= {*names}
     sources = {name.removeprefix("sources/") for name in names if name.startswith("sources/")}
-    assert sources >= {"model.c", "core.c", "core.h", "step.c", "solver.c", "fmi2.c", "buildDescription.xml"}
-    assert sources >= {"fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"}
+    assert sources >= {"model.c", "core.h", "step.c", "solver.c", f"fmi{fmi}.c", "buildDescription.xml"}
+    assert sources >= {f"fmi{fmi}Functions.h", f"fmi{fmi}FunctionTypes.h"}
+    assert not any(f"fmi{5 - int(fmi)}" in name for name in sources)
 
 
-def test_archive_holds_no_dates_and_no_owner(pendulum_fmu) -> None:
-    with zipfile.ZipFile(pendulum_fmu) as content:
+def test_archive_holds_no_dates_and_no_owner(pendulum_library) -> None:
+    with zipfile.ZipFile(pendulum_library.path) as content:
         assert {info.date_time for info in content.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-    library = next(content for name, content in members(pendulum_fmu).items() if name.startswith("binaries/"))
+    library = members(pendulum_library.path)[binary(pendulum_library)]
     for trace in (b"/tmp", b"/home", b"model.c", os.fsencode(Path.cwd())):
         assert trace not in library
 
 
-def test_only_the_interface_is_exported(pendulum_fmu, tmp_path) -> None:
+def test_every_function_of_the_standard_is_exported_and_nothing_else(pendulum_library, tmp_path) -> None:
     if not shutil.which("nm"):
         pytest.skip("nm is not installed")
-    with zipfile.ZipFile(pendulum_fmu) as content:
-        library = content.extract(f"binaries/{fmpy.platform}/HandPendulum{fmpy.sharedLibraryExtension}", tmp_path)
+    fmi = pendulum_library.fmi
+    with zipfile.ZipFile(pendulum_library.path) as content:
+        library = content.extract(binary(pendulum_library), tmp_path)
     lines = subprocess.check_output(["nm", "-D", "--defined-only", library], text=True).splitlines()
     names = {line.split()[-1] for line in lines}
-    assert {"fmi2DoStep", "fmi2SetContinuousStates", "fmi2GetDirectionalDerivative"} <= names
-    assert all(name.startswith("fmi2") for name in names), names
-    assert len(names) == 44  # FMI 2.0 for co-simulation and model exchange
+    header = (Path(fmpy.__file__).parent / "c-code" / f"fmi{fmi}Functions.h").read_text()
+    exported = [line.split()[2] for line in header.splitlines() if line.split()[:1] == [f"FMI{fmi}_Export"]]
+    declared = {name.rstrip(";") for name in exported}
+    assert names == declared
+    life = {f"fmi{fmi}{name}" for name in ("GetVersion", "GetTypesPlatform", "FreeInstance", "Instantiate")}
+    life |= {f"fmi3Instantiate{kind}" for kind in (MODEL_EXCHANGE, CO_SIMULATION, SCHEDULED_EXECUTION)}
+    assert names - life == {pendulum_library.full(name) for name in SIGNATURES[fmi]}  # the driver knows all
 
 
 def test_file_can_be_read_by_whom_a_new_file_can_be_read(pendulum_fmu, tmp_path) -> None:
@@ -89,18 +101,18 @@ def test_file_can_be_read_by_whom_a_new_file_can_be_read(pendulum_fmu, tmp_path)
     assert stat.S_IMODE(pendulum_fmu.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
 
 
-def test_sources_compile_on_their_own(pendulum_fmu, tmp_path, capfd) -> None:
-    """As an importer for another platform does it: unpack, compile what SourceFiles lists, without a warning."""
-    folder = Path(fmpy.extract(str(pendulum_fmu), unzipdir=str(tmp_path / "fmu")))
+def test_sources_compile_on_their_own(pendulum_library, tmp_path, capfd) -> None:
+    """As an importer for another platform does it: unpack, compile what is listed, without a warning."""
+    folder = Path(fmpy.extract(str(pendulum_library.path), unzipdir=str(tmp_path / "fmu")))
+    files = fmpy.model_description.read_build_description(str(folder))[0].sourceFileSets[0].sourceFiles
     description = ElementTree.parse(folder / "modelDescription.xml")
-    files = [element.attrib["name"] for element in description.findall("CoSimulation/SourceFiles/File")]
+    if pendulum_library.fmi == "2":
+        assert files == [file.attrib["name"] for file in description.findall("CoSimulation/SourceFiles/File")]
     cc = compiler.system_compiler() or compiler.zig_compiler()
     assert cc is not None
     flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O2", "-fPIC", "-shared"]
     subprocess.run([*cc, *flags, *files, "-o", tmp_path / "library.so", "-lm"], cwd=folder / "sources", check=True)
     assert capfd.readouterr().err == ""
-    build_description = fmpy.model_description.read_build_description(str(folder))
-    assert build_description[0].sourceFileSets[0].sourceFiles == files
 
 
 def test_documentation(pendulum_fmu) -> None:
@@ -237,12 +249,17 @@ def test_choices_that_do_not_exist(tmp_path) -> None:
         build(kick(), tmp_path, backend="nativ")  # pyright: ignore[reportArgumentType]
     with pytest.raises(BuildError, match="platforms = 'linux': choose one of 'host', 'all'"):
         build(kick(), tmp_path, platforms="linux")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BuildError, match="fmi = '1': choose one of '2', '3'"):
+        build(kick(), tmp_path, fmi="1")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BuildError, match=r"FMUs in Python are FMI 2\.0; for FMI 3\.0 take backend='native'"):
+        build(kick(), tmp_path, backend="python", fmi="3")
 
 
-def test_missing_headers_are_named(monkeypatch) -> None:
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_missing_headers_are_named(monkeypatch, fmi) -> None:
     monkeypatch.setattr("liaisons.fmu.code.find_spec", lambda _: None)
-    with pytest.raises(BuildError, match=r"fmi2Functions\.h is missing in the installed fmpy"):
-        source_files(kick(), "{}")
+    with pytest.raises(BuildError, match=rf"fmi{fmi}Functions\.h is missing in the installed fmpy"):
+        source_files(kick(), "{}", fmi)
 
 
 # ---- other platforms ---------------------------------------------------------------------------------------------

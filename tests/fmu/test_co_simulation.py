@@ -71,10 +71,7 @@ def test_order_of_the_other_modes(pendulum_library, mode, order) -> None:
 
 
 def test_default_is_extrapolation(pendulum_library) -> None:
-    value = (c.c_int * 1)()
-    instance = pendulum_library.start()
-    assert instance.call("GetInteger", instance.refs(["input_reconstruction"]), 1, value) == OK
-    assert value[0] == EXTRAPOLATE
+    assert pendulum_library.start().get_integer("input_reconstruction") == EXTRAPOLATE
 
 
 def test_inputs_read_back_as_they_were_set(pendulum_library) -> None:
@@ -213,10 +210,10 @@ def set_input_derivatives(instance: Instance, name: str, values: list[float]) ->
     )
 
 
-def test_input_derivatives_are_a_taylor_polynomial_for_one_step(pendulum_library) -> None:
+def test_input_derivatives_are_a_taylor_polynomial_for_one_step(pendulum2) -> None:
     """Weightless: p' = τ(t), so p is the integral of the polynomial; then the torque is constant again."""
     for mode in (HOLD, EXTRAPOLATE):
-        instance = pendulum_library.start(gravity=0.0, theta_0=0.0, input_reconstruction=mode)
+        instance = pendulum2.start(gravity=0.0, theta_0=0.0, input_reconstruction=mode)
         coefficients = [0.3, -0.2, 0.5, 0.7, -1.1, 2.0]  # value and derivatives of order 1 to 5
         assert instance.set(theta_force=coefficients[0]) == OK
         assert set_input_derivatives(instance, "theta_force", coefficients[1:]) == OK
@@ -231,8 +228,8 @@ def test_input_derivatives_are_a_taylor_polynomial_for_one_step(pendulum_library
         assert instance["p_theta"] == pytest.approx(integral + 0.5 * coefficients[0], rel=1e-14)
 
 
-def test_input_derivatives_of_one_input_do_not_wake_old_ones_of_another(pendulum_library) -> None:
-    instance = pendulum_library.start(gravity=0.0, theta_0=0.0, theta_force=1.0)
+def test_input_derivatives_of_one_input_do_not_wake_old_ones_of_another(pendulum2) -> None:
+    instance = pendulum2.start(gravity=0.0, theta_0=0.0, theta_force=1.0)
     assert set_input_derivatives(instance, "theta_force", [2.0]) == OK
     assert instance.step(0.0, 0.5) == OK
     momentum = instance["p_theta"]
@@ -241,18 +238,12 @@ def test_input_derivatives_of_one_input_do_not_wake_old_ones_of_another(pendulum
     assert instance["p_theta"] - momentum == pytest.approx(0.5, rel=1e-14)  # the constant torque, exact to rounding
 
 
-def output_derivatives(instance: Instance, names: list[str]) -> NDArray:
-    values, orders = (c.c_double * len(names))(), (c.c_int * len(names))(*[1] * len(names))
-    assert instance.call("GetRealOutputDerivatives", instance.refs(names), len(names), orders, values) == OK
-    return np.array(values)
-
-
-def test_output_derivatives_follow_the_input_derivatives_to_come(pendulum_library) -> None:
+def test_output_derivatives_follow_the_input_derivatives_to_come(pendulum2) -> None:
     """p' = τ in weightlessness: p'' is what the torque is told to do."""
-    instance = pendulum_library.start(gravity=0.0)
-    assert output_derivatives(instance, ["p_theta_dot"]) == 0.0
+    instance = pendulum2.start(gravity=0.0)
+    assert instance.output_derivatives("p_theta_dot") == 0.0
     assert set_input_derivatives(instance, "theta_force", [2.0]) == OK
-    assert output_derivatives(instance, ["p_theta_dot"]) == 2.0
+    assert instance.output_derivatives("p_theta_dot") == 2.0
 
 
 def test_output_derivatives_are_the_rates_of_the_outputs(pendulum_library) -> None:
@@ -268,7 +259,7 @@ def test_output_derivatives_are_the_rates_of_the_outputs(pendulum_library) -> No
     central = (at(0.5 + h) - at(0.5 - h)) / (2 * h)
     instance = pendulum_library.start(CO_SIMULATION, tolerance=1e-14, **start)
     assert instance.step(0.0, 0.5) == OK
-    np.testing.assert_allclose(output_derivatives(instance, names), central, atol=1e-4)
+    np.testing.assert_allclose(instance.output_derivatives(*names), central, atol=1e-4)
     rates = instance.get("theta_dot", "p_theta_dot", "power", "dissipation")
-    derivatives = output_derivatives(instance, ["theta", "p_theta", "work", "dissipated"])
+    derivatives = instance.output_derivatives("theta", "p_theta", "work", "dissipated")
     np.testing.assert_allclose(derivatives, rates, rtol=1e-13, atol=1e-14)  # the same sums in another order

@@ -1,122 +1,155 @@
-"""Directional derivatives: analytic, in every mode; central differences converge to them with the square of h."""
+"""Directional and adjoint derivatives: analytic, in every mode, of arrays too; against differences and each other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, ERROR, MODEL_EXCHANGE, OK, Instance, reals
+from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, SIGNATURES, Instance, Library, reals
+from numpy.typing import NDArray
 
-OUTPUTS = ["theta", "theta_dot", "p_theta", "length_force", "energy", "work", "dissipated", "energy_balance"]
-OUTPUTS += ["p_theta_dot", "power", "dissipation"]
-START = {
-    "theta_0": 0.9,
-    "theta_dot_0": 0.4,
-    "friction": 0.2,
-    "length_dot": 0.3,
-    "length_ddot": -0.2,
-    "theta_force": 0.1,
-}
-DIRECTION = {"length": 0.3, "length_dot": -0.7, "length_ddot": 0.4, "theta_force": 1.3}
+from liaisons.fmu import build
+from liaisons.mechanics import assemble
+from liaisons.models import Sinusoid
 
-
-def check(instance: Instance, known: Mapping[str, float], shift: Callable[[float], None], names=OUTPUTS) -> None:
-    """Compare with (f(+h) - f(-h))/2h: its error has to fall by 4 with each halving of h.
-
-    h is so large that the error of order h², with third derivatives of some 10, stands far above rounding.
-    """
-    derivative = instance.derivative(names, known)
-    differences = []
-    for h in (0.02, 0.01):
-        shift(h)
-        above = instance.get(*names)
-        shift(-h)
-        below = instance.get(*names)
-        shift(0.0)
-        differences.append((above - below) / (2 * h))
-    coarse, fine = (np.abs(difference - derivative) for difference in differences)
-    extrapolated = (4 * differences[1] - differences[0]) / 3
-    np.testing.assert_allclose(extrapolated, derivative, atol=1e-6)  # what is left is of order h⁴: 1e-8 times some 10
-    seen = coarse > 1e-9
-    assert seen.any()
-    np.testing.assert_allclose(coarse[seen] / fine[seen], 4.0, rtol=0.01)  # the next order is h² = 4e-4 times some 10
+UNKNOWNS = ("x", "x_dot", "p", "p_dot", "anchor_force", "kinetic_energy", "work", "power")
+INPUTS = ("anchor", "anchor_dot", "anchor_ddot", "force")
+PARAMETERS = ("mass", "stiffness", "x_0", "bond")
+STATES = ("x", "p", "work")
+START = {"anchor_dot": [0.3, -0.2, 0.1], "anchor_ddot": [0.5, 0.4, -0.3], "force": [0.1, 0.2, 0.3], "bond": [1, 0.5, 2]}
+Situation = tuple[Instance, tuple[str, ...], tuple[str, ...]]
 
 
-def shifting(instance: Instance, known: Mapping[str, float]) -> Callable[[float], None]:
-    base = {name: instance[name] for name in known}
-
-    def shift(h: float) -> None:
-        assert instance.set({name: base[name] + h * known[name] for name in known}) == OK
-
-    return shift
-
-
-@pytest.mark.parametrize("kind", [CO_SIMULATION, MODEL_EXCHANGE])
-def test_at_initialization(pendulum_library, kind) -> None:
-    """With respect to parameters and inputs, through the start values of the states."""
-    instance = pendulum_library.instantiate(kind)
-    assert instance.setup() == OK
-    assert instance.call("EnterInitializationMode") == OK
+@pytest.fixture(
+    params=[
+        ("initialization", CO_SIMULATION, PARAMETERS, PARAMETERS),
+        ("initialization", MODEL_EXCHANGE, PARAMETERS, PARAMETERS),
+        ("step", CO_SIMULATION, (*PARAMETERS, *STATES), ("stiffness",)),
+        ("event", MODEL_EXCHANGE, (*PARAMETERS, *STATES), ("stiffness", *STATES)),
+        ("continuous", MODEL_EXCHANGE, (*PARAMETERS, *STATES), STATES),
+    ],
+    ids=lambda p: f"{p[0]}-{p[1]}",
+)
+def situation(request, ring_library) -> Situation:
+    """An instance in some mode, away from its start; what is known there, and of that what can be set."""
+    mode, kind, knowns, settable = request.param
+    instance = ring_library.instantiate(kind)
+    assert instance.initialize() == OK
     assert instance.set(START) == OK
-    known = DIRECTION | {"mass": 0.5, "gravity": -2.0, "friction": 0.3, "theta_0": 1.0, "theta_dot_0": -0.6}
-    check(instance, known, shifting(instance, known), [*OUTPUTS, "weight"])
+    if mode != "initialization":
+        assert instance.call("ExitInitializationMode") == OK
+    if mode == "step":
+        assert instance.step(0.0, 0.7) == OK
+        assert instance.set(anchor_dot=[-0.4, 0.5, 0.2]) == OK  # an impulse that is still to be booked as work
+    if mode == "continuous":
+        instance.go_on()
+        assert instance.call("SetContinuousStates", reals([0.3, -0.5, 0.2, 0.7, 0.1, -0.4, 0.2]), 7) == OK
+    return instance, (*INPUTS, *knowns), (*INPUTS, *settable)
 
 
-def test_between_communication_steps(pendulum_library) -> None:
-    """With respect to inputs: a jump of the length does work, so that work depends on it."""
-    instance = pendulum_library.start(**START)
+def columns(instance: Instance, names: tuple[str, ...], seed: int) -> dict[str, NDArray]:
+    random = np.random.default_rng(seed)
+    return {name: random.normal(size=instance.library.count(name)) for name in names}
+
+
+def test_differences_converge_with_the_square_of_their_step(situation) -> None:
+    """(f(+h) - f(-h))/2h; third derivatives are of order 10."""
+    instance, _, knowns = situation
+    direction = columns(instance, knowns, 7)
+    base = {name: instance.get(name) for name in knowns}
+    derivative = instance.directional(UNKNOWNS, direction)
+
+    def moved(h: float) -> NDArray:
+        assert instance.set({name: base[name] + h * direction[name] for name in knowns}) == OK
+        return instance.get(*UNKNOWNS)
+
+    errors = [np.abs((moved(h) - moved(-h)) / (2 * h) - derivative) for h in (0.02, 0.01)]
+    seen = errors[0] > 1e-8
+    assert seen.any()
+    np.testing.assert_allclose(errors[0][seen] / errors[1][seen], 4.0, rtol=0.02)  # the next order is h² = 4e-4
+    np.testing.assert_allclose(errors[1][~seen], 0, atol=1e-8)
+
+
+def test_work_of_a_jump_is_differentiated_where_it_is_booked(pendulum_library) -> None:
+    """Of v²/2 by v at a communication point; in continuous time work follows the motion, whatever the inputs do."""
+    start = {"theta_0": 0.9, "theta_dot_0": 0.4, "length_dot": 0.3}
+    instance = pendulum_library.start(**start)
     assert instance.step(0.0, 0.5) == OK
     assert instance.set(length=1.1) == OK
-    check(instance, DIRECTION, shifting(instance, DIRECTION))
-    assert instance.derivative(["work"], {"length_dot": 1.0})[0] == pytest.approx(0.3, rel=1e-14)  # d/dv of v²/2
+    assert instance.directional(["work"], {"length_dot": 1.0})[0] == pytest.approx(0.3, rel=1e-14)
+    instance = pendulum_library.start(MODEL_EXCHANGE, **start)
+    instance.go_on()
+    assert instance.directional(["work"], {"length_dot": 1.0})[0] == pytest.approx(0.0, abs=1e-15)
 
 
 def test_effective_mass_is_a_derivative_of_an_output(pendulum_library) -> None:
     """Θ = ∂λ/∂σ̈ = m (M eq. 50)."""
     instance = pendulum_library.start(mass=2.5)
-    assert instance.derivative(["length_force"], {"length_ddot": 1.0})[0] == 2.5
+    assert instance.directional(["length_force"], {"length_ddot": 1.0})[0] == 2.5
 
 
-def test_in_event_mode(pendulum_library) -> None:
-    instance = pendulum_library.start(MODEL_EXCHANGE, **START)
-    check(instance, DIRECTION, shifting(instance, DIRECTION))
+@pytest.mark.parametrize("ring_library", ["3"], indirect=True)
+def test_adjoint_is_the_transpose(situation) -> None:
+    """<w, J v> = <Jᵀ w, v> up to rounding of sums of some 100 products of order 10; and element by element."""
+    instance, knowns, _ = situation
+    for seed in range(5):
+        v, w = columns(instance, knowns, seed), columns(instance, UNKNOWNS, 100 + seed)
+        left = np.concatenate(list(w.values())) @ instance.directional(UNKNOWNS, v)
+        right = instance.adjoint(w, knowns) @ np.concatenate(list(v.values()))
+        assert abs(left) > 1e-3
+        assert left == pytest.approx(right, rel=1e-12, abs=1e-12)
+
+    def units(names: tuple[str, ...]) -> list[dict[str, NDArray]]:
+        return [{name: unit} for name in names for unit in np.eye(instance.library.count(name))]
+
+    rows = [instance.adjoint(unit, knowns) for unit in units(UNKNOWNS)]
+    matrix = np.column_stack([instance.directional(UNKNOWNS, unit) for unit in units(knowns)])
+    np.testing.assert_allclose(np.array(rows), matrix, rtol=1e-13, atol=1e-13)  # the same products, added otherwise
+    assert np.count_nonzero(matrix) > 20
 
 
-def test_in_continuous_time_mode(pendulum_library) -> None:
-    """With respect to states and inputs; work and balance follow the motion there, whatever the inputs do."""
-    instance = pendulum_library.start(MODEL_EXCHANGE, **START)
-    instance.new_discrete_states()
-    assert instance.call("EnterContinuousTimeMode") == OK
-    states = {"theta": 0.5, "p_theta": -0.8, "work": 0.25, "dissipated": 2.0}
-    base = instance.vector("GetContinuousStates", 4)
-    shift_inputs = shifting(instance, DIRECTION)
-
-    def shift(h: float) -> None:
-        shift_inputs(h)
-        y = base + h * np.array(list(states.values()))
-        assert instance.call("SetContinuousStates", reals(y), 4) == OK
-
-    check(instance, DIRECTION | states, shift)
-    assert instance.derivative(["work"], {"length_dot": 1.0})[0] == pytest.approx(0.0, abs=1e-15)
+def test_time_is_a_known_variable(folder) -> None:
+    """y' of a sinusoid at a communication point; forward and back."""
+    instance = Library(build(assemble(Sinusoid), folder, backend="native", fmi="3")).start(angular_frequency=2.0)
+    assert instance.step(0.0, 0.4) == OK
+    expected = [2 * np.cos(0.8), -4 * np.sin(0.8), -8 * np.cos(0.8)]
+    np.testing.assert_allclose(instance.directional(["y", "y_dot", "y_ddot"], {"time": 1.0}), expected, rtol=1e-13)
+    found = instance.adjoint({"y": 1.0, "y_dot": 10.0, "y_ddot": 100.0}, ["time"])
+    np.testing.assert_allclose(found, np.dot(expected, [1, 10, 100]), rtol=1e-13)
 
 
-def test_contributions_add_up(pendulum_library) -> None:
-    instance = pendulum_library.start(**START)
-    together = instance.derivative(OUTPUTS, DIRECTION)
-    parts = [instance.derivative(OUTPUTS, {name: value}) for name, value in DIRECTION.items()]
-    np.testing.assert_allclose(together, np.sum(parts, axis=0), atol=1e-13)  # sums of terms up to 10
+def test_output_derivatives(ring_library) -> None:
+    """Rates of the outputs while the anchors move: chain rule along the motion."""
+    instance = ring_library.start(**START)
+    assert instance.step(0.0, 0.3) == OK
+    found = instance.output_derivatives("x", "anchor_force")
+    x_dot, acceleration = instance.get("x_dot"), np.array(START["anchor_ddot"])
+    np.testing.assert_allclose(found[:3], x_dot, rtol=1e-14)
+    rate = np.array(START["anchor_dot"]) + 0.3 * acceleration  # extrapolated to the end of the step
+    moved = 0.125 + 0.3 * np.array(START["anchor_dot"]) + 0.3**2 / 2 * acceleration
+    expected = 2 * np.cos(moved - instance.get("x")) * (rate - x_dot)
+    np.testing.assert_allclose(found[3:], expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("unknown", "known", "message"),
-    [
-        ("theta", "theta_dot", "theta_dot is not among the known variables now; they are parameters, inputs, states"),
-        ("length", "length", "length is not an unknown variable: it is set, not calculated"),
-    ],
+    ("function", "said"),
+    [("GetDirectionalDerivative", "the direction has"), ("GetAdjointDerivative", "the weights have")],
 )
-def test_wrong_variables_are_named(pendulum_library, unknown, known, message) -> None:
-    instance = pendulum_library.start()
-    arguments = (instance.refs([unknown]), 1, instance.refs([known]), 1, reals([1.0]), reals([0.0]))
-    assert instance.call("GetDirectionalDerivative", *arguments) == ERROR
-    assert instance.messages == [message]
+def test_what_cannot_be_differentiated_is_named(ring_library, function, said) -> None:
+    if function not in SIGNATURES[ring_library.fmi]:
+        return
+    instance = ring_library.start()
+    unknowns, knowns = instance.refs(["x_dot"]), instance.refs(["force"])
+    n, good, wrong, result = len(unknowns), *(reals([0.0, number, 0.0]) for number in (0.0, np.nan, 0.0))
+    assert instance.call(function, unknowns, n, knowns, n, wrong, 3, result, 3) == DISCARD
+    assert instance.call(function, knowns, n, knowns, n, good, 3, result, 3) == ERROR
+    assert instance.call(function, unknowns, n, unknowns, n, good, 3, result, 3) == ERROR
+    assert instance.messages == [
+        f"{said} numbers that are not finite",
+        "force[1] is not an unknown variable: it is set, not calculated",
+        "x_dot[1] is not among the known variables now; they are parameters, inputs, states",
+    ]
+    if ring_library.fmi == "3":  # which says how many numbers there are
+        for sizes in ((2, 3), (3, 2)):
+            seed, found = (reals([0.0] * size) for size in sizes)
+            assert instance.call(function, unknowns, 1, knowns, 1, seed, sizes[0], found, sizes[1]) == ERROR
+            assert instance.messages[-1] == "2 values for variables that hold 3"

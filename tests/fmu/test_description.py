@@ -13,7 +13,7 @@ from driver import MODEL_EXCHANGE, OK, reals
 from fmpy.validation import validate_fmu
 from fmu_manipulation_toolbox.checker import OperationGenericCheck, OperationSemanticCheck
 from fmu_manipulation_toolbox.operations import FMU
-from handmade import fall, kick, pendulum, ring
+from handmade import fall, pendulum, ring
 
 import liaisons
 from liaisons.errors import BuildError
@@ -38,10 +38,10 @@ def scalar(root: ElementTree.Element, name: str) -> tuple[dict[str, str], dict[s
     return found.attrib, found[0].attrib
 
 
-@pytest.mark.parametrize("component", [pendulum, fall, kick])
-def test_validators_find_nothing(component, folder) -> None:
-    fmu = build(component(), folder, backend="native")
-    assert validate_fmu(str(fmu)) == []
+@pytest.mark.parametrize("fmi", ["2", "3"])
+@pytest.mark.parametrize("name", ["pendulum", "fall", "kick", "ring"])
+def test_validators_find_nothing(handmade, name, fmi) -> None:
+    assert validate_fmu(str(handmade(name, fmi).path)) == []
 
 
 def test_second_validator_finds_nothing(pendulum_fmu) -> None:
@@ -200,8 +200,7 @@ def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library) 
     knowns = ["mass", "gravity", "friction", "theta_0", "theta_dot_0"]
     knowns += ["length", "length_dot", "length_ddot", "theta_force"]
     instance = pendulum_library.instantiate()
-    assert instance.setup() == OK
-    assert instance.call("EnterInitializationMode") == OK
+    assert instance.initialize() == OK
     assert instance.set(base) == OK
     before = instance.get(*declared)
     moved: dict[str, set[str]] = {name: set() for name in declared}
@@ -223,8 +222,7 @@ def test_running_dependencies_are_those_of_the_binary(native, pendulum_library) 
     states = ["theta", "p_theta", "work", "dissipated"]
     inputs = ["length", "length_dot", "length_ddot", "theta_force"]
     instance = pendulum_library.start(MODEL_EXCHANGE, friction=0.2, length_dot=0.3, theta_force=0.1)
-    instance.new_discrete_states()
-    assert instance.call("EnterContinuousTimeMode") == OK
+    instance.go_on()
     base = [0.4, 0.7, 0.1, 0.2]
 
     def values() -> dict[str, float]:
@@ -249,3 +247,28 @@ def test_running_dependencies_are_those_of_the_binary(native, pendulum_library) 
     for name in set(declared) - {"work", "energy_balance"}:
         assert declared[name] == moved[name], name
     assert declared["work"] > moved["work"]
+
+
+def test_description_says_the_same_as_that_of_fmi2(pendulum3, pendulum2) -> None:
+    three, two = pendulum3.description, pendulum2.description
+    for old in two.modelVariables[:-2]:  # behind them FMI 3.0 has the time
+        new = three.modelVariables[old.valueReference - 1]
+        for attribute in ("name", "description", "causality", "variability", "initial", "unit", "displayUnit"):
+            assert getattr(new, attribute) == getattr(old, attribute), (new.name, attribute)
+        for attribute in ("start", "min", "max", "nominal"):
+            found, expected = (getattr(v, attribute) for v in (new, old))
+            assert (found and float(found)) == (expected and float(expected)), (new.name, attribute)
+        assert (new.derivative and new.derivative.name) == (old.derivative and old.derivative.name)
+    for part in ("outputs", "derivatives", "initialUnknowns"):
+        names = [[u.variable.name for u in getattr(d, part)] for d in (two, three)]
+        assert sorted(names[0]) == sorted(names[1])
+    assert three.coSimulation.hasEventMode
+    assert three.coSimulation.providesIntermediateUpdate
+    assert three.coSimulation.canReturnEarlyAfterIntermediateUpdate
+    assert three.modelExchange.providesAdjointDerivatives
+    assert (three.defaultExperiment.stopTime, two.defaultExperiment.stopTime) == ("5.0", "5.0")
+
+
+def test_return_before_the_end_is_announced_where_there_are_instants(kick3, pendulum3) -> None:
+    assert kick3.description.coSimulation.mightReturnEarlyFromDoStep
+    assert not pendulum3.description.coSimulation.mightReturnEarlyFromDoStep

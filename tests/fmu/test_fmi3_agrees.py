@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-import driver
-import driver3
 import numpy as np
 import pytest
-from driver import OK, Library, reals
-from driver3 import Library3
+from driver import CO_SIMULATION, MODEL_EXCHANGE, OK, Library, reals
 from handmade import pendulum, ring
 from numpy.typing import NDArray
 
 from liaisons.fmu import build
-from liaisons.fmu.layout import first_reference, places
 from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
 from liaisons.models import CartesianPendulum, CircularHoop, OscillatorChain, PendulumChain, Ramp
@@ -33,22 +31,29 @@ STEP = 0.1
 
 @dataclass(frozen=True)
 class Pair:
-    """The same component by both versions, addressed by numbers and by variables."""
+    """The same component by both versions, addressed by numbers and by variables; or an instance of each."""
 
     model: Model
-    two: Library
-    three: Library3
+    two: Any
+    three: Any
 
-    def elements(self, names: list[str]) -> list[int]:
-        where, first = places(self.model), first_reference(self.model)
-        return [first + place for name in names for place in where[name]]
+    def alike(self, do: Callable[[Any], Any]) -> Any:
+        """What both do: it is the same."""
+        two, three = do(self.two), do(self.three)
+        assert two == three
+        return two
+
+    def outputs(self) -> bytes:
+        return self.alike(lambda it: it.get(*(variable.name for variable in self.model.outputs)).tobytes())
+
+    def set(self, values: dict[str, NDArray]) -> None:
+        assert self.alike(lambda it: it.set(values)) == OK
 
 
 @pytest.fixture(scope="module", params=MODELS)
 def pair(request, folder) -> Pair:
     model = MODELS[request.param]()
-    two, three = (build(model, folder, backend="native", fmi=fmi) for fmi in ("2", "3"))
-    return Pair(model, Library(two), Library3(three))
+    return Pair(model, *(Library(build(model, folder, backend="native", fmi=fmi)) for fmi in ("2", "3")))
 
 
 def inputs_at(model: Model, t: float) -> dict[str, NDArray]:
@@ -63,68 +68,43 @@ def inputs_at(model: Model, t: float) -> dict[str, NDArray]:
     return values
 
 
-def set_both(pair: Pair, two: driver.Instance, three: driver3.Instance3, values: dict[str, NDArray]) -> None:
-    if values:
-        flat = np.concatenate(list(values.values())).tolist()
-        references = (driver.c.c_uint * len(flat))(*pair.elements(list(values)))
-        assert two.call("SetReal", references, len(flat), reals(flat)) == OK
-        assert three.set(values) == OK
-
-
-def get_both(pair: Pair, two: driver.Instance, three: driver3.Instance3) -> tuple[bytes, bytes]:
-    names = [variable.name for variable in pair.model.outputs]
-    found = reals([0.0] * len(pair.elements(names)))
-    assert two.call("GetReal", (driver.c.c_uint * len(found))(*pair.elements(names)), len(found), found) == OK
-    return bytes(found), three.get(*names).tobytes()
-
-
-def started(pair: Pair, kinds: tuple[int, str], mode: int) -> tuple[driver.Instance, driver3.Instance3]:
-    two, three = pair.two.instantiate(kinds[0]), pair.three.instantiate(kinds[1])
-    assert (two.setup(1e-9), three.initialize(1e-9)) == (OK, OK)
-    assert two.call("EnterInitializationMode") == OK
+def started(pair: Pair, kind: str, mode: int) -> Pair:
+    both = Pair(pair.model, pair.two.instantiate(kind), pair.three.instantiate(kind))
+    assert both.alike(lambda it: it.initialize(1e-9)) == OK
     if pair.model.inputs:
-        assert (two.set_integer("input_reconstruction", mode), three.set_mode(mode)) == (OK, OK)
-    set_both(pair, two, three, inputs_at(pair.model, 0.0))
-    bits = get_both(pair, two, three)
-    assert bits[0] == bits[1]
-    assert (two.call("ExitInitializationMode"), three.call("ExitInitializationMode")) == (OK, OK)
-    return two, three
+        assert both.alike(lambda it: it.set_integer("input_reconstruction", mode)) == OK
+    both.set(inputs_at(pair.model, 0.0))
+    both.outputs()
+    assert both.alike(lambda it: it.call("ExitInitializationMode")) == OK
+    return both
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2], ids=["hold", "extrapolate", "interpolate"])
 def test_co_simulation(pair, mode) -> None:
-    two, three = started(pair, (driver.CO_SIMULATION, driver3.CO_SIMULATION), mode)
-    before = bits = get_both(pair, two, three)
+    both = started(pair, CO_SIMULATION, mode)
+    before = after = both.outputs()
     for i in range(20):
-        set_both(pair, two, three, inputs_at(pair.model, (i + (mode == 2)) * STEP))
-        assert two.step(i * STEP, STEP) == OK
-        assert three.step(i * STEP, STEP) == (OK, False, False, pytest.approx((i + 1) * STEP, rel=1e-12))
-        bits = get_both(pair, two, three)
-        assert bits[0] == bits[1]
-    assert bits != before  # it has moved
+        both.set(inputs_at(pair.model, (i + (mode == 2)) * STEP))
+        step = both.alike(lambda it, i=i: it.advance(i * STEP, STEP))
+        assert step == (OK, False, False, pytest.approx((i + 1) * STEP, rel=1e-12))
+        after = both.outputs()
+    assert after != before  # it has moved
 
 
 def test_model_exchange(pair) -> None:
     """Explicit Euler steps, with an event in their midst."""
-    two, three = started(pair, (driver.MODEL_EXCHANGE, driver3.MODEL_EXCHANGE), 1)
+    both = started(pair, MODEL_EXCHANGE, 1)
     n = pair.model.start.numel_out(0)
     for event in range(2):
-        two_info, three_info = two.new_discrete_states(), three.update()
-        assert bool(two_info.valuesOfContinuousStatesChanged) == three_info.states_changed
-        assert (two_info.nextEventTime if two_info.nextEventTimeDefined else None) == three_info.next_time
-        assert (two.call("EnterContinuousTimeMode"), three.call("EnterContinuousTimeMode")) == (OK, OK)
-        y = two.vector("GetContinuousStates", n)
+        both.alike(lambda it: it.go_on())
+        y = np.frombuffer(both.alike(lambda it: it.vector("GetContinuousStates", n).tobytes()))
         for i in range(10 * event, 10 * event + 10):
-            assert (two.call("SetTime", i * 0.01), three.call("SetTime", i * 0.01)) == (OK, OK)
-            set_both(pair, two, three, inputs_at(pair.model, i * 0.01))
-            assert two.call("SetContinuousStates", reals(y), n) == OK
-            assert three.call("SetContinuousStates", reals(y), n) == OK
-            rates = two.vector("GetDerivatives", n)
-            assert three.vector("GetContinuousStateDerivatives", n).tobytes() == rates.tobytes()
-            y = y + 0.01 * rates
-            bits = get_both(pair, two, three)
-            assert bits[0] == bits[1]
-        assert (two.call("EnterEventMode"), three.call("EnterEventMode")) == (OK, OK)
-        set_both(pair, two, three, inputs_at(pair.model, 5.0))  # a jump
-    nominals = (instance.vector("GetNominalsOfContinuousStates", n).tobytes() for instance in (two, three))
-    assert len(set(nominals)) == 1
+            assert both.alike(lambda it, i=i: it.call("SetTime", i * 0.01)) == OK
+            both.set(inputs_at(pair.model, i * 0.01))
+            assert both.alike(lambda it, y=y: it.call("SetContinuousStates", reals(y), n)) == OK
+            rates = both.alike(lambda it: it.vector("GetContinuousStateDerivatives", n).tobytes())
+            y = y + 0.01 * np.frombuffer(rates)
+            both.outputs()
+        assert both.alike(lambda it: it.call("EnterEventMode")) == OK
+        both.set(inputs_at(pair.model, 5.0))  # a jump
+    both.alike(lambda it: it.vector("GetNominalsOfContinuousStates", n).tobytes())

@@ -6,17 +6,15 @@ is the limit of an ever faster straight motion, where that has one: for the swin
 
 from __future__ import annotations
 
-import ctypes as c
 import zipfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
-from driver import MODEL_EXCHANGE, OK, Library
-from driver3 import Library3
+from driver import CO_SIMULATION, MODEL_EXCHANGE, OK, Library
 from scipy.integrate import quad, solve_ivp
 from test_python_backend import Instance as PythonInstance
 
@@ -41,24 +39,9 @@ ROPE, LEAN = 2.0, np.pi / 2  # start values of the swing
 
 
 @pytest.fixture(scope="session")
-def fmu(shared_folder: Path) -> Callable[..., Path]:
-    """The FMU of a component, built once: ``fmu(Pendulum)`` or ``fmu(Pendulum, "python")``."""
-
-    @cache
-    def built(component: type[Component], backend: Literal["native", "python"] = "native") -> Path:
-        return build(assemble(component), shared_folder, backend=backend)
-
-    return built
-
-
-@pytest.fixture(scope="session")
-def library(fmu) -> Callable[[type[Component]], Library]:
-    return cache(lambda component: Library(fmu(component)))
-
-
-@pytest.fixture(scope="session")
-def swing3(shared_folder: Path) -> Library3:
-    return Library3(build(assemble(Swing), shared_folder, backend="native", fmi="3"))
+def library(fmu) -> Callable[..., Library]:
+    """The library of a component: ``library(Swing)``, ``library(Swing, "3")``."""
+    return cache(lambda component, fmi="2": Library(fmu(component, fmi=fmi)))
 
 
 def swing_forms(rope: float, lean: float) -> tuple[float, float, float]:
@@ -235,33 +218,17 @@ def test_rates_alone_turn_the_satellite(library) -> None:
         np.testing.assert_allclose(end, consistent.get("q_w", "q_x", "q_y", "q_z"), rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize("kind", ["FMI 2 model exchange", "FMI 3 model exchange", "FMI 3 events"])
-def test_a_jump_in_event_mode_lifts_the_swing(library, swing3, kind: str) -> None:
-    states = 4
-    if kind == "FMI 2 model exchange":
-        instance: Any = library(Swing).start(MODEL_EXCHANGE, **SWING)
-        assert not instance.new_discrete_states().valuesOfContinuousStatesChanged
-        assert instance.call("EnterContinuousTimeMode") == OK
-        assert instance.call("SetTime", 0.5) == OK
-        assert instance.call("EnterEventMode") == OK
-    elif kind == "FMI 3 model exchange":
-        instance = swing3.start("ModelExchange", **SWING)
-        assert not instance.update().states_changed
-        assert instance.call("EnterContinuousTimeMode") == OK
-        assert instance.call("SetTime", 0.5) == OK
-        assert instance.call("EnterEventMode") == OK
-    else:
-        instance = swing3.start(options=WITH_EVENTS, tolerance=1e-10, **SWING)
-        instance.update()
-        assert instance.call("EnterStepMode") == OK
-        assert instance.step(0.0, 0.5).status == OK
-        assert instance.call("EnterEventMode") == OK
+@pytest.mark.parametrize(("kind", "fmi"), [(MODEL_EXCHANGE, "2"), (MODEL_EXCHANGE, "3"), (CO_SIMULATION, "3")])
+def test_a_jump_in_event_mode_lifts_the_swing(library, kind: str, fmi: str) -> None:
+    options = WITH_EVENTS if kind == CO_SIMULATION else {}
+    instance = library(Swing, fmi).start(kind, options=options, tolerance=1e-10, **SWING)
+    assert not instance.go_on().states_changed
+    assert (instance.step(0.0, 0.5) if kind == CO_SIMULATION else instance.call("SetTime", 0.5)) == OK
+    assert instance.call("EnterEventMode") == OK
     assert instance.set(lean=0.2) == OK
-    if kind == "FMI 2 model exchange":
-        assert instance.new_discrete_states().valuesOfContinuousStatesChanged
-        assert instance.vector("GetContinuousStates", states)[0] == pytest.approx(0.3 + swing_lift(ROPE, 0.2), abs=1e-7)
-    else:
-        assert instance.update().states_changed
+    assert instance.update().states_changed
+    if kind == MODEL_EXCHANGE:
+        assert instance.vector("GetContinuousStates", 4)[0] == pytest.approx(0.3 + swing_lift(ROPE, 0.2), abs=1e-7)
     assert instance["theta"] == pytest.approx(0.3 + swing_lift(ROPE, 0.2), abs=1e-7)
     assert abs(instance["energy_balance"]) <= 1e-10
 
@@ -364,26 +331,18 @@ def drive(instance: Any, motion: Motion, mode: int, *, size: float = 0.1, steps:
     return found
 
 
-@pytest.fixture(params=["FMI 2", "FMI 3", "python"])
-def pendulum_in(request, library, fmu, shared_folder) -> Callable[..., Any]:
+@pytest.fixture(params=["2", "3", "python"])
+def pendulum_in(request, library, fmu) -> Callable[..., Any]:
     """Starts an instance of the pendulum that logs; ``said()`` are its warnings."""
 
     def start(mode: int, motion: Motion) -> tuple[Any, Callable[[], list[str]]]:
         values = dict(zip(NAMES, motion(0.0), strict=True))
-        if request.param == "FMI 2":
-            instance: Any = library(Pendulum).instantiate(logging=1)
-            instance.setup()
-            instance.call("EnterInitializationMode")
-            instance.set_integer("input_reconstruction", mode)
-            instance.set(values)
-            assert instance.call("ExitInitializationMode") == OK
-            return instance, lambda: instance.call("Terminate") or [m for s, _, m in instance.log if s == 1]
-        if request.param == "FMI 3":
-            path = build(assemble(Pendulum), shared_folder, backend="native", fmi="3")
-            instance = Library3(path).start(options={"logging": True}, input_reconstruction=mode, **values)
-            return instance, lambda: instance.call("Terminate") or [m for s, _, m in instance.log if s == 1]
-        instance = PythonInstance(unpacked(fmu(Pendulum, "python"))).initialize(None, mode, **values)
-        return instance, lambda: instance.fmu.terminate() or [m for s, _, m in instance.logged if s == 1]
+        if request.param == "python":
+            instance: Any = PythonInstance(unpacked(fmu(Pendulum, "python"))).initialize(None, mode, **values)
+            return instance, lambda: instance.fmu.terminate() or [m for s, _, m in instance.logged if s == 1]
+        made = library(Pendulum, request.param)
+        instance = made.start(options={"logging": True}, input_reconstruction=mode, **values)
+        return instance, lambda: instance.call("Terminate") or [m for s, _, m in instance.log if s == 1]
 
     return start
 
@@ -428,18 +387,14 @@ def test_hold_and_the_first_communication_point_are_not_complained_about(pendulu
 
 def test_steps_that_are_rolled_back_are_not_complained_about(library) -> None:
     for mode in (EXTRAPOLATE, INTERPOLATE):
-        instance = library(Pendulum).instantiate(logging=1)
-        instance.setup()
-        instance.call("EnterInitializationMode")
-        instance.set_integer("input_reconstruction", mode)
-        instance.call("ExitInitializationMode")
+        instance = library(Pendulum).start(options={"logging": True}, input_reconstruction=mode)
         assert instance.step(0.0, 0.1) == OK
         state = instance.save()
         assert instance.set(length=0.7) == OK
         assert instance.step(0.1, 0.1) == OK
         assert instance["length_mismatch"] == pytest.approx(-0.3, rel=1e-12)
-        assert instance.call("SetFMUstate", state) == OK
-        assert instance.call("FreeFMUstate", c.byref(state)) == OK
+        assert instance.restore(state) == OK
+        instance.drop(state)
         assert instance["length_mismatch"] == 0
         assert instance.set(length=1.0) == OK
         for i in range(1, 5):
@@ -459,9 +414,7 @@ def test_output_derivatives_know_the_accelerations_of_what_is_prescribed(library
         ["theta_dot", "energy", "seat_x_dot", "torso_z_dot"],
         ["theta_ddot", "power", "seat_x_ddot", "torso_z_ddot"],
     )
-    values, orders = (c.c_double * 4)(), (c.c_int * 4)(1, 1, 1, 1)
-    assert instance.call("GetRealOutputDerivatives", instance.refs(names), 4, orders, values) == OK
-    np.testing.assert_allclose(list(values), instance.get(*rates), rtol=1e-12)
+    np.testing.assert_allclose(instance.output_derivatives(*names), instance.get(*rates), rtol=1e-12)
 
 
 @pytest.mark.parametrize("backend", ["native", "python"])
@@ -486,7 +439,7 @@ def test_what_begins_at_rest_with_an_acceleration_moves(library, fmu, backend: s
 
 
 @pytest.mark.parametrize("kind", ["extrapolate", "hold", "python", "FMI 2 model exchange", "FMI 3 events"])
-def test_impulses_do_the_whole_work(library, swing3, fmu, kind: str) -> None:
+def test_impulses_do_the_whole_work(library, fmu, kind: str) -> None:
     """σ̇ jumps from 0: p stays, and the energy gains ½ σ̇ᵀ Θ σ̇ with Θ = g - J Jᵀ/I."""
     rope_dot, lean_dot, start = 0.4, -0.9, {"theta_0": 0.4, "theta_dot_0": 0.7}
     inertia, along, about = swing_forms(ROPE, LEAN)
@@ -497,21 +450,16 @@ def test_impulses_do_the_whole_work(library, swing3, fmu, kind: str) -> None:
     rates = {"rope_dot": rope_dot, "lean_dot": lean_dot}
     if kind == "python":
         instance: Any = PythonInstance(unpacked(fmu(Swing, "python"))).initialize(None, EXTRAPOLATE, **start)
-        instance.set(**rates)
     elif kind == "FMI 3 events":
-        instance = swing3.start(options=WITH_EVENTS, **start)
-        assert instance.set(rates) == OK
-        instance.update()
-        assert instance.call("EnterStepMode") == OK
+        instance = library(Swing, "3").start(options=WITH_EVENTS, **start)
     elif kind == "FMI 2 model exchange":
         instance = library(Swing).start(MODEL_EXCHANGE, **start)
-        assert instance.set(rates) == OK
-        instance.new_discrete_states()
-        assert instance.call("EnterContinuousTimeMode") == OK
     else:
         instance = library(Swing).start(input_reconstruction=HOLD if kind == "hold" else EXTRAPOLATE, **start)
-        assert instance.set(rates) == OK
-    if kind in ("extrapolate", "hold", "python"):
+    instance.set(**rates)
+    if kind not in ("extrapolate", "hold", "python"):
+        instance.go_on()
+    else:
         assert instance.get("work")[0] == pytest.approx(gain, rel=1e-12)  # before it is booked
         instance.step(0.0, 1e-12)
     work, balance, p = instance.get("work", "energy_balance", "p_theta")

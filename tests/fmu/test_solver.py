@@ -110,7 +110,7 @@ def test_tolerance_of_the_experiment_is_the_default(pendulum_library) -> None:
 @pytest.mark.parametrize(("given", "used"), [(1e-30, "1e-14"), (0.5, "0.01")])
 def test_tolerances_out_of_range_are_clamped_with_a_warning(pendulum_library, given, used) -> None:
     instance = pendulum_library.instantiate(logging=1)
-    assert instance.setup(tolerance=given) == OK
+    assert instance.initialize(tolerance=given) == OK
     assert instance.messages == [f"tolerance = {given:g} is out of range, {used} is used"]
 
 
@@ -166,8 +166,7 @@ def test_condition_that_fails_inside_a_step_discards_it(fall_library) -> None:
 
 def test_condition_that_fails_at_the_start_is_refused(fall_library) -> None:
     instance = fall_library.instantiate()
-    assert instance.setup() == OK
-    assert instance.call("EnterInitializationMode") == OK
+    assert instance.initialize() == OK
     assert instance.set(limit=-2.0) == OK
     assert instance.call("ExitInitializationMode") == ERROR
     message = "v must stay > -limit; at t = 0 it does not (-2); set another value and initialize again"
@@ -176,8 +175,7 @@ def test_condition_that_fails_at_the_start_is_refused(fall_library) -> None:
 
 def test_start_outside_a_domain_is_refused(fall_library) -> None:
     instance = fall_library.instantiate()
-    assert instance.setup() == OK
-    assert instance.call("EnterInitializationMode") == OK
+    assert instance.initialize() == OK
     assert instance.set(x_0=-1.0) == OK
     assert instance.call("ExitInitializationMode") == ERROR
     assert instance.messages == ["x_0 = -1 at t = 0: it must be > 0; set another value and initialize again"]

@@ -5,30 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from decimal import Decimal, localcontext
-from functools import cache
-from pathlib import Path
-from typing import Literal
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.fmu import build
-from liaisons.language import Component
-from liaisons.mechanics import Equations, assemble
+from liaisons.mechanics import Equations
 
 State = dict[str, float]
-
-
-@pytest.fixture(scope="session")
-def fmu(shared_folder: Path) -> Callable[..., Path]:
-    """The FMU of a component, built once: ``fmu(Pendulum)`` or ``fmu(Pendulum, "python")``."""
-
-    @cache
-    def built(component: type[Component], backend: Literal["native", "python"] = "native") -> Path:
-        return build(assemble(component), shared_folder, backend=backend)
-
-    return built
 
 
 @pytest.fixture(scope="session")

@@ -241,26 +241,26 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
 /* ---- co-simulation ----------------------------------------------------------------------------------------- */
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                                       const fmi2Integer order[], const fmi2Real values[]) {
+                                       const fmi2Integer orders[], const fmi2Real values[]) {
     ENTER(BEFORE | STEP);
     if (n == 0) return fmi2OK;
     NEED(references);
-    NEED(order);
+    NEED(orders);
     NEED(values);
-    return (fmi2Status)core_set_input_derivatives(core, references, n, order, values);
+    return (fmi2Status)core_set_input_derivatives(core, references, n, orders, values);
 }
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                                        const fmi2Integer order[], fmi2Real values[]) {
+                                        const fmi2Integer orders[], fmi2Real values[]) {
     ENTER(STEP | TERMINATED);
     if (n == 0) return fmi2OK;
     NEED(references);
-    NEED(order);
+    NEED(orders);
     NEED(values);
     for (size_t i = 0; i < n; i++)
-        if (order[i] != 1)
+        if (orders[i] != 1)
             return (fmi2Status)core_report(core, ERROR, "output derivatives of order %d: the order must be 1",
-                                           order[i]);
+                                           orders[i]);
     return (fmi2Status)core_output_derivatives(core, references, n, values, n);
 }
 
@@ -385,7 +385,7 @@ fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real derivatives[], s
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real nominals[], size_t n) {
-    ENTER(READABLE);
+    ENTER(ANY);
     if (face_check_count(&fmu->face, n, model.states, "nominal values of states") != SUCCESS) return fmi2Error;
     if (n == 0) return fmi2OK;
     NEED(nominals);
