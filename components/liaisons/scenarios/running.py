@@ -6,7 +6,7 @@ import inspect
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, final
@@ -95,7 +95,7 @@ def load(target: str) -> Scenario:
     module = load_module(path)
     for value in vars(module).values():
         if isinstance(value, Scenario):
-            return value
+            return replace(value, path=path)
     main: Any = getattr(module, "main", None)
     if not (inspect.isfunction(main) and "figure" in inspect.signature(main).parameters):
         raise ProjectError(f"{path} is no scenario: put @scenario before its main(claim)")
