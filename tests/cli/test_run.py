@@ -86,7 +86,7 @@ def test_a_file_that_is_no_scenario(liaisons: Cli, tmp_path: Path, old: str, new
 
 def test_a_scenario_that_claims_nothing_does_not_pass(liaisons: Cli, tmp_path: Path) -> None:
     path = tmp_path / "silent.py"
-    path.write_text('"""Nothing."""\n\nfrom liaisons import scenario\n\n@scenario\ndef main(claim):\n    pass\n')
+    path.write_text('"""Nothing."""\n\nfrom liaisons import *\n\n@scenario\ndef main(claim):\n    panels(("", "", ""))')
     reply = liaisons("run", path)
     assert reply.status == 1
     assert "silent.py claims nothing" in reply.out

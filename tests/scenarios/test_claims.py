@@ -115,6 +115,6 @@ def test_panels_with_the_same_labels_share_a_legend(tmp_path: Path) -> None:
     assert legends() == [["FMU"]]
 
 
-def test_a_scenario_need_not_draw(tmp_path: Path) -> None:
-    save(tmp_path / "figure.png")
-    assert not (tmp_path / "figure.png").exists()
+def test_a_scenario_draws(tmp_path: Path) -> None:
+    with pytest.raises(LiaisonsError, match="silent draws nothing"):
+        save(tmp_path / "silent.png")

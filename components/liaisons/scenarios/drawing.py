@@ -62,12 +62,15 @@ def dots(axis: Any, x: ArrayLike, y: ArrayLike, *, every: int = 0, **style: Any)
 
 
 def save(path: Path) -> None:
-    """Put a legend below each panel with labelled curves, one for all where they are alike, and write the figure."""
+    """Put a legend below each panel with labelled curves, one for all where they are alike, and write the figure.
+
+    :raises ValidityError: if there is none.
+    """
     import matplotlib.pyplot as plt
     from matplotlib.transforms import ScaledTranslation
 
     if not plt.get_fignums():
-        return
+        raise ValidityError(f"{path.stem} draws nothing: give it panels((title, x label, y label))")
     figure = plt.gcf()
     entries = {axis: axis.get_legend_handles_labels() for axis in figure.axes if axis.get_legend() is None}
     entries = {axis: entry for axis, entry in entries.items() if entry[1]}
