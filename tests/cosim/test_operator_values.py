@@ -48,7 +48,7 @@ def test_one_that_jumps_among_several_has_none_interpolated(pendulum: Path, sinu
     smooth, jumping = operator(sinusoid, **LENGTH), operator(sinusoid, interpolate=False, amplitude=0.01)
     system = System("pumped")
     swing = system.add("swing", pendulum, length=smooth, pivot_z=jumping)
-    assert set(system.components) == {"swing", "swing_length", "swing_pivot_z"}
+    assert set(system.parts) == {"swing", "swing_length", "swing_pivot_z"}
     assert "input_reconstruction" not in swing.starts  # that of the FMU: extrapolated
 
 
