@@ -7,117 +7,61 @@ only the energy is left to check: two starts that differ by 1e-9 rad part by mor
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons import Result, Verdict, fmu_path, max_error, run_scenario, simulate, slope, verdict
+from liaisons import Claims, Result, max_error, panels, scenario, simulate, within
 from liaisons.models import DoublePendulum
 
 LIGHT = {"mass_2": 0.05}
 AMPLITUDES = 0.2 / 2 ** np.arange(6)  # [rad]
 ANGLES = ("theta_1", "theta_2")
-WILD = {"theta_1_0": 2.0, "theta_2_0": 2.5}
-SPAN, TOLERANCE = 60.0, 1e-12
+TOLERANCE = 1e-12
 
 
-def run(stop_time: float, **starts: Any) -> Result:
-    return simulate(fmu_path("DoublePendulum"), stop_time=stop_time, step_size=0.02, tolerance=TOLERANCE, **starts)
+def run(stop_time: float, theta_1: float, theta_2: float, **body: float) -> Result:
+    start: Any = {"theta_1_0": theta_1, "theta_2_0": theta_2, **body}
+    return simulate("DoublePendulum", stop_time=stop_time, step_size=0.02, tolerance=TOLERANCE, **start)
 
 
-def in_mode(mode: int, amplitude: float) -> dict[str, float]:
-    """Start at rest in a mode whose larger angle is the amplitude."""
-    _, modes = DoublePendulum.normal_modes(**LIGHT)
-    shape = modes[:, mode] / np.max(np.abs(modes[:, mode]))
-    return dict(zip(("theta_1_0", "theta_2_0"), amplitude * shape, strict=True))
+@scenario
+def main(claim: Claims) -> None:
+    beat, order, chaos = panels(
+        ("light lower bob: beats", "t [s]", "angle [µrad]"),
+        ("small motion: off by the cube", "amplitude [rad]", "distance from the modes after 5 s [rad]"),
+        ("large: starts 1e-9 rad apart", "t [s]", "|Δθ$_2$| [rad]"),
+    )
 
+    def modes(result: Result, theta_1: float, theta_2: float) -> dict[str, np.ndarray]:
+        return DoublePendulum.small_angles(result.time, theta_1_0=theta_1, theta_2_0=theta_2, **LIGHT)
 
-def distance(result: Result, small: dict[str, NDArray]) -> float:
-    return max(max_error(result[q], small[q]) for q in ANGLES)
-
-
-def main(figure: Path) -> list[Verdict]:
-    verdicts, errors = [], {}
-    for mode, name in enumerate(("slow", "fast")):
-        start = in_mode(mode, 1e-4)
-        still = run(20.0, **start, **LIGHT)
-        verdicts.append(
-            verdict(
-                f"{name} mode started alone stays alone",
-                error=distance(still, DoublePendulum.small_angles(still.time, **start, **LIGHT)),
-                tolerance=1e-10,
-                unit="rad",
-                reason="amplitude 1e-4 cubed, times a phase of 80: the equations are linear up to that",
-            )
-        )
-        errors[name] = []
+    linear = within(1e-10, "rad", because="amplitude 1e-4 cubed, times a phase of 80: linear up to that")
+    fifth = within(0.05, because="terms of fifth order, amplitude² relative")
+    errors = []
+    _, shapes = DoublePendulum.normal_modes(**LIGHT)
+    for name, shape, marker in zip(("slow", "fast"), shapes.T, "os", strict=True):
+        unit = shape / np.max(np.abs(shape))
+        still = run(20.0, *(1e-4 * unit), **LIGHT)
+        claim(f"{name} mode started alone stays alone", still, modes(still, *(1e-4 * unit)), linear, names=ANGLES)
+        errors = []
         for amplitude in AMPLITUDES:
-            start = in_mode(mode, amplitude)
-            result = run(5.0, **start, **LIGHT)
-            errors[name].append(distance(result, DoublePendulum.small_angles(result.time, **start, **LIGHT)))
-        verdicts.append(
-            verdict(
-                f"{name} mode: exponent of the error in the amplitude is 3",
-                error=abs(slope(AMPLITUDES, errors[name]) - 3),
-                tolerance=0.05,
-                reason="terms of fifth order, amplitude² relative",
-            )
-        )
-    beating = {"theta_1_0": 0.0, "theta_2_0": 1e-3} | LIGHT
-    beats = run(SPAN, **beating)
-    verdicts.append(
-        verdict(
-            "beats: the sum of both modes",
-            error=distance(beats, DoublePendulum.small_angles(beats.time, **beating)),
-            tolerance=1e-3**3 * 250,
-            unit="rad",
-            reason="amplitude cubed x phase Ωt of 250",
-        )
-    )
-    wild, disturbed = run(SPAN, **WILD), run(SPAN, **(WILD | {"theta_1_0": WILD["theta_1_0"] + 1e-9}))
-    verdicts += [
-        verdict(
-            "large motion: the energy stays",
-            error=max_error(wild["energy"], wild["energy"][0]),
-            tolerance=10 * TOLERANCE * float(np.max(wild["kinetic_energy"])) * SPAN,
-            unit="J",
-            reason="10 x tolerance x energy scale x time",
-        ),
-        verdict(
-            "large motion: two starts 1e-9 rad apart part by more than a turn",
-            error=max(0.0, 2 * np.pi - max_error(wild["theta_2"], disturbed["theta_2"])),
-            tolerance=0.0,
-            unit="rad",
-            reason="a sign, no number",
-        ),
-    ]
-    draw(figure, beats, errors, wild, disturbed)
-    return verdicts
+            result = run(5.0, *(amplitude * unit), **LIGHT)
+            expected = modes(result, *(amplitude * unit))
+            errors.append(max(max_error(result[angle], expected[angle]) for angle in ANGLES))
+        claim.order(f"{name} mode: exponent of the error in the amplitude is 3", AMPLITUDES, errors, 3, fifth)
+        order.loglog(AMPLITUDES, errors, marker, label=f"{name} mode")
+    order.loglog(AMPLITUDES, errors[0] * (AMPLITUDES / AMPLITUDES[0]) ** 3, color="0.6", label="amplitude³")
 
+    beats = run(60.0, 0.0, 1e-3, **LIGHT)
+    cubed = within(1e-3**3 * 250, "rad", because="amplitude cubed x phase Ωt of 250")
+    claim("beats: the sum of both modes", beats, modes(beats, 0.0, 1e-3), cubed, names=ANGLES)
+    for angle in reversed(ANGLES):
+        beat.plot(beats.time[:1501], 1e6 * beats[angle][:1501], linewidth=1, label=angle.replace("theta", "θ"))
 
-def draw(figure: Path, beats: Result, errors: dict[str, list[float]], wild: Result, disturbed: Result) -> None:
-    _, (beat, order, chaos) = plt.subplots(1, 3, figsize=(14, 4), layout="constrained")
-    shown = beats.time <= 30
-    for name, label in (("theta_2", "θ_2"), ("theta_1", "θ_1")):
-        beat.plot(beats.time[shown], 1e6 * beats[name][shown], linewidth=1, label=label)
-    beat.set(xlabel="t [s]", ylabel="angle [µrad]", ylim=(-1100, 1400), title="light lower bob: beats")
-    beat.legend(loc="upper center", ncols=2)
-    for name, marker in (("slow", "o"), ("fast", "s")):
-        order.loglog(AMPLITUDES, errors[name], marker, label=f"{name} mode")
-    order.loglog(AMPLITUDES, errors["slow"][0] * (AMPLITUDES / AMPLITUDES[0]) ** 3, color="0.6", label="amplitude³")
-    order.set(
-        xlabel="amplitude [rad]",
-        ylabel="distance from the modes after 5 s [rad]",
-        title="small motion: off by the cube",
-    )
-    order.legend()
-    chaos.semilogy(wild.time[1:], np.abs(wild["theta_2"] - disturbed["theta_2"])[1:], linewidth=0.8)
-    chaos.set(xlabel="t [s]", ylabel="|Δθ_2| [rad]", title="large: starts 1e-9 rad apart")
-    plt.savefig(figure, dpi=150)
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    wild, disturbed = run(60.0, 2.0, 2.5), run(60.0, 2.0 + 1e-9, 2.5)
+    claim.energy("large motion: the energy stays", wild, tolerance=TOLERANCE)
+    apart = np.abs(wild["theta_2"] - disturbed["theta_2"])
+    sign = within(0.0, "rad", because="a sign, no number")
+    claim.below("large motion: two starts 1e-9 rad apart part by more than a turn", 2 * np.pi, np.max(apart), sign)
+    chaos.semilogy(wild.time[1:], apart[1:], linewidth=0.8)

@@ -6,81 +6,37 @@ follow Jacobi's elliptic functions in both cases, and its period, read off the z
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 from scipy.special import ellipk
 
-from liaisons import Verdict, fmu_path, max_error, run_scenario, simulate, verdict
+from liaisons import Claims, crossings, dots, panels, scenario, simulate, within
 from liaisons.models import Pendulum
 
-SMALL, LARGE = 0.2, 3.0  # amplitudes [rad]
-LENGTH = GRAVITY = 1.0  # Ω = 1 rad/s
+AMPLITUDES = {"small": 0.2, "large": 3.0}  # [rad]
 
 
-def measured_period(time: NDArray, theta: NDArray, theta_dot: NDArray) -> float:
-    """Mean distance of upward zero crossings; a cubic Hermite spline locates them to fourth order in the step."""
-    crossings = CubicHermiteSpline(time, theta, theta_dot).roots(extrapolate=False)
-    upward = crossings[np.interp(crossings, time, theta_dot) > 0]
-    return float(np.mean(np.diff(upward)))
-
-
-def main(figure: Path) -> list[Verdict]:
-    verdicts = []
-    picture, axes = plt.subplots(1, 2, figsize=(10, 4), sharex=True, layout="constrained")
-    for axis, name, amplitude in zip(axes, ("small", "large"), (SMALL, LARGE), strict=True):
-        result = simulate(
-            fmu_path("Pendulum"),
-            stop_time=60.0,
-            step_size=0.02,
-            tolerance=1e-10,
-            theta_0=amplitude,
-            length=LENGTH,
-            gravity=GRAVITY,
-        )
-        t, theta = result.time, result["theta"]
-        exact = Pendulum.exact(t, theta_0=amplitude, length=LENGTH, gravity=GRAVITY)
-        period = measured_period(t, theta, result["theta_dot"])
+@scenario
+def main(claim: Claims) -> None:
+    solver = within(1e-7, "rad", because="amplification below 100 over 60 s, tolerance 1e-10")
+    spline = within(1e-7, "s", because="spline error of the crossings, 0.02⁴/384, and the solver's")
+    axes = panels(*((f"θ(0) = {amplitude} rad", "Ωt", "θ [rad]") for amplitude in AMPLITUDES.values()))
+    for axis, (name, amplitude) in zip(axes, AMPLITUDES.items(), strict=True):
+        start: Any = {"theta_0": amplitude, "gravity": 1.0}  # Ω = 1 rad/s
+        run = simulate("Pendulum", stop_time=60.0, step_size=0.02, tolerance=1e-10, **start)
+        exact = Pendulum.exact(run.time, **start)
+        claim(f"{name} amplitude: θ(t) is Jacobi's elliptic function", run["theta"], exact["theta"], solver)
+        period = np.diff(crossings(run.time, run["theta"], run["theta_dot"], rising=True)).mean()
         legendre = 4 * ellipk(np.sin(amplitude / 2) ** 2)
-        linear = Pendulum.small_angle(t, theta_0=amplitude, length=LENGTH, gravity=GRAVITY)["theta"]
-        verdicts += [
-            verdict(
-                f"{name} amplitude: θ(t) is Jacobi's elliptic function",
-                error=max_error(theta, exact["theta"]),
-                tolerance=1e-7,
-                unit="rad",
-                reason="amplification below 100 over 60 s, tolerance 1e-10",
-            ),
-            verdict(
-                f"{name} amplitude: period {legendre:.4f} s is 4K/Ω",
-                error=abs(period - legendre),
-                tolerance=1e-7,
-                unit="s",
-                reason="spline error of the crossings, 0.02⁴/384, and the solver's",
-            ),
-        ]
-        axis.plot(t, linear, color="tab:purple", label="linear")
-        axis.plot(t, theta, color="tab:blue", label="FMU")
-        axis.plot(t[::50], exact["theta"][::50], "k.", markersize=3, label="elliptic functions")
-        axis.set(title=f"θ(0) = {amplitude} rad, period {period:.3f} s", xlabel="Ωt", xlim=(0, 40))
+        claim(f"{name} amplitude: period {legendre:.4f} s is 4K/Ω", period, legendre, spline)
+        axis.plot(run.time, Pendulum.small_angle(run.time, **start)["theta"], color="tab:purple", label="linear")
+        axis.plot(run.time, run["theta"], color="tab:blue", label="FMU")
+        dots(axis, run.time, exact["theta"], every=50, label="elliptic functions")
+        axis.set(xlim=(0, 40))
+
     # K Ex. 3, condition "θ ≪ 1": the relative period error of the linear pendulum is θ²/16 + O(θ⁴).
-    stretch = 4 * ellipk(np.sin(SMALL / 2) ** 2) / (2 * np.pi) - 1
-    verdicts.append(
-        verdict(
-            "small amplitude: the linear period is short by θ²/16",
-            error=abs(stretch / (SMALL**2 / 16) - 1),
-            tolerance=SMALL**2,
-            reason="next term of the series, 11 θ²/192 relative",
-        )
-    )
-    axes[0].set_ylabel("θ [rad]")
-    picture.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    plt.savefig(figure, dpi=150)
-    return verdicts
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    square = AMPLITUDES["small"] ** 2
+    stretch = 4 * ellipk(np.sin(AMPLITUDES["small"] / 2) ** 2) / (2 * np.pi) - 1
+    series = within(square, because="next term of the series, 11 θ²/192 relative")
+    claim("small amplitude: the linear period is short by θ²/16", stretch / (square / 16), 1.0, series)

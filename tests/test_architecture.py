@@ -21,7 +21,7 @@ def python(code: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("line", ["from liaisons import System, simulate, verdict", "import liaisons.scenario"])
+@pytest.mark.parametrize("line", ["from liaisons import System, simulate, verdict", "import liaisons.scenarios"])
 def test_simulating_imports_no_symbols(line: str) -> None:
     assert python(f"import sys; {line}; print('casadi' in sys.modules)") == "False\n"
 

@@ -1,6 +1,8 @@
 from . import analysis as analysis
 from .check import Verdict as Verdict
 from .check import compare as compare
+from .check import crossings as crossings
+from .check import frequencies as frequencies
 from .check import max_error as max_error
 from .check import slope as slope
 from .check import table as table
@@ -9,6 +11,7 @@ from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .flattening import flatten as flatten
 from .interface import System as System
+from .interface import operator as operator
 from .interface import simulate as simulate
 from .interface import sweep as sweep
 from .language import ActiveCoordinate as ActiveCoordinate
@@ -40,7 +43,12 @@ from .library import fmu_path as fmu_path
 from .mechanics import assemble as assemble
 from .mechanics import derive as derive
 from .results import Result as Result
-from .scenario import run_scenario as run_scenario
+from .scenarios import Claims as Claims
+from .scenarios import dots as dots
+from .scenarios import panels as panels
+from .scenarios import run_scenario as run_scenario
+from .scenarios import scenario as scenario
+from .scenarios import within as within
 from .sweeps import grid as grid
 from .sweeps import sample as sample
 from .version import __date__ as __date__

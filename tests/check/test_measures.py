@@ -1,11 +1,12 @@
 """Errors and orders of convergence against sequences whose order is known."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from liaisons.check import max_error, slope
+from liaisons.check import crossings, frequencies, max_error, slope
 from liaisons.errors import ValidityError
 
 STEPS = np.array([0.2, 0.1, 0.05, 0.025])
@@ -50,3 +51,29 @@ def test_max_error_finds_the_largest_difference_whatever_its_sign() -> None:
 def test_max_error_refuses_arrays_that_do_not_correspond(values: list, reference: list) -> None:
     with pytest.raises(ValidityError, match="same instants"):
         max_error(values, reference)
+
+
+def test_a_cubic_passes_zero_where_it_does() -> None:
+    t = np.linspace(-2.0, 2.0, 8)
+    found = crossings(t, t * (t - 1) * (t + 1.3), 3 * t**2 + 0.6 * t - 1.3)
+    assert found == pytest.approx([-1.3, 0.0, 1.0], abs=1e-14)  # the spline is the cubic
+    assert crossings(t, t * (t - 1) * (t + 1.3), 3 * t**2 + 0.6 * t - 1.3, rising=True) == pytest.approx(found[[0, 2]])
+
+
+def test_frequencies_of_cosines_of_any_phase() -> None:
+    t, omega = 0.1 * np.arange(50), np.array([[0.5], [3.0], [12.0]])
+    assert frequencies(2 * np.cos(omega * t + omega), 0.1) == pytest.approx(omega[:, 0], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: crossings([0.0, 1.0], [1.0, 2.0, 3.0], [1.0, 2.0]), r"shapes \(2,\), \(3,\), \(2,\)"),
+        (lambda: crossings([0.0, 0.0], [1.0, 2.0], [1.0, 2.0]), "instants that increase"),
+        (lambda: frequencies([1.0, 2.0], 0.1), "three values"),
+        (lambda: frequencies([1.0, 2.0, 3.0], np.nan), "step = nan"),
+    ],
+)
+def test_what_is_no_motion(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValidityError, match=words):
+        call()

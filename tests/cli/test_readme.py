@@ -12,7 +12,7 @@ from zipfile import ZipFile
 import matplotlib.pyplot as plt
 import pytest
 
-from liaisons.scenario import names
+from liaisons.scenarios import names
 
 from . import documents
 from .conftest import Cli
@@ -62,7 +62,7 @@ def write_files(folder: Path) -> None:
     """What the commands find where they are run: components and scenarios that the reader has written."""
     component, *_ = blocks("CONTRIBUTING.md", "python")
     (folder / "my_component.py").write_text(component, encoding="utf-8")
-    (folder / "small_angle.py").write_text(python_block("run_scenario"), encoding="utf-8")
+    (folder / "small_angle.py").write_text(python_block("@scenario"), encoding="utf-8")
     (folder / "lines.py").write_text(lines_of_python(), encoding="utf-8")
     (folder / "sweep.py").write_text(f"{python_block('sweep(')}\nassert len(table) == 6\n", encoding="utf-8")
 
@@ -199,8 +199,8 @@ def test_scenarios_of_the_package_are_found_behind_those_of_the_folder(
     for folder in (shipped, own):
         folder.mkdir()
     shutil.copy(ROOT / "scenarios" / "free_fall.py", shipped / "twice.py")
-    scenario = '"""Nothing is wrong."""\n\nfrom liaisons import verdict\n\n\ndef main(figure):\n    figure.touch()\n'
-    scenario += '    return [verdict("nothing", error=0, tolerance=0)]\n'
+    scenario = '"""Nothing is wrong."""\n\nfrom liaisons import *\n\n\n@scenario\ndef main(claim):\n'
+    scenario += '    panels(("", "", ""))\n    claim("nothing", 0, 0, within(0, because="whole numbers"))\n'
     (shipped / "theirs.py").write_text(scenario)
     (own / "twice.py").write_text(scenario)
     monkeypatch.setattr("liaisons.project._root", Path)

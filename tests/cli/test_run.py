@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from liaisons.scenario import names
+from liaisons.scenarios import names
 
 from .conftest import Cli, is_misuse
 
@@ -17,19 +17,14 @@ SCENARIO = '''\
 More words, which are not the claim.
 """
 
-from liaisons import run_scenario, verdict
+from liaisons import panels, scenario, within
 
 
-def main(figure):
-    import matplotlib.pyplot as plt
-
-    plt.plot([1, 2], [2, 4])
-    plt.savefig(figure)
-    return [verdict("2 x 2 = 4", error=abs(2 * 2 - 4), tolerance=0), verdict("and so on", error=ERROR, tolerance=1e-3)]
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+@scenario
+def main(claim):
+    panels(("arithmetic", "n", "2 n"))[0].plot([1, 2], [2, 4])
+    claim("2 x 2 = 4", 2 * 2, 4, within(0, because="whole numbers"))
+    claim("and so on", ERROR, 0, within(1e-3, because="some are not"))
 '''
 
 
@@ -65,7 +60,9 @@ def test_a_broken_scenario_does_not_hide_the_verdicts_of_the_others(liaisons: Cl
     broken = write(tmp_path / "broken.py", error="1 / 0")
     reply = liaisons("run", broken, write(tmp_path / "arithmetic.py"))
     assert reply.status == 1
-    assert "ZeroDivisionError" in reply.out
+    assert "error: ZeroDivisionError: division by zero" in reply.out
+    assert reply.out.count("2 x 2 = 4") == 2  # what was claimed before the error is shown, too
+    assert [line.split()[-1] for line in reply.out.splitlines() if "see its error" in line] == ["ERROR"]
     assert "and so on" in reply.out
     with pytest.raises(ZeroDivisionError):
         liaisons("run", broken, "--debug")
@@ -74,8 +71,10 @@ def test_a_broken_scenario_does_not_hide_the_verdicts_of_the_others(liaisons: Cl
 @pytest.mark.parametrize(
     ("old", "new", "hint"),
     [
-        ("def main", "def mian", "define main(figure: Path)"),
+        ("@scenario", "", "put @scenario before its main(claim)"),
         ('"""Twice', '"" and """Twice', "state its claim in the docstring"),
+        ("@scenario\n", "@scenario\nclass main:\n    pass\n\n", "no function; decorate main(claim: Claims)"),
+        ("some are not", 'some are not"))\n\nprint(("more', "arithmetic.py:9: main runs before what comes after it"),
         ("from liaisons import", "from liaisons import no_such_name,", "no_such_name"),
     ],
 )
@@ -85,12 +84,12 @@ def test_a_file_that_is_no_scenario(liaisons: Cli, tmp_path: Path, old: str, new
     assert is_misuse(liaisons("run", path), "arithmetic.py", hint)
 
 
-def test_a_scenario_without_verdicts_does_not_pass(liaisons: Cli, tmp_path: Path) -> None:
+def test_a_scenario_that_claims_nothing_does_not_pass(liaisons: Cli, tmp_path: Path) -> None:
     path = tmp_path / "silent.py"
-    path.write_text('"""Nothing."""\n\ndef main(figure):\n    return []\n')
+    path.write_text('"""Nothing."""\n\nfrom liaisons import *\n\n@scenario\ndef main(claim):\n    panels(("", "", ""))')
     reply = liaisons("run", path)
     assert reply.status == 1
-    assert "main returned no verdict" in reply.out
+    assert "silent.py claims nothing" in reply.out
 
 
 @pytest.mark.parametrize("name", names())
@@ -113,7 +112,8 @@ def test_a_scenario_runs_as_a_script_too(tmp_path: Path, error: str, status: int
 def test_a_job_in_the_background_of_a_shell_is_not_interrupted(tmp_path: Path) -> None:
     """The shell has it ignore interrupts, which are for what runs in the foreground."""
     path = write(tmp_path / "arithmetic.py", "0")
-    path.write_text(path.read_text() + "\nimport signal\nsignal.raise_signal(signal.SIGINT)\n")
+    signalling = "    import signal; signal.raise_signal(signal.SIGINT)\n    panels"
+    path.write_text(path.read_text().replace("    panels", signalling))
     command = "from liaisons.cli import main; raise SystemExit(main())"
     ignoring = ["sh", "-c", 'trap "" INT; exec "$@"', "sh"]
     done = subprocess.run(
@@ -130,7 +130,7 @@ def test_a_job_in_the_background_of_a_shell_is_not_interrupted(tmp_path: Path) -
 def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
     path = tmp_path / "slow.py"
     path.write_text(
-        '"""Never ends."""\n\nimport time\n\ndef main(figure):\n    print("here", flush=True)\n    time.sleep(60)'
+        SCENARIO.replace("    panels", "    import time; print('here', flush=True); time.sleep(60)\n    panels")
     )
     command = "from liaisons.cli import main; raise SystemExit(main())"
     process = subprocess.Popen(

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
 
-import matplotlib.pyplot as plt
 import pytest
 from masters import MASTERS, SWEEPS, RefusalError, Values, compared, elsewhere, jacobi
 from schemas import validated
 
+import liaisons
 from liaisons import System
-from liaisons.project import load_module, scenario_files
-from liaisons.scenario import names
+from liaisons.project import scenario_files
+from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
 
 H, STEPS = 0.01, 20
@@ -105,16 +106,14 @@ def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) 
         raise _FoundError(system)
 
     def find(name: str) -> System:
-        module = load_module(scenario_files()[name])
         with monkeypatch.context() as patch:
             patch.setattr(System, "simulate", stop)
-            patch.setattr(module, "sweep", stop, raising=False)
+            patch.setattr(liaisons, "sweep", stop, raising=False)
             with pytest.raises(_FoundError) as caught:
-                module.main(tmp_path / "figure.png")
+                execute(load(name), tmp_path, debug=True)
         return caught.value.args[0]
 
     monkeypatch.setenv("LIAISONS_FMUS", str(shared_folder))
-    plt.switch_backend("Agg")
     return find
 
 
@@ -122,7 +121,7 @@ QUICK = {"coupled_pendulums", "driven_hoop", "hoop_and_flywheel"}
 SCENARIOS = [
     pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow])
     for name in names()
-    if "System(" in (scenario_files()[name]).read_text(encoding="utf-8")
+    if re.search(r"System\(|operator\(", scenario_files()[name].read_text(encoding="utf-8"))
 ]
 # the length of a pendulum is connected there, and has to be > 0
 NOT_FROM_ZERO = {"adiabatic_swing", "closed_loop_pump", "closed_loop_swing", "pumped_swing"}
@@ -131,7 +130,6 @@ NOT_FROM_ZERO = {"adiabatic_swing", "closed_loop_pump", "closed_loop_swing", "pu
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_the_system_of_every_scenario(name: str, found: Callable[[str], System], tmp_path: Path) -> None:
     system = found(name)
-    plt.close("all")
     for form in get_args(Form):
         assert validated(system, tmp_path / form, form, stop_time=1.0, step_size=H) > 0
     for master in MASTERS:

@@ -1,7 +1,18 @@
 """Result and reference in, verdict out: errors, convergence orders, and tables of claims."""
 
 from liaisons.check.comparison import Comparison, Difference, compare
-from liaisons.check.measures import max_error, slope
+from liaisons.check.measures import crossings, frequencies, max_error, slope
 from liaisons.check.verdicts import Verdict, table, verdict
 
-__all__ = ["Comparison", "Difference", "Verdict", "compare", "max_error", "slope", "table", "verdict"]
+__all__ = [
+    "Comparison",
+    "Difference",
+    "Verdict",
+    "compare",
+    "crossings",
+    "frequencies",
+    "max_error",
+    "slope",
+    "table",
+    "verdict",
+]

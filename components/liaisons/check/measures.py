@@ -1,9 +1,9 @@
-"""Numbers that a claim is judged by: the largest error and the order of convergence."""
+"""Numbers that a claim is judged by: errors, orders of convergence, instants and frequencies of a motion."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.arguments import finite, numbers
 from liaisons.errors import ValidityError
@@ -51,3 +51,40 @@ def slope(h: ArrayLike, errors: ArrayLike, *, floor: float = 0.0) -> float:
     if not np.any(x):
         raise ValidityError(f"slope: all step sizes are {steps[0]:g}; give different ones")
     return float(x @ y / (x @ x))
+
+
+def crossings(time: ArrayLike, signal: ArrayLike, rate: ArrayLike, *, rising: bool = False) -> NDArray[np.float64]:
+    """Instants at which a signal passes zero, by a cubic Hermite spline: an error of fourth order in the step.
+
+    :param time: instants [s], shape (n,), increasing.
+    :param signal: its values there, shape (n,).
+    :param rate: its time derivative there, shape (n,).
+    :param rising: only those at which it grows.
+    :raises ValidityError: for different shapes, or instants that do not increase.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    t, x, x_dot = (numbers(f"crossings: {name}", given, ValidityError)
+                   for name, given in (("time", time), ("signal", signal), ("rate", rate)))  # fmt: skip
+    if not (t.ndim == 1 and t.shape == x.shape == x_dot.shape and t.size > 1 and np.all(np.diff(t) > 0)):
+        raise ValidityError(f"crossings: time, signal, rate of shapes {t.shape}, {x.shape}, {x_dot.shape}; give one of "
+                            "each an instant, and instants that increase")  # fmt: skip
+    spline = CubicHermiteSpline(t, x, x_dot)
+    found = spline.roots(extrapolate=False)
+    return found[spline(found, 1) > 0] if rising else found
+
+
+def frequencies(cosines: ArrayLike, step: float) -> NDArray[np.float64]:
+    """Angular frequencies of cosines [rad/s], from q(t + h) + q(t - h) = 2 cos(Ωh) q(t) by least squares.
+
+    :param cosines: at equal steps, shape (..., n), n at least 3; each without offset, slower than π/h.
+    :param step: h [s].
+    :returns: shape (...).
+    :raises ValidityError: for fewer than three values of one.
+    """
+    q = numbers("frequencies: cosines", cosines, ValidityError)
+    finite("frequencies: step", step, ValidityError)
+    if q.ndim == 0 or q.shape[-1] < 3:
+        raise ValidityError(f"frequencies: cosines of shape {q.shape}; give three values of each at least")
+    around, middle = q[..., 2:] + q[..., :-2], q[..., 1:-1]
+    return np.arccos(np.sum(around * middle, axis=-1) / np.sum(middle**2, axis=-1) / 2) / step

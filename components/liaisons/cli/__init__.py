@@ -86,7 +86,7 @@ class _Completions(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from liaisons.library import catalogue
-        from liaisons.scenario import names
+        from liaisons.scenarios import names
 
         words = ["list", "build", "simulate", "sweep", "compare", "run", "check", *catalogue(), *names()]
         print(f"complete -o default -W '{' '.join(words)}' liaisons")

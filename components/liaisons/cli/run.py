@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from liaisons.cli._command import command
 from liaisons.project import ProjectError, from_here
-from liaisons.scenario import execute, load, names, report
+from liaisons.scenarios import execute, load, names, report
 
 if TYPE_CHECKING:
     from liaisons.cli._command import Commands
@@ -41,7 +41,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for scenario in [load(target) for target in targets]:
         print(f"{scenario.name}: {scenario.claim}", flush=True)
         outcome = execute(scenario, arguments.figures, debug=arguments.debug)
-        print(f"figure: {from_here(outcome.figure)}" if outcome.verdicts else f"error: {outcome.error}", flush=True)
+        print(f"error: {outcome.error}" if outcome.error else f"figure: {from_here(outcome.figure)}", flush=True)
         outcomes.append(outcome)
     print(f"\n{report(outcomes)}")
     return 0 if all(outcome.passed for outcome in outcomes) else 1

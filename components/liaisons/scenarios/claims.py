@@ -1,0 +1,148 @@
+"""What a scenario claims: each claim with what was found, what has to be, and the bound of the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.arguments import finite, shown
+from liaisons.check import Verdict, slope, verdict
+from liaisons.errors import ValidityError
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What is allowed, in which unit, and why; see :func:`within`."""
+
+    tolerance: float
+    unit: str
+    because: str
+
+
+class Signals(Protocol):
+    """What has arrays by name: a result, a closed form."""
+
+    def __getitem__(self, name: str, /) -> NDArray[Any]: ...
+
+
+class Run(Signals, Protocol):
+    """A result."""
+
+    @property
+    def time(self) -> NDArray[np.float64]: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+
+def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
+    """A bound for claims.
+
+    :param tolerance: largest error that is allowed, >= 0.
+    :param unit: SI unit of error and tolerance; empty for what is relative or a count.
+    :param because: why this tolerance.
+    :raises ValidityError: for a tolerance that is no number, or without a reason.
+    """
+    finite("within: tolerance", tolerance, ValidityError)
+    if not (isinstance(unit, str) and isinstance(because, str) and because):
+        raise ValidityError(f"within({tolerance:g}, {shown(unit)}, because={shown(because)}): say why, in words")
+    return Bound(float(tolerance), unit, because)
+
+
+@final
+class Claims:
+    """What a scenario calls with each of its claims; ``verdicts`` are those so far.
+
+    All raise :class:`ValidityError` for numbers that are none or cannot be compared, and for a bound that is none.
+    """
+
+    def __init__(self) -> None:
+        self.verdicts: list[Verdict] = []
+
+    def __call__(
+        self,
+        text: str,
+        got: ArrayLike | Signals,
+        expected: ArrayLike | Mapping[str, ArrayLike],
+        bound: Bound,
+        *,
+        names: Iterable[str] | None = None,
+    ) -> None:
+        """Claim that what was found is what has to be.
+
+        :param got: numbers, real or complex; or signals by name, a result.
+        :param expected: numbers that broadcast to these; or numbers by name, a closed form.
+        :param names: of those that are compared, if they go by name; all that are expected unless given.
+        """
+        if isinstance(expected, Mapping):
+            pairs = [(_signal(text, got, name), expected[name]) for name in (expected if names is None else names)]
+        else:
+            pairs = [(got, expected)]
+        self._judge(text, [np.abs(_difference(text, *pair)) for pair in pairs], bound)
+
+    def below(self, text: str, got: ArrayLike, limit: ArrayLike, bound: Bound) -> None:
+        """Claim that nothing of what was found exceeds the limit; the error is by how much it does."""
+        self._judge(text, [np.maximum(_difference(text, got, limit), 0.0)], bound)
+
+    def order(self, text: str, sizes: ArrayLike, errors: ArrayLike, order: float, bound: Bound) -> None:
+        """Claim that errors go as the sizes to this power: the slope of their logarithms, three at least."""
+        self(text, slope(sizes, errors), order, bound)
+
+    def energy(self, text: str, *runs: Run, tolerance: float) -> None:
+        """Claim that mechanisms gained what their operators, drives and loads gave them, less what was dissipated.
+
+        The bound is 10 x tolerance x mean kinetic energy x time; of several the one that comes nearest to it counts.
+
+        :param tolerance: that of the runs.
+        """
+        accounts: list[tuple[float, float]] = []
+        for run in runs:
+            for name in run.names:
+                owner, dot, signal = name.rpartition(".")
+                if signal == "energy_balance":
+                    scale = float(np.mean(run[f"{owner}{dot}kinetic_energy"])) * float(run.time[-1] - run.time[0])
+                    accounts.append((float(np.max(np.abs(run[name]))), 10 * tolerance * scale))
+        if not accounts:
+            raise ValidityError(f"{text!r}: no run has a signal energy_balance; record it and kinetic_energy")
+        error, bound = max(accounts, key=lambda account: account[0] / account[1])
+        self(text, error, 0.0, within(bound, "J", because="10 x tolerance x mean kinetic energy x time"))
+
+    def _judge(self, text: str, errors: list[NDArray[Any]], bound: Bound) -> None:
+        if not isinstance(bound, Bound):
+            raise ValidityError(f"{text!r}: {shown(bound)} is no bound; give within(tolerance, unit, because=...)")
+        error = max(map(np.max, errors), key=lambda e: (np.isnan(e), e))
+        self.verdicts.append(
+            verdict(text, error=error, tolerance=bound.tolerance, unit=bound.unit, reason=bound.because)
+        )
+
+
+def _signal(text: str, got: Any, name: str) -> ArrayLike:
+    try:
+        return got[name]
+    except (TypeError, IndexError, KeyError):
+        raise ValidityError(f"{text!r}: {shown(got)} has no signal {name!r}") from None
+
+
+def _difference(text: str, got: object, expected: object) -> NDArray[Any]:
+    """Numbers less what they have to be."""
+    found, wanted = (_numbers(text, given) for given in (got, expected))
+    try:
+        if found.size:
+            return found - np.broadcast_to(wanted, found.shape)
+    except ValueError:
+        pass
+    raise ValidityError(f"{text!r}: shapes {found.shape} and {wanted.shape} cannot be compared")
+
+
+def _numbers(text: str, given: object) -> NDArray[Any]:
+    try:
+        found = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        found = np.asarray(None)
+    if found.dtype.kind not in "biufc":
+        raise ValidityError(f"{text!r}: {shown(given)} are no numbers")
+    return found.astype(complex if found.dtype.kind == "c" else float)

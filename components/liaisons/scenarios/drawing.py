@@ -1,0 +1,89 @@
+"""The one figure of a scenario: panels, and dots through which its curves have to pass."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from string import ascii_letters
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liaisons.arguments import shown
+from liaisons.errors import ValidityError
+
+_WIDTH, _HEIGHT = 5.2, 4.0
+"""Of a panel [in]."""
+
+
+def panels(
+    *labels: tuple[str, ...], mosaic: str = "", size: tuple[float, float] | None = None, **options: Any
+) -> list[Any]:
+    """The axes of the figure, from left to right.
+
+    :param labels: of each panel its title and what stands along x and y, with units; a panel of four is in space.
+    :param mosaic: their arrangement where they do not stand in one row, "ab;cc": the first is a, the second b ...
+    :param size: width and height of the figure [in].
+    :param options: of ``matplotlib.pyplot.subplot_mosaic``: ``width_ratios``, ``sharex`` ...
+    :raises ValidityError: for labels that are not three or four, or a mosaic that has not as many panels.
+    """
+    import matplotlib.pyplot as plt
+
+    for label in labels:
+        if not isinstance(label, tuple) or len(label) not in (3, 4):
+            raise ValidityError(f"panels: {shown(label)} names no panel; give (title, x label, y label)")
+    letters = ascii_letters[: len(labels)]
+    mosaic = mosaic or letters
+    if set(mosaic) - set(";.") != set(letters):
+        raise ValidityError(f"panels: the mosaic {mosaic!r} has to show each of the panels {letters!r}, and no other")
+    rows = mosaic.split(";")
+    figure = plt.figure(figsize=size or (_WIDTH * len(set(rows[0])), _HEIGHT * len(rows)), layout="constrained")
+    spatial: Any = {
+        letter: {"projection": "3d"} for letter, label in zip(letters, labels, strict=True) if len(label) == 4
+    }
+    axes = figure.subplot_mosaic(mosaic, per_subplot_kw=spatial, **options)
+    for letter, label in zip(letters, labels, strict=True):
+        axes[letter].set(title=label[0], **dict(zip(("xlabel", "ylabel", "zlabel"), label[1:], strict=False)))
+    return [axes[letter] for letter in letters]
+
+
+def dots(axis: Any, x: ArrayLike, y: ArrayLike, *, every: int = 0, **style: Any) -> None:
+    """Mark what a curve has to pass through.
+
+    :param axis: a panel.
+    :param x: along the axis, shape (n,).
+    :param y: across, shape (n,).
+    :param every: one dot for so many points; some forty dots in all unless given.
+    :param style: of the dots as for ``axis.plot``, and their label; small and black unless given.
+    """
+    x, y = np.asarray(x), np.asarray(y)
+    chosen = slice(None, None, every or -(-x.size // 40))
+    axis.plot(x[chosen], y[chosen], **{"linestyle": "", "marker": ".", "color": "k", "markersize": 4} | style)
+
+
+def save(path: Path) -> None:
+    """Put a legend below each panel with labelled curves, one for all where they are alike, and write the figure.
+
+    :raises ValidityError: if there is none.
+    """
+    import matplotlib.pyplot as plt
+    from matplotlib.transforms import ScaledTranslation
+
+    if not plt.get_fignums():
+        raise ValidityError(f"{path.stem} draws nothing: give it panels((title, x label, y label))")
+    figure = plt.gcf()
+    entries = {axis: axis.get_legend_handles_labels() for axis in figure.axes if axis.get_legend() is None}
+    entries = {axis: entry for axis, entry in entries.items() if entry[1]}
+    if len(entries) > 1 and len({tuple(labels) for _, labels in entries.values()}) == 1:
+        figure.legend(*next(iter(entries.values())), loc="outside lower center", ncols=4)
+        entries = {}
+    for axis, (handles, labels) in entries.items():
+        depth = 0.45 if axis.get_xlabel() else 0.1  # of ticks and label [in]
+        below = axis.transAxes + ScaledTranslation(0, -depth, figure.dpi_scale_trans)
+        width, widths = (
+            axis.get_position().width * figure.get_figwidth(),
+            [0.6 + 0.075 * len(label) for label in labels],
+        )
+        columns = len(labels) if sum(widths) <= width else max(1, int(width / max(widths)))
+        axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=columns)
+    figure.savefig(path, dpi=150)

@@ -1,0 +1,156 @@
+"""Scenarios by name, run one by one: their verdicts, their figure, the time they take."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, final
+
+from liaisons.arguments import shown
+from liaisons.check import Verdict, table
+from liaisons.errors import suggestion
+from liaisons.project import ProjectError, figures_directory, from_here, load_module, scenario_files
+from liaisons.scenarios.claims import Claims
+from liaisons.scenarios.drawing import save
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A scenario that can be run: its name, the claim (first paragraph of its docstring), the file and its ``main``."""
+
+    name: str
+    claim: str
+    path: Path
+    main: Callable[[Claims], None]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a scenario showed; ``error`` says why it did not come to its end."""
+
+    scenario: Scenario
+    figure: Path
+    verdicts: tuple[Verdict, ...]
+    seconds: float
+    error: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it came to its end and all of its claims hold."""
+        return not self.error and all(verdict.passed for verdict in self.verdicts)
+
+    def rows(self) -> list[Mapping[str, str]]:
+        """One row of the table a verdict; scenario and time stand in the first."""
+        rows = [verdict.row() for verdict in self.verdicts]
+        rows += [{"claim": "(see its error)", "verdict": "ERROR"}] if self.error else []
+        first = {"scenario": self.scenario.name, "time": f"{self.seconds:.1f} s"}
+        columns = ("scenario", "claim", "error", "tolerance", "verdict", "time")
+        return [{c: ((first if i == 0 else {}) | row).get(c, "") for c in columns} for i, row in enumerate(rows)]
+
+
+def names() -> list[str]:
+    """Names of the scenarios of this project."""
+    return list(scenario_files())
+
+
+def scenario(main: Callable[[Claims], None]) -> Scenario:
+    """Make a scenario of the file that ends with this function; run it if the file is run as a program.
+
+    :raises ProjectError: if it is no function, something comes after it, or the file has no docstring.
+    """
+    if not inspect.isfunction(main):
+        raise ProjectError(
+            f"@scenario: {shown(main)} is no function; decorate main(claim: Claims) at the end of a file"
+        )
+    path, module = Path(inspect.getfile(main)), sys.modules[main.__module__]
+    lines, begin = inspect.getsourcelines(main)
+    after = path.read_text(encoding="utf-8").splitlines()[begin - 1 + len(lines) :]
+    if any(after):
+        raise ProjectError(f"{path}:{begin}: {main.__name__} runs before what comes after it; put it last in the file")
+    found = _scenario(main, path, inspect.getdoc(module))
+    if main.__module__ == "__main__":
+        outcome = execute(found, debug=True)
+        print(report([outcome]))
+        print(f"figure: {from_here(outcome.figure)}")
+        raise SystemExit(0 if outcome.passed else 1)
+    return found
+
+
+def load(target: str) -> Scenario:
+    """A scenario by its name or by the path of its file.
+
+    :raises ProjectError: for an unknown name, or a file that cannot be loaded or has no scenario.
+    """
+    known = scenario_files()
+    if not target.endswith(".py") and target not in known:
+        raise ProjectError(f"no scenario is called {target!r}{suggestion(target, known)}")
+    path = Path(target) if target.endswith(".py") else known[target]
+    module = load_module(path)
+    for value in vars(module).values():
+        if isinstance(value, Scenario):
+            return replace(value, path=path)
+    main: Any = getattr(module, "main", None)
+    if not (inspect.isfunction(main) and "figure" in inspect.signature(main).parameters):
+        raise ProjectError(f"{path} is no scenario: put @scenario before its main(claim)")
+    return _scenario(_adapted(main), path, inspect.getdoc(module))
+
+
+def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = False) -> Outcome:
+    """Run a scenario.
+
+    :param figures: directory for the figure; :func:`liaisons.project.figures_directory` unless given.
+    :param debug: let errors of the scenario through instead of putting them into the outcome.
+    """
+    import matplotlib.pyplot as plt
+
+    plt.switch_backend("Agg")
+    figure = (figures or figures_directory(scenario.path)) / f"{scenario.name}.png"
+    figure.parent.mkdir(parents=True, exist_ok=True)
+    begin, claims = time.perf_counter(), Claims()
+    try:
+        scenario.main(claims)
+        save(figure)
+        reason = "" if claims.verdicts else f"{scenario.path} claims nothing"
+    except Exception as error:
+        if debug:
+            raise
+        reason = f"{type(error).__name__}: {error}"
+    finally:
+        plt.close("all")
+    return Outcome(scenario, figure, tuple(claims.verdicts), time.perf_counter() - begin, reason)
+
+
+def report(outcomes: Iterable[Outcome]) -> str:
+    """The table that a run ends in: scenario, claim, error, tolerance, verdict, time."""
+    return table([row for outcome in outcomes for row in outcome.rows()])
+
+
+def run_scenario(main: Any) -> int:
+    """Run a scenario that returns its verdicts."""
+    path = Path(inspect.getfile(main))
+    outcome = execute(_scenario(_adapted(main), path, inspect.getdoc(inspect.getmodule(main))), debug=True)
+    print(report([outcome]))
+    print(f"figure: {from_here(outcome.figure)}")
+    return 0 if outcome.passed else 1
+
+
+def _adapted(main: Any) -> Callable[[Claims], None]:
+    def adapted(claims: Claims) -> None:
+        with TemporaryDirectory() as folder:
+            claims.verdicts += main(Path(folder) / "figure.png")
+
+    return adapted
+
+
+def _scenario(main: Callable[[Claims], None], path: Path, documentation: str | None) -> Scenario:
+    if not documentation:
+        raise ProjectError(f"{path} is no scenario: state its claim in the docstring of the file")
+    claim = " ".join(documentation.split("\n\n")[0].split())
+    return Scenario(path.stem, claim, path, main)
