@@ -351,7 +351,7 @@ class BrakedChain(OscillatorChain):
 
 def test_declared_friction_brakes_every_link_of_a_chain() -> None:
     """p' = -K u - η p, and the potential energy is that of the springs."""
-    model = BrakedChain.model(2).flat()
+    model = assemble(BrakedChain, 2).flat()
     u, p, k = [0.3, -0.2], [1.5, -0.5], {v.name: v.starts[0] for v in model.parameters} | {"air": 0.4}
     arguments = (0, [*u, *p, 0, 0], [0.0] * len(model.inputs), list(k.values()), [0, 0])
     names = [v.name for v in model.outputs]
