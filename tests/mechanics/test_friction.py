@@ -343,6 +343,23 @@ def test_dampers_of_a_free_chain_act_between_its_links() -> None:
     assert found["dissipation"] == pytest.approx(0.3 * np.sum((difference @ v) ** 2), rel=ROUNDING)
 
 
+class BrakedChain(OscillatorChain):
+    """Masses in a row, all braked by what they move in."""
+
+    air = Friction()
+
+
+def test_declared_friction_brakes_every_link_of_a_chain() -> None:
+    """p' = -K u - η p, and the potential energy is that of the springs."""
+    model = assemble(BrakedChain, 2).flat()
+    u, p, k = [0.3, -0.2], [1.5, -0.5], {v.name: v.starts[0] for v in model.parameters} | {"air": 0.4}
+    arguments = (0, [*u, *p, 0, 0], [0.0] * len(model.inputs), list(k.values()), [0, 0])
+    names = [v.name for v in model.outputs]
+    found = dict(zip(names, model.outputs_function(*arguments).full()[:, 0], strict=True))
+    assert [found["p_u_dot[1]"], found["p_u_dot[2]"]] == pytest.approx([-0.5 - 0.6, 0.5 + 0.2], rel=ROUNDING)
+    assert found["potential_energy"] == pytest.approx(0.125, rel=ROUNDING)
+
+
 # ---- what is said of it ------------------------------------------------------------------------------------------
 
 

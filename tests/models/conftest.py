@@ -120,3 +120,27 @@ def sine_and_cosine() -> Callable[[float], tuple[Decimal, Decimal]]:
             return sine, cosine
 
     return both
+
+
+@pytest.fixture(scope="session")
+def breathing_pendulum(taylor, sine_and_cosine) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """θ and p_θ = l² θ' for l = 1 + 0.1 sin 2t from θ_0 = 1, to rounding."""
+
+    def reference(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        sine, cosine = sine_and_cosine(1.0)
+        # θ, ω, s = sin θ, c = cos θ, w = 1/l, a = l'/l, S = sin 2t, C = cos 2t
+        rates = [
+            {(1,): 1},
+            {(4, 2): -Decimal("9.8125"), (5, 1): -2},
+            {(3, 1): 1},
+            {(2, 1): -1},
+            {(5, 4): -1},
+            {(6, 4): -Decimal("0.4"), (5, 5): -1},
+            {(7,): 2},
+            {(6,): -2},
+        ]
+        start = [1, 0, sine, cosine, 1, Decimal("0.2"), 0, 1]
+        theta, omega, *_ = taylor(times, start, rates)
+        return theta, (1 + 0.1 * np.sin(2 * times)) ** 2 * omega
+
+    return reference

@@ -71,13 +71,14 @@ def test_motion_passes_twenty_singular_configurations(tmp_path_factory, toleranc
 
 @pytest.mark.parametrize("theta", [1.0, 0.1, -0.01])
 def test_force_of_a_rod_has_a_pole(equations: Equations, theta: float) -> None:
-    """First rod: (1/3 + 1/2) θ'' = -g cos θ + λ_1 sin θ."""
-    values = {"mass": 1.0, "length": 1.0, "gravity": 9.81} | parallel(theta, -5.0)
+    """The multiplier of the derived equations for any mass and length."""
+    body = {"mass": 1.3, "length": 0.8, "gravity": 9.0}
+    values = body | parallel(theta, -5.0)
     expressions = [equations.in_motion(equations.multipliers)]
     force = ca.Function("force", list(equations.symbols.values()), expressions)
     found = force(*(values.get(name, 0.0) for name in equations.symbols))
     # Rounding over sin² θ, 1e-15 · 25 · 1e4, and what is lost, (1e-9 / 1e-4)².
-    assert float(found[0]) == pytest.approx((9.81 - 5 / 6 * WEIGHT / INERTIA) / np.tan(theta), rel=1e-9)
+    assert float(found[0]) == pytest.approx(float(TWO.pull(theta, **body)) / np.sin(theta), rel=1e-9)
 
 
 def test_closed_form_obeys_the_equation_of_one_pendulum() -> None:

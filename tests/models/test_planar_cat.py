@@ -134,6 +134,8 @@ def test_connection_is_the_one_by_hand_and_curvature_its_curl(parameters: Values
         shape = dict(zip(("psi_1", "psi_2"), psi.tolist(), strict=True)) | parameters
         # φ' = Γ ψ' without angular momentum; roundings of some dozen terms.
         assert -CONNECTION.evaluate(**shape)[2] == pytest.approx(expected, rel=1e-12, abs=1e-14)
+        turn_rate = PlanarCat.turn_rate(*psi, 0.7, -1.3, **parameters)
+        assert turn_rate == pytest.approx(-expected @ [0.7, -1.3], rel=1e-12, abs=1e-14)
         shifts = np.array([[h, 0], [0, h]])
         (along_1, along_2) = (
             (8 * (plus - minus) - (far_plus - far_minus)) / (12 * h)

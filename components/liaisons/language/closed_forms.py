@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 from collections.abc import Callable, Mapping
 from typing import Any, Generic, TypeVar, final
@@ -81,30 +82,30 @@ class ClosedForm(Generic[R]):
     :raises ValidityError: for an unknown name, a value outside of its domain, or one that the solution does not cover.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., R],
-        text: str,
-        conditions: Mapping[str, str],
-        owner: type[Component] | None = None,
-    ) -> None:
-        self._function, self._text, self._conditions, self._owner = function, text, conditions, owner
+    def __init__(self, function: Callable[..., R], text: str, conditions: Mapping[str, str]) -> None:
+        self._function, self._text, self._conditions = function, text, conditions
+        self.owner: type[Component] | None = None
         self._signature = inspect.signature(function)
         self.__name__ = function.__name__
         holds = " and ".join(f"{name} {condition.replace('==', '=')}" for name, condition in conditions.items())
         first = f"{text[:1].upper()}{text[1:]}{', for ' if holds else ''}{holds}."
         self.__doc__ = "\n\n".join(filter(None, (first, inspect.cleandoc(function.__doc__ or ""))))
 
+    def __set_name__(self, _: type, name: str) -> None:
+        self.__name__ = name
+
     def __get__(self, _: object, owner: type[Component]) -> ClosedForm[R]:
-        return ClosedForm(self._function, self._text, self._conditions, owner)
+        bound = copy.copy(self)
+        bound.owner = owner
+        return bound
 
     def __call__(self, *arguments: Any, **given: Any) -> R:
-        assert self._owner is not None  # it is an attribute of a component
-        label = f"{self._owner.__name__}.{self.__name__}"
+        assert self.owner is not None  # it is an attribute of a component
+        label = f"{self.owner.__name__}.{self.__name__}"
         wanted = self._signature.parameters
         own = {name: given.pop(name) for name in [*given] if name in wanted}
-        at = Values(label, _settable(self._owner, given), given)
-        own |= {name: value for name, value in (("at", at), ("component", self._owner)) if name in wanted}
+        at = Values(label, _settable(self.owner, given), given)
+        own |= {name: value for name, value in (("at", at), ("component", self.owner)) if name in wanted}
         try:
             call = self._signature.bind(*arguments, **own)
         except TypeError as error:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.language import Coordinate, Parameter, Values, calculated, closed_form, condition, output
+from liaisons.language import Coordinate, Parameter, calculated, condition, output
 from liaisons.models.hoop import Hoop
-from liaisons.models.solutions import elliptic
+from liaisons.models.solutions import hoops, slow_turn
 
 
 class CircularHoop(Hoop):
@@ -61,18 +60,5 @@ class CircularHoop(Hoop):
     def hoop_area(self) -> ca.SX:
         return np.pi * self.radius**2
 
-    @closed_form("at constant rate a pendulum of frequency |β_dot| √(d/R)", offset="< radius", hoop_inertia=">= 0")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        """The centrifugal force is its gravity; the operator's torque balances the moment of the normal force."""
-        R, d, Y = at.radius, at.offset, at.beta_dot
-        frequency = abs(Y) * np.sqrt(d / R)
-        if frequency > 0:
-            psi, psi_dot = elliptic.pendulum(t, at.xi_0 / R, at.xi_dot_0 / R, frequency)
-        else:
-            psi_dot = np.full_like(t, at.xi_dot_0 / R)
-            psi = at.xi_0 / R + psi_dot * t
-        normal_force = at.mass * (R * (psi_dot + Y) ** 2 + d * Y**2 * np.cos(psi))
-        torque = -d * np.sin(psi) * normal_force
-        motion = {"xi": R * psi, "xi_dot": R * psi_dot}
-        return motion | {"normal_force": normal_force, "beta_force": torque, "beta_power": torque * Y}
+    exact, slow_turn = hoops.circular, slow_turn.circular
+    dynamic_field, on_a_free_shaft = hoops.dynamic_field, hoops.on_a_free_shaft

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import jv
 
 from liaisons.language import ActiveCoordinate, Chain, Coordinate, Experiment, Parameter, Size, calculated
 from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions.linear import superposition
+from liaisons.models.solutions.validity import require
 
 
 class DrivenChain(Chain):
@@ -63,6 +65,14 @@ class DrivenChain(Chain):
     @staticmethod
     def normal_modes(at: Values) -> tuple[NDArray, NDArray]:
         return _modes(at)
+
+    @closed_form("a bound of what precedes a sudden unit push at mass j before j Δx/c, J_2j(x)/√(1 - (x/2j)²)")
+    @staticmethod
+    def forerunner(t: NDArray, j: ArrayLike, at: Values) -> NDArray:
+        """x = 2 √(κ/m) t < 2j; an endless chain answers a step by u_j = ∫ 2j J_2j(x) dt/t."""
+        order, x = 2 * np.asarray(j), 2 * np.sqrt(at.stiffness / at.mass) * t
+        require(bool(np.all(x < order)), f"DrivenChain.forerunner: at t = {np.max(t)} s the push is there")
+        return jv(order, x) / np.sqrt(1 - (x / order) ** 2)
 
 
 def _modes(at: Values) -> tuple[NDArray, NDArray]:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import ellipeinc
 
-from liaisons.language import Coordinate, Parameter, Values, calculated, closed_form, condition, output
+from liaisons.language import Coordinate, Parameter, calculated, condition, output
 from liaisons.models.parametrised_hoop import ParametrisedHoop
-from liaisons.models.solutions.hoops import elliptic_hoop
+from liaisons.models.solutions import hoops, slow_turn
 
 # Landen steps: errors of 1e-14 for ratios of the axes up to a million.
 _STEPS = 7
@@ -78,21 +76,4 @@ class EllipticHoop(ParametrisedHoop):
     def theta(self) -> ca.SX:
         return self._polar_angle(self.u)
 
-    @closed_form("by Jacobi elliptic functions and one quadrature, about the centre at constant rate", t=">= 0")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        a, b = at.semi_axis_a, at.semi_axis_b
-        u, xi_dot = elliptic_hoop("EllipticHoop.exact", t, at.u_0, at.u_dot_0, axes=(a, b), beta_dot=at.beta_dot)
-        # The torque is the rate of p_β = m (α ξ_dot + r² β_dot) + I β_dot; α = ab/(dξ/du), ξ_ddot = ½ β_dot² (r²)'.
-        s, slope = np.hypot(a * np.sin(u), b * np.cos(u)), (a**2 - b**2) * np.sin(2 * u)
-        alpha_dash, r_squared_dash = -a * b * slope / (2 * s**4), -slope / s
-        along = xi_dot + a * b * at.beta_dot / (2 * s)
-        torque = at.mass * (alpha_dash * xi_dot**2 + r_squared_dash * at.beta_dot * along)
-        return {
-            "u": u,
-            "u_dot": xi_dot / s,
-            "xi": b * ellipeinc(u, 1 - (a / b) ** 2),
-            "xi_dot": xi_dot,
-            "beta_force": torque,
-            "beta_power": torque * at.beta_dot,
-        }
+    exact, slow_turn = hoops.elliptic, slow_turn.elliptic

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.language import Coordinate, Parameter, Values, calculated, closed_form, condition
+from liaisons.language import Coordinate, Parameter, calculated, condition
 from liaisons.models.parametrised_hoop import SAMPLES, ParametrisedHoop
-from liaisons.models.solutions.hoops import fourier_hoop
+from liaisons.models.solutions import hoops, slow_turn
 
 
 class FourierHoop(ParametrisedHoop):
@@ -83,11 +82,4 @@ class FourierHoop(ParametrisedHoop):
     def hoop_area(self) -> ca.SX:
         return np.pi * self.radius**2 * (1 + sum(a**2 + b**2 for _, a, b in self._coefficients) / 2)
 
-    @closed_form("by one quadrature, for a bead that goes round while the hoop turns at constant rate", t=">= 0")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        k = range(1, 5)
-        waves = at.array(*(f"cos_{n}" for n in k)) - 1j * at.array(*(f"sin_{n}" for n in k))
-        hoop = {"radius": at.radius, "waves": waves, "beta_dot": at.beta_dot}
-        motion = fourier_hoop("FourierHoop.exact", t, at.theta_0, at.theta_dot_0, **hoop)
-        return dict(zip(("theta", "theta_dot", "xi", "xi_dot"), motion, strict=True))
+    exact, slow_turn = hoops.fourier, slow_turn.fourier

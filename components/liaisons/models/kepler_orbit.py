@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, condition, output
 from liaisons.models.solutions.kepler import kepler_motion
@@ -80,3 +80,16 @@ class KeplerOrbit(Mechanism):
         require(distance > 0, f"KeplerOrbit.period: r_0 = {distance} must be > 0")
         inverse = 2 / distance - (at.x_dot_0**2 + at.y_dot_0**2) / at.mu  # 1/a
         return float(2 * np.pi / np.sqrt(at.mu * inverse**3)) if inverse > 0 else np.inf
+
+    @closed_form("the start at the pericentre, on the x axis, of an orbit of this semi-axis [m] and eccentricity")
+    @staticmethod
+    def pericentre(at: Values, *, semi_axis: float, eccentricity: float) -> dict[str, float]:
+        speed = np.sqrt(at.mu / semi_axis * (1 + eccentricity) / (1 - eccentricity))
+        return {"x_0": semi_axis * (1 - eccentricity), "y_dot_0": float(speed)}
+
+    @closed_form(
+        "the time since the pericentre [s] at the eccentric anomaly E, √(a³/μ) (E - e sin E): Kepler's equation"
+    )
+    @staticmethod
+    def time(E: ArrayLike, at: Values, *, semi_axis: float, eccentricity: float) -> NDArray:
+        return np.sqrt(semi_axis**3 / at.mu) * (np.asarray(E) - eccentricity * np.sin(E))

@@ -8,12 +8,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions import elliptic
+from liaisons.models.solutions import parallelograms
 
 
 class FourBars(Mechanism, abstract=True):
@@ -67,22 +65,13 @@ class FourBars(Mechanism, abstract=True):
         one, other = self._top(i - 1), self._top(i)
         return (sum((other[axis] - one[axis]) ** 2 for axis in "xz") - self.length**2) / (2 * self.length)
 
-    @closed_form("all standing rods at one angle: θ + π/2 moves like a pendulum, by Jacobi's functions", gravity="> 0")
-    @staticmethod
-    def exact(
-        t: NDArray, at: Values, component: type[FourBars], theta_0: float = np.pi / 2, theta_dot_0: float = -1.0
-    ) -> dict[str, NDArray]:
-        count = component.windows
-        inertia, weight = (count + 1) / 3 + count, (count + 1) / 2 + count
-        frequency = np.sqrt(at.gravity / at.length * weight / inertia)
-        angle, rate = elliptic.pendulum(t, theta_0 + np.pi / 2, theta_dot_0, frequency)
-        return {"theta": angle - np.pi / 2, "theta_dot": rate}
+    exact, pull = parallelograms.exact, parallelograms.pull
 
 
 def four_bars(windows: int) -> type[FourBars]:
     """A row of parallelograms as a component: coordinates theta_0 .. theta_N, constraints rod_1 .. rod_N.
 
-    :param windows: how many, N; at the start all standing rods are upright and fall to the right at 1 rad/s.
+    :param windows: how many, N; all standing rods are upright at the start and fall to the right at 1 rad/s.
     :returns: the component; its FMU is called ``FourBars`` and the number.
     :raises ComponentError: unless there is at least one window.
     """

@@ -6,12 +6,19 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import ActiveCoordinate, Coordinate, Friction, Gravity, Mechanism, Parameter, output, point
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions import elliptic
-from liaisons.models.solutions.bessel import lengthening_pendulum
-from liaisons.models.solutions.linear import oscillation
-from liaisons.models.solutions.validity import require
+from liaisons.language import (
+    ActiveCoordinate,
+    Coordinate,
+    Friction,
+    Gravity,
+    Mechanism,
+    Parameter,
+    Values,
+    closed_form,
+    output,
+    point,
+)
+from liaisons.models.solutions import elliptic, pendulum
 
 
 class Pendulum(Mechanism):
@@ -58,34 +65,13 @@ class Pendulum(Mechanism):
         tension = at.mass * (at.length * theta_dot**2 + at.gravity * np.cos(theta))
         return {"theta": theta, "theta_dot": theta_dot, "tension": tension}
 
-    @closed_form("the period [s]: 4 K(k)/Ω of a swing, 2 K(1/k)/kΩ of a full turn, else infinite", gravity="> 0")
-    @staticmethod
-    def period(at: Values) -> float:
-        return elliptic.period(at.theta_0, at.theta_dot_0, np.sqrt(at.gravity / at.length))
-
-    @closed_form("the motion for sin θ ≈ θ (K Ex. 3, 6), whose period is short by θ²/16", gravity="> 0")
-    @staticmethod
-    def small_angle(t: NDArray, at: Values) -> dict[str, NDArray]:
-        omega_squared = at.gravity / at.length
-        motion = oscillation(t, at.theta_0, at.theta_dot_0, omega_squared=omega_squared, gamma=at.friction)
-        return dict(zip(("theta", "theta_dot"), motion, strict=True))
-
-    @closed_form(
-        "the motion for sin θ ≈ θ while the length grows evenly: Bessel functions", gravity="> 0", length_dot="!= 0"
+    period, action = pendulum.period, pendulum.action
+    small_angle, lengthening = pendulum.small_angle, pendulum.lengthening
+    crouch_growth, crouch_schedule = pendulum.crouch_growth, pendulum.crouch_schedule
+    pumped, pumping_rate = pendulum.pumped, pendulum.pumping_rate
+    shaken_trace, shaken_is_bounded, shaken_edges = (
+        pendulum.shaken_trace,
+        pendulum.shaken_is_bounded,
+        pendulum.shaken_edges,
     )
-    @staticmethod
-    def lengthening(t: NDArray, at: Values) -> dict[str, NDArray]:
-        shortest = np.min(at.length + at.length_dot * t)
-        require(shortest > 0, f"Pendulum.lengthening: the length falls to {shortest} m; end before it reaches 0")
-        lengths = {"length": at.length, "speed": at.length_dot, "gravity": at.gravity}
-        motion = lengthening_pendulum(t, at.theta_0, at.theta_dot_0, **lengths)
-        return dict(zip(("theta", "theta_dot"), motion, strict=True))
-
-    @closed_form(
-        "the growth of 1 - cos θ_max in each half swing, by crouching (p_θ is kept) and standing up at once",
-        length_low="> 0",
-        length_high="> 0",
-    )
-    @staticmethod
-    def crouch_growth(*, length_low: float, length_high: float) -> float:
-        return (length_low / length_high) ** 3
+    upright_from, upright_well = pendulum.upright_from, pendulum.upright_well

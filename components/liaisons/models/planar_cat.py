@@ -6,12 +6,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions.linear import free_fall
+from liaisons.models.solutions import attitudes
 
 
 class _Body(NamedTuple):
@@ -89,11 +86,4 @@ class PlanarCat(Mechanism):
         turning = ((b, *b.position, *b.velocity) for b in self._bodies)
         return sum((b.mass * (x * w - z * v) + b.inertia * b.spin for b, x, z, v, w in turning), ca.SX(0))
 
-    @closed_form("a parabola, and with the limbs held still a uniform turn")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        motion = free_fall(t, at)
-        for q in ("com_x", "phi"):
-            start, rate = at.array(f"{q}_0", f"{q}_dot_0")
-            motion |= {q: start + rate * t, f"{q}_dot": np.full_like(t, rate)}
-        return motion
+    exact, turn_rate = attitudes.falling, attitudes.turn_rate

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
-from liaisons.language.closed_forms import Values, closed_form
+from liaisons.language import (
+    ActiveCoordinate,
+    Experiment,
+    Mechanism,
+    Orientation,
+    Parameter,
+    Values,
+    closed_form,
+    condition,
+)
+from liaisons.models.solutions import attitudes
 from liaisons.models.solutions.euler_top import euler_top
-from liaisons.models.solutions.rotations import IDENTITY, turned, unit
+from liaisons.models.solutions.rotations import unit
 from liaisons.models.solutions.validity import positive_definite
 
 _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
@@ -86,14 +94,4 @@ class Satellite(Mechanism):
         omega, q = euler_top(t, J, at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
         return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
 
-    @closed_form("from rest, the wheels turned in proportion: a rotation by -J⁻¹ J_wheel Δφ")
-    @staticmethod
-    def slew(
-        turn_1: ArrayLike = 0, turn_2: ArrayLike = 0, turn_3: ArrayLike = 0, *, at: Values, start: ArrayLike = IDENTITY
-    ) -> dict[str, NDArray]:
-        """Δφ = (turn_1, turn_2, turn_3) [rad], any shape, in one direction at any pace, from the attitude ``start``."""
-        turns = np.stack(np.broadcast_arrays(turn_1, turn_2, turn_3))
-        J = positive_definite("Satellite.slew: J", at.array(*_TENSOR).reshape(3, 3))
-        vector = -at.J_wheel * np.tensordot(np.linalg.inv(J), turns, 1)
-        q = turned(unit(start), vector)
-        return dict(zip(Orientation.quaternion, q, strict=True))
+    slew, slew_torque, steered = attitudes.slew, attitudes.slew_torque, attitudes.steered

@@ -6,9 +6,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions import rotations
+from liaisons.language import (
+    ActiveCoordinate,
+    Coordinate,
+    Experiment,
+    Gravity,
+    Mechanism,
+    Orientation,
+    Parameter,
+    Values,
+    closed_form,
+)
+from liaisons.models.solutions import attitudes, rotations
 from liaisons.models.solutions.linear import free_fall
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
@@ -83,18 +92,10 @@ class SpatialCat(Mechanism):
     def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
         """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
         chi = np.asarray(azimuth, dtype=float)
-        psi = _turn(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
+        psi = attitudes.turned_by(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
         start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
         back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
         q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)
         return free_fall(t, at) | dict(zip(Orientation.quaternion, q.reshape(4, *chi.shape), strict=True))
 
-    @closed_form("the angle Φ [rad] by which χ turns the cat about a + b, once round at constant bend")
-    @staticmethod
-    def turn(bend: float, at: Values) -> float:
-        return _turn(at, bend)
-
-
-def _turn(at: Values, bend: float) -> float:
-    c, s = np.cos(bend / 2), np.sin(bend / 2)
-    return float(2 * np.pi * at.inertia_axial * c / (at.inertia_transverse * s**2 + at.inertia_axial * c**2))
+    turn, bend_for, cone_turn, bisector = attitudes.turn, attitudes.bend_for, attitudes.cone_turn, attitudes.bisector

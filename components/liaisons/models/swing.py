@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions import elliptic
-from liaisons.models.solutions.validity import require
+from liaisons.models.solutions import swing
 
 
 class Swing(Mechanism):
@@ -87,14 +84,4 @@ class Swing(Mechanism):
     def com_off_the_pivot(self) -> ca.SX:
         return ca.hypot(*self._moment())
 
-    @closed_form("the motion in a fixed posture: the compound pendulum I θ_com'' = -D sin θ_com", gravity="> 0")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        seat, torso = at.rope + 0j, at.rope + at.torso_length * np.exp(1j * at.lean)  # in the plane, along the rope
-        moment = at.mass_seat * seat + at.mass_torso * torso
-        inertia = at.mass_seat * abs(seat) ** 2 + at.mass_torso * abs(torso) ** 2
-        size = at.mass_seat * abs(seat) + at.mass_torso * abs(torso)
-        require(abs(moment) > 1e-15 * size, "Swing.exact: the centre of mass lies on the pivot; change rope or lean")
-        offset, frequency = np.angle(moment), np.sqrt(at.gravity * abs(moment) / inertia)
-        theta_com, theta_dot = elliptic.pendulum(t, at.theta_0 + offset, at.theta_dot_0, frequency)
-        return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}
+    exact, lift, leaning = swing.exact, swing.lift, swing.leaning

@@ -1,4 +1,4 @@
-"""Closed forms whose last step is a quadrature, done to rounding."""
+"""References whose last step is a quadrature or an integration, done to rounding."""
 
 from __future__ import annotations
 
@@ -11,12 +11,19 @@ from scipy.integrate import solve_ivp
 from liaisons.models.solutions.validity import require
 
 
-def integrate(where: str, rates: Callable[[NDArray], NDArray], start: ArrayLike, t: ArrayLike) -> NDArray:
-    """Solution y(t) of y' = rates(y), y(0) = start.
+def integrate(
+    where: str,
+    rates: Callable[[float, NDArray], ArrayLike],
+    start: ArrayLike,
+    t: ArrayLike,
+    longest: float = np.inf,
+) -> NDArray:
+    """Solution y(t) of y' = rates(t, y), y(0) = start.
 
     :param where: who asks, for the error.
     :param start: shape (n,).
     :param t: times [s], any shape and order, >= 0.
+    :param longest: of the steps [s], where the rates come and go.
     :returns: shape (n, *t.shape).
     :raises ValidityError: for a negative time.
     """
@@ -24,6 +31,6 @@ def integrate(where: str, rates: Callable[[NDArray], NDArray], start: ArrayLike,
     require(not np.any(times < 0), f"{where}: t = {np.min(times)} must be >= 0")
     y = np.repeat(np.reshape(np.asarray(start, dtype=float), (-1, 1)), times.size, axis=1)
     if times[-1] > 0:
-        span = (0.0, times[-1])
-        y = solve_ivp(lambda _, y: rates(y), span, y[:, 0], "DOP853", times, rtol=1e-13, atol=1e-14).y
+        span, method = (0.0, times[-1]), "DOP853"
+        y = solve_ivp(rates, span, y[:, 0], method, times, rtol=1e-13, atol=1e-14, max_step=longest).y
     return y[:, order].reshape(-1, *np.shape(t))

@@ -1,0 +1,62 @@
+"""The child on a swing: its motion in a fixed posture, and what leaning does to it (M 8.1, J ≠ 0)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.language import Values, closed_form
+from liaisons.models.solutions import elliptic
+from liaisons.models.solutions.integration import integrate
+from liaisons.models.solutions.validity import require
+
+
+@closed_form("the motion in a fixed posture: the compound pendulum I θ_com'' = -D sin θ_com", gravity="> 0")
+def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+    seat, torso = at.rope + 0j, at.rope + at.torso_length * np.exp(1j * at.lean)  # in the plane, along the rope
+    moment = at.mass_seat * seat + at.mass_torso * torso
+    inertia = at.mass_seat * abs(seat) ** 2 + at.mass_torso * abs(torso) ** 2
+    size = at.mass_seat * abs(seat) + at.mass_torso * abs(torso)
+    require(abs(moment) > 1e-15 * size, "Swing.exact: the centre of mass lies on the pivot; change rope or lean")
+    offset, frequency = np.angle(moment), np.sqrt(at.gravity * abs(moment) / inertia)
+    theta_com, theta_dot = elliptic.pendulum(t, at.theta_0 + offset, at.theta_dot_0, frequency)
+    return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}
+
+
+@closed_form("the shift of the rope [rad] by a lean at once from ``lean`` to another, -∫ (J/I) dψ: a horizontal lift")
+def lift(to: float, at: Values) -> float:
+    """p_θ and the rope's length stay; J = (I + m_2 b² - (m_1 + m_2) l²)/2, and dψ/I integrates to an arctangent."""
+    m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
+    mean, swing = (m_1 + m_2) * l**2 + m_2 * b**2, 2 * m_2 * l * b  # I = mean + swing cos ψ
+    root = np.sqrt((mean - swing) * (mean + swing))
+
+    def primitive(psi: float) -> float:
+        """∫ dψ/I, not wrapped."""
+        half = psi / 2
+        turns = np.round(half / np.pi)
+        return 2 / root * (np.pi * turns + np.arctan((mean - swing) / root * np.tan(half - np.pi * turns)))
+
+    rest = (m_2 * b**2 - (m_1 + m_2) * l**2) / 2
+    return float(-(to - at.lean) / 2 - rest * (primitive(to) - primitive(at.lean)))
+
+
+@closed_form("the motion under the lean ψ + amplitude · sin(angular_frequency t): M eq. 54-56 at 1e-13")
+def leaning(t: NDArray, at: Values, *, amplitude: float, angular_frequency: float) -> dict[str, NDArray]:
+    """θ and p_θ; ``lean`` is the mean, the rope keeps its length."""
+    m_1, m_2, l, b = at.mass_seat, at.mass_torso, at.rope, at.torso_length  # noqa: E741
+
+    def posture(t: float) -> tuple[float, float, float]:
+        """ψ, I, and J ψ'."""
+        psi = at.lean + amplitude * np.sin(angular_frequency * t)
+        J = m_2 * (b**2 + l * b * np.cos(psi))
+        inertia = m_1 * l**2 + m_2 * (l**2 + b**2 + 2 * l * b * np.cos(psi))
+        return psi, inertia, J * amplitude * angular_frequency * np.cos(angular_frequency * t)
+
+    def rates(t: float, y: NDArray) -> list[float]:
+        psi, inertia, turning = posture(t)
+        moment = (m_1 + m_2) * l * np.sin(y[0]) + m_2 * b * np.sin(y[0] + psi)
+        return [(y[1] - turning) / inertia, -at.gravity * moment]
+
+    _, inertia, turning = posture(0.0)
+    start = [at.theta_0, inertia * at.theta_dot_0 + turning]
+    return dict(zip(("theta", "p_theta"), integrate("Swing.leaning", rates, start, t), strict=True))
