@@ -27,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _perform(words: list[str], *, debug: bool) -> int:
+def _perform(arguments: list[str], *, debug: bool) -> int:
     # Imported here, where an interrupt is caught; the commands in the order of the help.
     # isort: off
     from typer import TyperException
@@ -37,10 +37,11 @@ def _perform(words: list[str], *, debug: bool) -> int:
     # isort: on
 
     try:
-        status: int = application(words, prog_name="liaisons", obj=debug, standalone_mode=False)
+        status: int = application(arguments, prog_name="liaisons", obj=debug, standalone_mode=False)
     except TyperException as misuse:
         program = getattr(getattr(misuse, "ctx", None), "command_path", "liaisons")
-        print(f"{program}: error: {misuse.format_message()} ({program} --help shows examples)", file=sys.stderr)
+        words = misuse.format_message().replace("Value error, ", "")  # Pydantic's way to begin
+        print(f"{program}: error: {words} ({program} --help shows examples)", file=sys.stderr)
         return misuse.exit_code
     except (LiaisonsError, OSError) as error:
         if debug:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from inspect import cleandoc
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,7 +37,9 @@ application = typer.Typer(
         liaisons compare mine.csv theirs.csv            differences, signal by signal
         liaisons check fmus/Pendulum.fmu                validators and invariants, for any FMU
     """),
-    result_callback=lambda status, **_: sys.stdout.flush() or status,  # a closed pipe must show here, not at exit
+    result_callback=lambda status, **_: (
+        print(end="", flush=True) or status
+    ),  # a closed pipe must show here, not at exit
     context_settings={"max_content_width": _WIDTH},
     rich_markup_mode=None,  # plain help, which every terminal shows
     pretty_exceptions_enable=False,
@@ -116,7 +117,7 @@ def assignment(text: str) -> tuple[str, float | bool | str]:
     """``name=value`` of a command line; numbers and truth values as such."""
     name, _, value = text.partition("=")
     if not (name and value):
-        raise typer.BadParameter(f"{text!r}: write NAME=VALUE, e.g. --set theta_0=0.5")
+        raise typer.BadParameter(f"{text!r}: write NAME=VALUE, for example theta_0=0.5")
     if value in {"true", "false"}:
         return name, value == "true"
     for number in (int, float):

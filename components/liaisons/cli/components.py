@@ -36,9 +36,7 @@ T = TypeVar("T")
 def listing(
     targets: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[FILE.py]...", autocompletion=catalogue_names, help="show those of these files instead"
-        ),
+        typer.Argument(metavar="FILE.py", autocompletion=catalogue_names, help="show those of these files instead"),
     ] = None,
 ) -> int:
     """Show the components: free and active coordinates, and what each one is."""
@@ -57,7 +55,7 @@ def build(
     targets: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[NAME|FILE.py]...",
+            metavar="NAME|FILE.py",
             autocompletion=catalogue_names,
             help="what to build (default: what fmus/fmus.toml declares; without one, the whole catalogue)",
         ),

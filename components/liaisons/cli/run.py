@@ -21,7 +21,7 @@ def run(
     targets: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[NAME|FILE.py]...",
+            metavar="NAME|FILE.py",
             autocompletion=lambda: list(scenario_files()),
             help="scenarios of this project, which 'liaisons run' lists, or files",
         ),
