@@ -21,10 +21,10 @@ from liaisons.cosim.messages import WARNING
 from liaisons.folders import passing_folder
 
 if TYPE_CHECKING:
-    from liaisons.cosim import Result
     from liaisons.cosim.calls import Call
     from liaisons.cosim.description import Fmu
     from liaisons.cosim.messages import Action
+    from liaisons.results import Result
 
 _MOST_VALIDATED = 2**23
 """Bytes of a model description; its validator takes some fifty times as many."""

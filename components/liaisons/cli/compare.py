@@ -10,7 +10,7 @@ import typer
 from liaisons.cli._command import command
 
 if TYPE_CHECKING:
-    from liaisons.cosim import Result
+    from liaisons.results import Result
 
 
 def _tolerance(text: str) -> float:
@@ -47,6 +47,6 @@ def compare(
 
 
 def _read(path: Path) -> Result:
-    from liaisons.cosim import Result
+    from liaisons.results import Result
 
     return (Result.from_parquet if path.suffix == ".parquet" else Result.from_csv)(path)
