@@ -73,10 +73,10 @@ def simulate(
     plot: Annotated[str | None, typer.Option(metavar="[FILE]", help="draw the signals (default: NAME.png)")] = None,
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
+    from liaisons import ssp
     from liaisons.cli._inputs import drives
     from liaisons.cli._mismatch import mismatches, taken_out
     from liaisons.cli._outputs import Outputs
-    from liaisons import ssp
     from liaisons.cosim import System
     from liaisons.results import IncompleteError, Interrupted
 
