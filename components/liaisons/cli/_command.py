@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from liaisons import __version__
 from liaisons.library import catalogue_names
+from liaisons.version import __version__
 
 if TYPE_CHECKING:
     from liaisons.check import Verdict
