@@ -7,12 +7,13 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from liaisons.errors import LiaisonsError, SimulationError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 def shown(value: object) -> str:
@@ -72,6 +73,8 @@ def numbers(label: str, values: object, error: type[LiaisonsError] = SimulationE
     :param label: what they are.
     :raises error: if they are none.
     """
+    import numpy as np  # slow to load: the command line's help does without
+
     try:
         if values is not None:  # NumPy would take it for not-a-number
             return np.asarray(values, dtype=float)

@@ -39,6 +39,14 @@ def catalogue() -> dict[str, type[Component]]:
     return {component.__name__: component for component in CATALOGUE}
 
 
+def catalogue_names() -> list[str]:
+    """Their names as the files have them: completion does not wait for anything to be loaded."""
+    files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parent / "models").glob("[!_]*.py"))
+    heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
+    public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
+    return sorted(public)
+
+
 def components(target: Target) -> list[type[Component]]:
     """The components that a word on the command line or an argument stands for.
 

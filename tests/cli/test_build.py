@@ -70,7 +70,7 @@ def test_without_a_declaration_the_catalogue_is_built(liaisons: Cli, monkeypatch
     monkeypatch.setattr("liaisons.project._root", Path)
     built: list[str] = []
     monkeypatch.setattr("os.cpu_count", lambda: 1)  # all in this process, where nothing is built
-    monkeypatch.setattr("liaisons.fmu.building", lambda model, *_, **__: built.append(model.name) or Path(model.name))
+    monkeypatch.setattr("liaisons.fmu.build", lambda model, *_, **__: built.append(model.name) or Path(model.name))
     reply = liaisons("build")
     assert (reply.status, reply.err) == (0, "")
     assert built == reply.out.split() == list(catalogue())

@@ -7,7 +7,8 @@ import pytest
 from .conftest import Cli, is_misuse
 
 
-def test_list_shows_every_component_with_its_coordinates(liaisons: Cli) -> None:
+def test_list_shows_every_component_with_its_coordinates(liaisons: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "250")
     reply = liaisons("list")
     lines = {line.split()[0]: line for line in reply.out.splitlines()[2:]}
     assert reply.status == 0

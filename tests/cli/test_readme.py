@@ -64,7 +64,7 @@ def write_files(folder: Path) -> None:
     (folder / "my_component.py").write_text(component, encoding="utf-8")
     (folder / "small_angle.py").write_text(python_block("@scenario"), encoding="utf-8")
     (folder / "lines.py").write_text(lines_of_python(), encoding="utf-8")
-    (folder / "sweep.py").write_text(f"{python_block('sweep(')}\nassert len(table) == 6\n", encoding="utf-8")
+    (folder / "sweep.py").write_text(f"{python_block('sweep(')}\nassert table['x'].shape == (6,)\n", encoding="utf-8")
 
 
 def test_the_scenario(liaisons: Cli, tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_the_lines_of_python(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_sweep() -> None:
     names: dict[str, object] = {}
     exec(python_block("sweep("), names)
-    assert len(names["table"]) == 6  # type: ignore[arg-type]
+    assert names["table"]["x"].shape == (6,)  # type: ignore[index]
 
 
 def test_the_readme_has_two_commands_first() -> None:

@@ -46,21 +46,18 @@ def test_misuse_on_the_command_line(pendulum, tmp_path, capsys) -> None:
     ["theta_0=", "=1", "theta_0", "theta_0=0:1:0", "theta_0=0:1:-3", "theta_0=0:1:x", "theta_0=0:1:10000000000"],
 )
 def test_misuse_of_values(pendulum, capsys, values) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(["sweep", str(pendulum), "--keep", "theta", "--over", values])
+    assert main(["sweep", str(pendulum), "--keep", "theta", "--over", values]) == 2
     assert "a count of 1 at least" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("values", ["3:0", "1:1", "nan:1", "0:inf", "normal:1:0", "normal:1:-1", "normal:0:inf", "1"])
 def test_misuse_of_distributions(pendulum, capsys, values) -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(["sweep", str(pendulum), "--keep", "theta", "--samples", "3", "--random", f"theta_0={values}"])
+    assert main(["sweep", str(pendulum), "--keep", "theta", "--samples", "3", "--random", f"theta_0={values}"]) == 2
     assert "low < high" in capsys.readouterr().err
 
 
 def test_the_help_says_whom_to_trust(capsys) -> None:
-    with pytest.raises(SystemExit, match="0"):
-        main(["sweep", "--help"])
+    assert main(["sweep", "--help"]) == 0
     assert "take them from people you trust" in capsys.readouterr().out
 
 

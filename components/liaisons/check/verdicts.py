@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
+from textwrap import wrap
 
 from liaisons.arguments import numbers, shown
 from liaisons.errors import ValidityError
@@ -69,10 +72,11 @@ def _number(claim: str, name: str, value: object) -> float:
     return found.item()
 
 
-def table(rows: Iterable[Verdict | Mapping[str, object]]) -> str:
-    """A plain-text table, one line a row, columns aligned.
+def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = None) -> str:
+    """A plain-text table, columns aligned.
 
     :param rows: verdicts, or mappings from column to content; the first row names the columns.
+    :param width: characters of a line, where cells go over several lines; None: one line a row, however long.
     :returns: header and rows without trailing blanks or newline; empty for no rows.
     """
     given = list(rows) if isinstance(rows, Iterable) else [rows]
@@ -82,8 +86,31 @@ def table(rows: Iterable[Verdict | Mapping[str, object]]) -> str:
             raise ValidityError(f"table: {shown(record)} is no row; give verdicts, or dictionaries by columns")
     if not records:
         return ""
-    columns = list(records[0])
-    cells = [columns, *([str(record.get(column, "")) for column in columns] for record in records)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    cells.insert(1, ["-" * width for width in widths])
-    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in cells)
+    cells = [list(records[0]), *([str(record.get(column, "")) for column in records[0]] for record in records)]
+    widths = _fitting(cells, width or sys.maxsize)
+    broken = [
+        line
+        for row in cells
+        for line in zip_longest(*(_broken(cell, wide) for cell, wide in zip(row, widths, strict=True)), fillvalue="")
+    ]
+    broken.insert(1, tuple("-" * wide for wide in widths))
+    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in broken)
+
+
+def _fitting(cells: list[list[str]], width: int) -> list[int]:
+    """Widths of columns, no narrower than their words; where room is wanting, what costs the fewest lines gives way."""
+    columns = list(zip(*cells, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    words = [max(len(word) for cell in column for word in cell.split() or [""]) for column in columns]
+
+    def lines(widths: list[int]) -> int:
+        return sum(max(-(-len(cell) // (wide or 1)) for cell, wide in zip(row, widths, strict=True)) for row in cells)
+
+    while sum(widths) + 2 * (len(widths) - 1) > width and widths != words:
+        ways = [[wide - (place == one) for place, wide in enumerate(widths)] for one in range(len(widths))]
+        widths = min((way for one, way in enumerate(ways) if way[one] >= words[one]), key=lines)
+    return widths
+
+
+def _broken(cell: str, width: int) -> list[str]:
+    return [cell] if len(cell) <= width else wrap(cell, width, break_on_hyphens=False)

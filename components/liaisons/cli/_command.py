@@ -1,61 +1,150 @@
-"""How a command joins the command line."""
+"""The frame of the command line, and what several of its commands share."""
 
 from __future__ import annotations
 
-import argparse
 import os
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+import shutil
+from collections.abc import Callable, Iterable, Mapping
+from inspect import cleandoc
+from typing import TYPE_CHECKING, Annotated, Any
 
-from liaisons.errors import LiaisonsError
+import typer
+
+from liaisons.library import catalogue_names
+from liaisons.version import __version__
 
 if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - it has no public name
+    from liaisons.check import Verdict
+
+_WIDTH = 100
+"""Of what is no terminal."""
 
 
-def command(
-    commands: Commands, name: str, action: Callable[[argparse.Namespace], int], text: str, examples: str
-) -> argparse.ArgumentParser:
-    """Add a command.
+def _examples(lines: str) -> str:
+    return "\b\nexamples:\n" + "".join(f"  {line}\n" for line in cleandoc(lines).splitlines())
 
-    :param action: does it and returns the exit status.
-    :param text: one line.
+
+application = typer.Typer(
+    help="From one Lagrangian with active constraints to verified FMUs.",
+    epilog=_examples("""
+        liaisons list                                   what there is
+        liaisons run pumped_swing                       a claim, its FMUs, its verdict, its figure
+        liaisons run --all
+        liaisons build Pendulum                         writes fmus/Pendulum.fmu
+        liaisons build my_component.py                  ... from a file of yours
+        liaisons simulate Pendulum --set theta_0=3 --stop 20 --plot
+        liaisons sweep Pendulum --over theta_0=0.1:3:50 --keep theta:max
+        liaisons compare mine.csv theirs.csv            differences, signal by signal
+        liaisons check fmus/Pendulum.fmu                validators and invariants, for any FMU
+    """),
+    result_callback=lambda status, **_: (
+        print(end="", flush=True) or status
+    ),  # a closed pipe must show here, not at exit
+    context_settings={"max_content_width": _WIDTH},
+    rich_markup_mode=None,  # plain help, which every terminal shows
+    pretty_exceptions_enable=False,
+)
+
+
+def command(examples: str, **options: Any) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Make a command of a function: its docstring and its parameters are the help, what it returns the exit status.
+
     :param examples: lines of a shell.
+    :param options: further ones of ``typer.Typer.command``.
     """
-    lines = "\n".join(f"  {line}" for line in examples.strip().splitlines())
-    parser = commands.add_parser(
-        name,
-        help=text,
-        description=f"{text[0].upper()}{text[1:]}.",
-        epilog=f"examples:\n{lines}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    # The same option stands before the command too; its value there must survive.
-    parser.add_argument(
-        "--debug", action="store_true", default=argparse.SUPPRESS, help="show where an error comes from"
-    )
-    parser.set_defaults(action=action)
-    return parser
+    return application.command(epilog=_examples(examples), **options)
 
 
-def add_unpacked_limit(parser: argparse.ArgumentParser) -> None:
-    """Add the option that allows larger archives."""
-    parser.add_argument(
-        "--unpacked-limit",
-        action=_Limit,
-        metavar="BYTES",
-        help="so much an FMU or SSP archive may take unpacked (default: 1 GiB, or $LIAISONS_UNPACKED_LIMIT)",
-    )
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"liaisons {__version__}")
+        raise typer.Exit
 
 
-class _Limit(argparse.Action):
+@application.callback()
+def frame(
+    *,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="show it")
+    ] = False,
+    _debug: Annotated[bool, typer.Option("--debug", help="show where an error comes from")] = False,
+) -> None:
+    """Take what stands before a command; ``--debug`` is taken out of all words before."""
+
+
+def show(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
+    """Print a table as wide as the terminal at most; what fails is red where there are colours."""
+    from rich.console import Console
+    from rich.text import Text
+
+    from liaisons.check import table
+
+    text = Text(table(rows, shutil.get_terminal_size((_WIDTH, 0)).columns))
+    text.highlight_words(["FAIL", "ERROR"], "bold red")
+    Console().print(text, soft_wrap=True)
+
+
+def _allow(limit: str | None) -> None:
     """Allow it in this process and in those that it starts."""
-
-    def __call__(self, parser: argparse.ArgumentParser, _: object, value: object, *__: object) -> None:
+    if limit is not None:
         from liaisons.cosim.archive import LIMIT_VARIABLE, unpacked_limit
 
-        os.environ[LIMIT_VARIABLE] = str(value)
+        os.environ[LIMIT_VARIABLE] = limit
+        unpacked_limit()
+
+
+UnpackedLimit = Annotated[
+    str | None,
+    typer.Option(
+        "--unpacked-limit",
+        metavar="BYTES",
+        envvar="LIAISONS_UNPACKED_LIMIT",
+        callback=_allow,
+        help="so much an FMU or SSP archive may take unpacked (default: 1 GiB)",
+    ),
+]
+FmuOrComponent = Annotated[
+    str,
+    typer.Argument(
+        metavar="FMU|NAME|FILE.py",
+        autocompletion=catalogue_names,
+        help="a file, or a component, which is built if need be",
+    ),
+]
+
+
+def assignment(text: str) -> tuple[str, float | bool | str]:
+    """``name=value`` of a command line; numbers and truth values as such."""
+    name, _, value = text.partition("=")
+    if not (name and value):
+        raise typer.BadParameter(f"{text!r}: write NAME=VALUE, for example theta_0=0.5")
+    if value in {"true", "false"}:
+        return name, value == "true"
+    for number in (int, float):
         try:
-            unpacked_limit()
-        except LiaisonsError as error:
-            parser.error(str(error).replace(LIMIT_VARIABLE, "--unpacked-limit"))
+            return name, number(value)
+        except ValueError:
+            continue
+    return name, value  # a string variable's; the FMU's description decides
+
+
+# The options of every simulation.
+Starts = Annotated[
+    list[Any],
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        parser=assignment,
+        default_factory=list,
+        show_default=False,
+        help="start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
+    ),
+]
+Start = Annotated[float | None, typer.Option(metavar="T", parser=float, help="begin [s] (default: the FMU's, else 0)")]
+Stop = Annotated[float | None, typer.Option(metavar="T", parser=float, help="end [s] (default: the FMU's)")]
+Step = Annotated[
+    float | None, typer.Option(metavar="H", parser=float, help="communication step [s] (default: the FMU's)")
+]
+Tolerance = Annotated[
+    float | None, typer.Option(metavar="R", parser=float, help="relative tolerance (default: the FMU's)")
+]

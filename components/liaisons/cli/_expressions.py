@@ -11,6 +11,7 @@ import ast
 import math
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from liaisons.errors import LiaisonsError, suggestion
@@ -50,12 +51,14 @@ def expression(text: str) -> Expression:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of the parser, on what is refused below
-            tree = ast.parse(text, mode="eval").body
+            function = _read(ast.parse(text, mode="eval").body, 0)
+    except _RefusedError as refused:
+        raise _unclear(text, len(text.encode()[: refused.place].decode()), str(refused)) from None
     except SyntaxError as error:
-        raise _unclear(text, (error.offset or 1) - 1, _words(text, error)) from None
+        words = "a number runs into a name; write 5*t, not 5t" if "decimal literal" in error.msg else error.msg
+        raise _unclear(text, (error.offset or 1) - 1, words if text else "there is nothing") from None
     except (ValueError, RecursionError, MemoryError):
         raise ExpressionError(f"{_short(text)}: too deep, or characters that do not belong here") from None
-    function = _Reader(text).read(tree, 0)
 
     def evaluate(t: float) -> Jet:
         try:
@@ -66,72 +69,12 @@ def expression(text: str) -> Expression:
     return evaluate
 
 
-class _Reader:
-    """Makes functions of the nodes of a tree."""
+class _RefusedError(Exception):
+    """A part of an expression that will not do."""
 
-    def __init__(self, text: str) -> None:
-        self._text = text
-
-    def read(self, node: ast.expr, depth: int) -> Callable[[Jet], Jet]:
-        if depth > _DEEPEST:
-            raise self._refused(node, f"more than {_DEEPEST} levels; write it with fewer brackets")
-        match node:
-            case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-                return self._number(node, number)
-            case ast.Name(id=name):
-                return self._name(node, name)
-            case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=operand):
-                inner, factor = self.read(operand, depth + 1), -1.0 if isinstance(sign, ast.USub) else 1.0
-                return lambda t: _scaled(inner(t), factor)
-            case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
-                apply, first, second = (
-                    _OPERATORS[type(operator)],
-                    self.read(left, depth + 1),
-                    self.read(right, depth + 1),
-                )
-                return lambda t: apply(first(t), second(t))
-            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-                return self._call(node, name, [self.read(argument, depth + 1) for argument in arguments])
-            case ast.BinOp(op=ast.BitXor(), right=right):
-                raise self._refused(right, "powers are written **, not ^")
-            case _:
-                raise self._refused(node, f"only numbers, t, pi, e, brackets, + - * / ** and {', '.join(_NAMES)}")
-
-    def _number(self, node: ast.expr, number: float) -> Callable[[Jet], Jet]:
-        try:
-            constant = Jet(float(number))
-        except OverflowError:
-            raise self._refused(node, "this number is too large") from None
-        return lambda _: constant
-
-    def _name(self, node: ast.expr, name: str) -> Callable[[Jet], Jet]:
-        if name == "t":
-            return lambda t: t
-        if name not in _CONSTANTS:
-            if name in _NAMES:
-                raise self._refused(node, f"{name} is a function: write {name}(...)")
-            raise self._refused(node, f"there is no {name!r}{suggestion(name, [*_CONSTANTS, *_NAMES, 't'])}")
-        constant = Jet(_CONSTANTS[name])
-        return lambda _: constant
-
-    def _call(self, node: ast.expr, name: str, inner: list[Callable[[Jet], Jet]]) -> Callable[[Jet], Jet]:
-        if name not in _NAMES:
-            raise self._refused(node, f"there is no function {name!r}{suggestion(name, _NAMES)}")
-        expected = 2 if name == "pow" else 1
-        if len(inner) != expected:
-            raise self._refused(node, f"{name} takes {expected} argument{'s' * (expected > 1)}, not {len(inner)}")
-        if name == "pow":
-            base, exponent = inner
-            return lambda t: _power(base(t), exponent(t))
-        (argument,) = inner
-        if name == "abs":
-            return lambda t: _magnitude(argument(t))
-        rule = FUNCTIONS[name]
-        return lambda t: _composed(rule, argument(t))
-
-    def _refused(self, node: ast.expr, words: str) -> ExpressionError:
-        before = self._text.encode()[: node.col_offset].decode()
-        return _unclear(self._text, len(before), words)
+    def __init__(self, node: ast.expr, words: str) -> None:
+        super().__init__(words)
+        self.place = node.col_offset
 
 
 def _unclear(text: str, place: int, words: str) -> ExpressionError:
@@ -142,12 +85,53 @@ def _short(text: str) -> str:
     return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
-def _words(text: str, error: SyntaxError) -> str:
-    if not text:
-        return "there is nothing"
-    if "decimal literal" in str(error.msg):
-        return "a number runs into a name; write 5*t, not 5t"
-    return str(error.msg)
+def _read(node: ast.expr, depth: int) -> Callable[[Jet], Jet]:
+    """The function of a node of the tree, of those below it."""
+    if depth > _DEEPEST:
+        raise _RefusedError(node, f"more than {_DEEPEST} levels; write it with fewer brackets")
+    match node:
+        case ast.Name(id="t"):
+            return lambda t: t
+        case ast.Constant() | ast.Name():
+            constant = _constant(node)
+            return lambda _: constant
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=operand):
+            inner, factor = _read(operand, depth + 1), -1.0 if isinstance(sign, ast.USub) else 1.0
+            return lambda t: _scaled(inner(t), factor)
+        case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
+            apply, one, other = _OPERATORS[type(operator)], _read(left, depth + 1), _read(right, depth + 1)
+            return lambda t: apply(one(t), other(t))
+        case ast.BinOp(op=ast.BitXor(), right=right):
+            raise _RefusedError(right, "powers are written **, not ^")
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            of, parts = _function(node, name, len(arguments)), [_read(argument, depth + 1) for argument in arguments]
+            return lambda t: of(*(part(t) for part in parts))
+    raise _RefusedError(node, _ALLOWED)
+
+
+def _constant(node: ast.Constant | ast.Name) -> Jet:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            try:
+                return Jet(float(number))
+            except OverflowError:
+                raise _RefusedError(node, "this number is too large") from None
+        case ast.Name(id=name) if name in _CONSTANTS:
+            return Jet(_CONSTANTS[name])
+        case ast.Name(id=name) if name in _OF_JETS:
+            raise _RefusedError(node, f"{name} is a function: write {name}(...)")
+        case ast.Name(id=name):
+            raise _RefusedError(node, f"there is no {name!r}{suggestion(name, [*_CONSTANTS, *_OF_JETS, 't'])}")
+    raise _RefusedError(node, _ALLOWED)
+
+
+def _function(node: ast.Call, name: str, given: int) -> Callable[..., Jet]:
+    if name not in _OF_JETS:
+        raise _RefusedError(node, f"there is no function {name!r}{suggestion(name, _OF_JETS)}")
+    expected = 2 if name == "pow" else 1
+    if given != expected:
+        raise _RefusedError(node, f"{name} takes {expected} argument{'s' * (expected > 1)}, not {given}")
+    return _OF_JETS[name]
 
 
 def _scaled(a: Jet, factor: float) -> Jet:
@@ -158,16 +142,9 @@ def _sum(a: Jet, b: Jet) -> Jet:
     return Jet(a.value + b.value, a.rate + b.rate, a.acceleration + b.acceleration)
 
 
-def _difference(a: Jet, b: Jet) -> Jet:
-    return Jet(a.value - b.value, a.rate - b.rate, a.acceleration - b.acceleration)
-
-
 def _product(a: Jet, b: Jet) -> Jet:
-    return Jet(
-        a.value * b.value,
-        a.rate * b.value + a.value * b.rate,
-        a.acceleration * b.value + 2 * a.rate * b.rate + a.value * b.acceleration,
-    )
+    bends = a.acceleration * b.value + 2 * a.rate * b.rate + a.value * b.acceleration
+    return Jet(a.value * b.value, a.rate * b.value + a.value * b.rate, bends)
 
 
 def _quotient(a: Jet, b: Jet) -> Jet:
@@ -194,8 +171,7 @@ def _monomial(x: float, n: float) -> tuple[float, float, float]:
 
 def _magnitude(a: Jet) -> Jet:
     """On the side where time goes: at a zero, its sign is that which it is about to have."""
-    sign = next((math.copysign(1.0, number) for number in a if number != 0), 0.0)
-    return _scaled(a, sign)
+    return _scaled(a, next((math.copysign(1.0, number) for number in a if number != 0), 0.0))
 
 
 def _composed(rule: _Rule, a: Jet) -> Jet:
@@ -203,30 +179,25 @@ def _composed(rule: _Rule, a: Jet) -> Jet:
     return Jet(value, first * a.rate, second * a.rate**2 + first * a.acceleration)
 
 
-def _tangent(x: float) -> tuple[float, float, float]:
-    y = math.tan(x)
-    return y, 1 + y * y, 2 * y * (1 + y * y)
-
-
-def _hyperbolic_tangent(x: float) -> tuple[float, float, float]:
-    y = math.tanh(x)
-    return y, 1 - y * y, -2 * y * (1 - y * y)
-
-
 FUNCTIONS: dict[str, _Rule] = {
     "sin": lambda x: (math.sin(x), math.cos(x), -math.sin(x)),
     "cos": lambda x: (math.cos(x), -math.sin(x), -math.cos(x)),
-    "tan": _tangent,
+    "tan": lambda x: (y := math.tan(x), 1 + y * y, 2 * y * (1 + y * y)),
     "exp": lambda x: (math.exp(x), math.exp(x), math.exp(x)),
     "log": lambda x: (math.log(x), 1 / x, -1 / x**2),
     "sqrt": lambda x: _monomial(x, 0.5),
-    "tanh": _hyperbolic_tangent,
+    "tanh": lambda x: (y := math.tanh(x), 1 - y * y, -2 * y * (1 - y * y)),
 }
-_NAMES = [*FUNCTIONS, "abs", "pow"]
+_OF_JETS: dict[str, Callable[..., Jet]] = {
+    **{name: partial(_composed, rule) for name, rule in FUNCTIONS.items()},
+    "abs": _magnitude,
+    "pow": _power,
+}
 _CONSTANTS = {"pi": math.pi, "e": math.e}
+_ALLOWED = f"only numbers, t, pi, e, brackets, + - * / ** and {', '.join(_OF_JETS)}"
 _OPERATORS: dict[type[ast.operator], Callable[[Jet, Jet], Jet]] = {
     ast.Add: _sum,
-    ast.Sub: _difference,
+    ast.Sub: lambda a, b: _sum(a, _scaled(b, -1.0)),
     ast.Mult: _product,
     ast.Div: _quotient,
     ast.Pow: _power,

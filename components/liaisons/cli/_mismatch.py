@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from liaisons.cosim import Result
     from liaisons.cosim.description import Fmu
+    from liaisons.results import Result
 
 _ENDING = "_mismatch"
 

@@ -2,166 +2,28 @@
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator
-from ctypes import c_double
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from liaisons.check import Verdict, table, verdict
-from liaisons.cli._command import add_unpacked_limit, command
-from liaisons.cli._mismatch import mismatches
-from liaisons.folders import passing_folder
+from liaisons.cli._command import FmuOrComponent, UnpackedLimit, command, show
 from liaisons.library import fmu_file
 
-if TYPE_CHECKING:
-    from liaisons.cli._command import Commands
-    from liaisons.cosim import Result
-    from liaisons.cosim.calls import Call
-    from liaisons.cosim.description import Fmu
-    from liaisons.cosim.messages import Action
 
-_MOST_VALIDATED = 2**23
-"""Bytes of a model description; its validator takes some fifty times as many."""
+@command("""
+    liaisons check fmus/Pendulum.fmu
+    liaisons check fmus/fmi3/Pendulum.fmu
+    liaisons check Pendulum
+""")
+def check(fmu: FmuOrComponent, _limit: UnpackedLimit = None) -> int:
+    """Check an FMU: validators, and what must hold of its default experiment.
 
+    Exit status 1 when it fails.
+    """
+    from liaisons.check import Verdict
+    from liaisons.cli._invariants import invariants
 
-def register(commands: Commands) -> None:
-    """Add the command."""
-    parser = command(
-        commands,
-        "check",
-        _check,
-        "put an FMU to the validators and to what must hold of its default experiment; exit status 1 when it fails",
-        "liaisons check fmus/Pendulum.fmu\nliaisons check fmus/fmi3/Pendulum.fmu\nliaisons check Pendulum",
-    )
-    parser.add_argument("fmu", metavar="FMU|NAME|FILE.py", help="a file, or a component, which is built if need be")
-    add_unpacked_limit(parser)
-
-
-def _check(arguments: argparse.Namespace) -> int:
-    from fmpy.validation import validate_fmu
-
-    from liaisons.cosim.archive import Archive
-    from liaisons.cosim.description import DESCRIPTION, read
-
-    path = fmu_file(arguments.fmu)
-    fmu = read(path)
     verdicts = []
-    with Archive(path) as archive:
-        size = archive.size_of(DESCRIPTION)
-    if size > _MOST_VALIDATED:
-        print(f"{DESCRIPTION} has {size} bytes; fmpy's validator would need too much memory and is left out")
-    else:
-        problems = [*validate_fmu(str(path)), *_experiment_problems(path)]
-        for problem in problems:
-            print(problem)
-        claim = "fmpy's validator finds no problem, and the default experiment can be simulated"
-        verdicts.append(verdict(claim, error=len(problems), tolerance=0))
-    verdicts += _runs(fmu)
-    print(table(verdicts))
+    for found in invariants(fmu_file(fmu)):
+        if isinstance(found, Verdict):
+            verdicts.append(found)
+        else:
+            print(found)
+    show(verdicts)
     return 0 if all(v.passed for v in verdicts) else 1
-
-
-def _experiment_problems(path: Path) -> Iterator[str]:
-    """What of a default experiment no importer can simulate, which the schema of FMI allows."""
-    import fmpy
-
-    experiment = fmpy.read_model_description(str(path), validate=False).defaultExperiment
-    given = {name: getattr(experiment, name, None) for name in ("startTime", "stopTime", "stepSize", "tolerance")}
-    values = {name: float(text) for name, text in given.items() if text is not None}
-    begin = values.pop("startTime", 0.0)
-    for name, value in values.items():
-        least = begin if name == "stopTime" else 0.0
-        if not least < value < float("inf"):
-            yield f"DefaultExperiment: {name} = {value:g}: it must be a number > {least:g}"
-
-
-def _runs(fmu: Fmu) -> Iterator[Verdict]:
-    """Verdicts on the default experiment."""
-    from liaisons.cosim import simulate
-
-    stop_time = fmu.experiment.stop_time or 1.0
-    steps = max(2, round(stop_time / (fmu.experiment.step_size or stop_time / 100)))
-    step_size = stop_time / steps
-    tolerance = fmu.experiment.tolerance or 1e-6  # what FMI tools take where nothing is said
-    hidden = mismatches(fmu)
-    record = [*fmu.recorded(), *hidden]
-    coarse, fine = (
-        simulate(fmu.path, stop_time=stop_time, step_size=h, tolerance=tolerance, record=record)
-        for h in (step_size, step_size / 2)
-    )
-    if hidden:
-        yield verdict(
-            "no prescribed coordinate contradicts its rate and acceleration",
-            error=max(float(np.max(np.abs(run[name]))) for run in (coarse, fine) for name in hidden),
-            tolerance=0,
-        )
-    yield verdict("all signals are finite", error=int(np.count_nonzero(~np.isfinite(fine.values))), tolerance=0)
-    # Local errors of the solver add up over the run and are amplified; a factor of 1000 leaves room for both.
-    yield verdict(
-        f"communication steps of {step_size:g} and {step_size / 2:g} s agree, relative to the largest of each unit",
-        error=_relative_difference(coarse, fine),
-        tolerance=1e3 * tolerance,
-    )
-    if "energy_balance" in fine.names:
-        scale = sum(np.max(np.abs(fine[name])) for name in ("kinetic_energy", "potential_energy", "work"))
-        yield verdict(
-            "energy = energy at start + work - dissipated",
-            error=np.max(np.abs(fine["energy_balance"])),
-            tolerance=10 * tolerance * scale * stop_time,
-            unit="J",
-        )
-    difference = _roll_back(fmu, step_size, tolerance)
-    if difference is not None:
-        yield verdict("a step that is rolled back and repeated gives the same bits", error=difference, tolerance=0)
-
-
-def _relative_difference(coarse: Result, fine: Result) -> float:
-    """Largest difference at common times, beside the largest signal of the unit: a balance is small, not imprecise."""
-    scales: dict[str, float] = {}
-    for name in coarse.names:
-        scales[coarse.units[name]] = max(scales.get(coarse.units[name], 0.0), float(np.max(np.abs(coarse[name]))))
-    differences = (
-        float(np.max(np.abs(coarse[name] - fine[name][::2]))) / (scales[coarse.units[name]] or 1.0)
-        for name in coarse.names
-    )
-    return max(differences, default=0.0)
-
-
-def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
-    """Largest difference between two steps and their repetition; None if the FMU cannot restore its state."""
-    from liaisons.cosim.instances import extract, make
-    from liaisons.cosim.messages import WARNING
-
-    outputs = [fmu.variables[name] for name in fmu.reals("output")]
-    if not (fmu.restores and outputs):
-        return None
-    seen = (c_double * len(outputs))()
-    time, size = c_double(0.0), c_double(step_size)
-    results = []
-    with passing_folder() as folder:
-        extract(fmu.path, folder)
-        with make(fmu.path.stem, fmu, folder) as instance:
-            instance.setup(tolerance, 0.0, 3 * step_size)
-            instance.enter_initialization()
-            instance.exit_initialization()
-            save, restore = instance.states()
-            step, get = instance.stepper(time, size), instance.getter(outputs, seen)
-
-            def perform(action: Action, call: Call) -> None:
-                status = call()
-                if status and status > WARNING:
-                    raise instance.failure(action, status, " in the roll-back")
-
-            perform("step", step)  # the history of solver and inputs has to come back, too
-            perform("save", save)
-            for _ in range(2):
-                perform("restore", restore)
-                for place in (1, 2):
-                    time.value = place * step_size
-                    perform("step", step)
-                perform("get", get)
-                results.append(np.array(seen))
-    return float(np.max(np.abs(results[0] - results[1])))

@@ -2,46 +2,56 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-from liaisons.cli._command import command
-from liaisons.project import ProjectError, from_here
-from liaisons.scenarios import execute, load, names, report
+import typer
 
-if TYPE_CHECKING:
-    from liaisons.cli._command import Commands
+from liaisons.cli._command import command, show
+from liaisons.project import ProjectError, from_here, scenario_files
 
 
-def register(commands: Commands) -> None:
-    """Add the command."""
-    parser = command(
-        commands,
-        "run",
-        _run,
-        "run scenarios: simulate, compare with the closed form, draw; exit status 1 when a claim fails",
-        "liaisons run pumped_swing\nliaisons run --all\nliaisons run my_scenario.py --figures /tmp",
-    )
-    parser.add_argument("targets", nargs="*", metavar="NAME|FILE.py", help=f"one of: {', '.join(names())}; or a file")
-    parser.add_argument("--all", action="store_true", help="run every scenario of this project")
-    parser.add_argument(
-        "--figures",
-        type=Path,
-        metavar="DIR",
-        help="where figures go (default: figures/ beside the scenario, or here for those that came with the package)",
-    )
+@command("""
+    liaisons run pumped_swing
+    liaisons run --all
+    liaisons run my_scenario.py --figures /tmp
+""")
+def run(
+    context: typer.Context,
+    targets: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME|FILE.py",
+            autocompletion=lambda: list(scenario_files()),
+            help="scenarios of this project, which 'liaisons run' lists, or files",
+        ),
+    ] = None,
+    *,
+    every: Annotated[bool, typer.Option("--all", help="run every scenario of this project")] = False,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="where figures go (default: figures/ beside the scenario, or here for those that came with the "
+            "package)",
+        ),
+    ] = None,
+) -> int:
+    """Run scenarios: simulate, compare with the closed form, draw.
 
+    Exit status 1 when a claim fails.
+    """
+    from liaisons.scenarios import execute, load
 
-def _run(arguments: argparse.Namespace) -> int:
-    targets = names() if arguments.all else arguments.targets
-    if not targets:
-        raise ProjectError(f"name a scenario or use --all; known: {', '.join(names()) or 'none'}")
+    chosen = list(scenario_files()) if every else targets
+    if not chosen:
+        raise ProjectError(f"name a scenario or use --all; known: {', '.join(scenario_files()) or 'none'}")
     outcomes = []
-    for scenario in [load(target) for target in targets]:
+    for scenario in [load(target) for target in chosen]:
         print(f"{scenario.name}: {scenario.claim}", flush=True)
-        outcome = execute(scenario, arguments.figures, debug=arguments.debug)
+        outcome = execute(scenario, figures, debug=context.obj)
         print(f"error: {outcome.error}" if outcome.error else f"figure: {from_here(outcome.figure)}", flush=True)
         outcomes.append(outcome)
-    print(f"\n{report(outcomes)}")
+    print()
+    show(row for outcome in outcomes for row in outcome.rows())
     return 0 if all(outcome.passed for outcome in outcomes) else 1
