@@ -28,6 +28,7 @@ ORDER = (
     "composition_cost",
     "sweeps",
     "ensembles",
+    "rewriting",
     "iftomm",
 )
 QUIET = 0.2  # cores that others may keep busy

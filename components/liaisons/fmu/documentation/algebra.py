@@ -17,14 +17,14 @@ from itertools import combinations
 
 import casadi as ca
 
-Number = int | Fraction | float  # whole numbers are int, which is quick
+Number = Fraction | float
 Exponent = int | Fraction
 Monomial = tuple[tuple[int, Exponent], ...]  # (atom, exponent), by atom; no exponent is 0
 Polynomial = dict[Monomial, Number]  # no coefficient is 0; never changed once made
 
 GROUP, SYMBOL = "group", "symbol"
 PI = "π"
-_HALF = Fraction(1, 2)
+ONE, HALF = Fraction(1), Fraction(1, 2)
 _COFUNCTION = {"sin": "cos", "cos": "sin"}
 
 
@@ -52,7 +52,7 @@ class Algebra:
 
     def atom(self, operation: str, *arguments: Polynomial, name: str = "") -> Polynomial:
         """The atom as a polynomial; equal atoms are one."""
-        return {((self._place(operation, arguments, name), 1),): 1}
+        return {((self._place(operation, arguments, name), 1),): ONE}
 
     def symbol(self, name: str) -> Polynomial:
         return self.atom(SYMBOL, name=name)
@@ -76,17 +76,13 @@ class Algebra:
 
     def power(self, base: Polynomial, exponent: Exponent) -> Polynomial:
         if not base or exponent == 0:
-            return {} if exponent else {(): 1}
-        if isinstance(exponent, Fraction):
-            return self._root(base, exponent)
+            return {} if exponent else {(): ONE}
+        if exponent.denominator != 1:  # nothing is taken out of a root, since √x² is no x
+            place = alone(base)
+            return {((self._place(GROUP, [base]) if place is None else place, exponent),): ONE}
         if len(base) > 1 and exponent > 0 and len(base) ** exponent <= self.limit:
-            return reduce(self.times, [base] * exponent)
-        return {_raised(m, exponent): _whole(_exact(c) ** exponent) for m, c in self.grouped(base).items()}
-
-    def _root(self, base: Polynomial, exponent: Exponent) -> Polynomial:
-        """Not an integer power: nothing is taken out of it, since √x² is no x."""
-        place = alone(base)
-        return {((self._place(GROUP, [base]) if place is None else place, exponent),): 1}
+            return reduce(self.times, [base] * int(exponent))
+        return {_raised(m, exponent): c**exponent for m, c in self.grouped(base).items()}
 
     def grouped(self, p: Polynomial) -> Polynomial:
         """A sum as one product: what its terms have in common, times the rest in brackets."""
@@ -120,7 +116,7 @@ class Algebra:
         if operation in _COFUNCTION:
             (angle,) = simple
             if not angle:
-                return {} if operation == "sin" else {(): 1}
+                return {} if operation == "sin" else {(): ONE}
             if angle[min(angle)] < 0:
                 call = self.call(operation, scaled(angle, -1))
                 return scaled(call, -1) if operation == "sin" else call
@@ -199,15 +195,15 @@ class Algebra:
             if not isinstance(of_pi, float):
                 return scaled(self.symbol(PI), of_pi)
             if math.sqrt(square) == abs(value):
-                return scaled(self.power({(): _whole(square)}, _HALF), 1 if value > 0 else -1)
+                return scaled(self.power({(): square}, HALF), 1 if value > 0 else -1)
         return {(): number} if number else {}
 
     def _apply(self, operation: int, x: list[Polynomial]) -> Polynomial:
         if operation in _ARITHMETIC:
             return _ARITHMETIC[operation](self, *x)
         if operation in (ca.OP_POW, ca.OP_CONSTPOW):
-            exponent = x[1].get((), 0) if is_number(x[1]) else None
-            if isinstance(exponent, (int, Fraction)):
+            exponent = x[1].get((), Fraction(0)) if is_number(x[1]) else None
+            if isinstance(exponent, Fraction):
                 return self.power(x[0], exponent)
             return self.call("pow", *x)
         return self.call(_FUNCTIONS[operation], *x)
@@ -221,16 +217,16 @@ def is_known(function: ca.Function) -> bool:
 
 def is_number(p: Polynomial) -> bool:
     """Whether a sum is a constant."""
-    return not p or (len(p) == 1 and () in p)
+    return p.keys() <= {()}
 
 
 def alone(p: Polynomial) -> int | None:
     """The atom that a sum consists of, if it is nothing else."""
-    ((monomial, coefficient),) = p.items() if len(p) == 1 else [((), 0)]
+    ((monomial, coefficient),) = p.items() if len(p) == 1 else [((), ONE)]
     return monomial[0][0] if coefficient == 1 and len(monomial) == 1 and monomial[0][1] == 1 else None
 
 
-def scaled(p: Polynomial, factor: Number) -> Polynomial:
+def scaled(p: Polynomial, factor: int | Fraction) -> Polynomial:
     """The sum times a number that is not 0."""
     return {monomial: coefficient * factor for monomial, coefficient in p.items()}
 
@@ -240,36 +236,21 @@ def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
     exponents = [dict(monomial) for monomial in p]
     shared = set.intersection(*(set(e) for e in exponents))
     monomial = tuple(sorted((atom, min(e[atom] for e in exponents)) for atom in shared))
-    coefficients = list(p.values())
-    number: Number = 1
-    fractions = [c for c in coefficients if not isinstance(c, float)]
-    if len(fractions) == len(coefficients):
+    number = ONE
+    fractions = [c for c in p.values() if isinstance(c, Fraction)]
+    if len(fractions) == len(p):
         number = Fraction(math.gcd(*(f.numerator for f in fractions)), math.lcm(*(f.denominator for f in fractions)))
     if p[min(p)] < 0:
         number = -number
     inverse = _raised(monomial, -1)
-    return {monomial: _whole(number)}, {_merged(m, inverse): _whole(_exact(c) / number) for m, c in p.items()}
-
-
-def _whole(number: Number) -> Number:
-    """The same number, as an int if it is a fraction that is one."""
-    return _int(number) if isinstance(number, Fraction) else number
-
-
-def _int(exponent: Exponent) -> Exponent:
-    return exponent.numerator if exponent.denominator == 1 else exponent
-
-
-def _exact(number: Number) -> Fraction | float:
-    """For division: that of two ints would not be exact."""
-    return Fraction(number) if isinstance(number, int) else number
+    return {monomial: number}, {_merged(m, inverse): c / number for m, c in p.items()}
 
 
 def _collected(terms: Iterable[tuple[Monomial, Number]]) -> Polynomial:
     found: Polynomial = {}
     for monomial, coefficient in terms:
-        found[monomial] = found.get(monomial, 0) + coefficient
-    return {monomial: _whole(coefficient) for monomial, coefficient in found.items() if coefficient}
+        found[monomial] = found[monomial] + coefficient if monomial in found else coefficient
+    return {monomial: coefficient for monomial, coefficient in found.items() if coefficient}
 
 
 def _merged(a: Monomial, b: Monomial) -> Monomial:
@@ -278,18 +259,18 @@ def _merged(a: Monomial, b: Monomial) -> Monomial:
     exponents: dict[int, Exponent] = dict(a)
     for atom, exponent in b:
         exponents[atom] = exponents.get(atom, 0) + exponent
-    return tuple(sorted((atom, _int(exponent)) for atom, exponent in exponents.items() if exponent))
+    return tuple(sorted((atom, exponent) for atom, exponent in exponents.items() if exponent))
 
 
 def _raised(monomial: Monomial, exponent: Exponent) -> Monomial:
-    return tuple((atom, _int(e * exponent)) for atom, e in monomial)
+    return tuple((atom, e * exponent) for atom, e in monomial)
 
 
 def _fraction(value: float) -> Number:
     if not math.isfinite(value):
         return value
     simple = Fraction(value).limit_denominator(1000)
-    return _whole(simple) if float(simple) == value else value
+    return simple if float(simple) == value else value
 
 
 _ARITHMETIC: Mapping[int, Callable[..., Polynomial]] = {
@@ -302,11 +283,11 @@ _ARITHMETIC: Mapping[int, Callable[..., Polynomial]] = {
     ca.OP_INV: lambda a, x: a.power(x, -1),
     ca.OP_SQ: lambda a, x: a.power(x, 2),
     ca.OP_TWICE: lambda _, x: scaled(x, 2),
-    ca.OP_SQRT: lambda a, x: a.power(x, _HALF),
-    ca.OP_HYPOT: lambda a, x, y: a.power(a.plus(a.power(x, 2), a.power(y, 2)), _HALF),
+    ca.OP_SQRT: lambda a, x: a.power(x, HALF),
+    ca.OP_HYPOT: lambda a, x, y: a.power(a.plus(a.power(x, 2), a.power(y, 2)), HALF),
     # [c] is 1 where the condition c holds and 0 elsewhere.
     ca.OP_IF_ELSE_ZERO: Algebra.times,
-    ca.OP_NOT: lambda a, x: a.plus({(): 1}, scaled(x, -1)),
+    ca.OP_NOT: lambda a, x: a.plus({(): ONE}, scaled(x, -1)),
     ca.OP_AND: Algebra.times,
 }
 _FUNCTIONS: Mapping[int, str] = {

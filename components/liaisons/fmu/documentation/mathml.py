@@ -13,6 +13,7 @@ import casadi as ca
 
 from liaisons.fmu.documentation.algebra import (
     GROUP,
+    HALF,
     PI,
     SYMBOL,
     Algebra,
@@ -170,9 +171,7 @@ class _Writer:
         factors = sorted(monomial, key=lambda factor: self._rank((factor,)))
         above = [self._power(place, e) for place, e in factors if e > 0]
         below = [self._power(place, -e) for place, e in factors if e < 0]
-        top, bottom = coefficient, 1
-        if isinstance(coefficient, Fraction):
-            top, bottom = coefficient.numerator, coefficient.denominator
+        top, bottom = coefficient.as_integer_ratio() if isinstance(coefficient, Fraction) else (coefficient, 1)
         if bottom != 1 and not below and above:
             return _joined([_fraction(_number(top), _number(bottom)), *above])
         if top != 1 or not above:
@@ -183,11 +182,11 @@ class _Writer:
 
     def _power(self, place: int, exponent: Exponent) -> str:
         atom = self.algebra.atoms[place]
-        if exponent == Fraction(1, 2):
+        if exponent == HALF:
             return f"<msqrt>{self._sum(atom.arguments[0]) if self._is_open(place) else self._factor(place)}</msqrt>"
         if exponent == 1:
             return self._factor(place)
-        above = self._product((), exponent)
+        above = self._product((), Fraction(exponent))
         if atom.operation in ("sin", "cos") and exponent == 2:
             return self._call(f"<msup><mi>{atom.operation}</mi>{above}</msup>", atom.arguments)
         base = self._factor(place)
@@ -267,7 +266,7 @@ def _fraction(top: str, bottom: str) -> str:
     return f"<mfrac><mrow>{top}</mrow><mrow>{bottom}</mrow></mfrac>"
 
 
-def _number(value: Number) -> str:
+def _number(value: float) -> str:
     if isinstance(value, int):
         return f"<mn>{value}</mn>"
     mantissa, _, exponent = f"{float(value)!r}".partition("e")
