@@ -3,6 +3,7 @@ from liaisons.language import Component
 from .cartesian_pendulum import CartesianPendulum as CartesianPendulum
 from .charged_particle import ChargedParticle as ChargedParticle
 from .circular_hoop import CircularHoop as CircularHoop
+from .constant import Constant as Constant
 from .double_pendulum import DoublePendulum as DoublePendulum
 from .driven_chain import DrivenChain as DrivenChain
 from .elliptic_hoop import EllipticHoop as EllipticHoop
@@ -16,10 +17,6 @@ from .isokinetic_oscillator import IsokineticOscillator as IsokineticOscillator
 from .kepler_orbit import KeplerOrbit as KeplerOrbit
 from .linear_molecule import LinearMolecule as LinearMolecule
 from .nose_hoover_oscillator import NoseHooverOscillator as NoseHooverOscillator
-from .operators import Constant as Constant
-from .operators import Ramp as Ramp
-from .operators import Sinusoid as Sinusoid
-from .operators import SmoothStep as SmoothStep
 from .oscillator import Oscillator as Oscillator
 from .oscillator_chain import OscillatorChain as OscillatorChain
 from .parallelograms import FourBars as FourBars
@@ -30,8 +27,11 @@ from .pendulum_chain import PendulumChain as PendulumChain
 from .planar_cat import PlanarCat as PlanarCat
 from .planar_oscillator import PlanarOscillator as PlanarOscillator
 from .polar_oscillator import PolarOscillator as PolarOscillator
+from .ramp import Ramp as Ramp
 from .satellite import Satellite as Satellite
 from .shaped_swing import marle_swing as marle_swing
+from .sinusoid import Sinusoid as Sinusoid
+from .smooth_step import SmoothStep as SmoothStep
 from .spatial_cat import SpatialCat as SpatialCat
 from .swing import Swing as Swing
 from .swing_pump import SwingPump as SwingPump

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.pendulum import Pendulum
+from liaisons.models.solutions import pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
 
@@ -59,18 +57,4 @@ class CartesianPendulum(Mechanism):
     def lambda_2(self) -> ca.SX:
         return self.constraint_force("plane")
 
-    @closed_form(
-        "the motion of Pendulum with a fixed rod, from the angle theta_0 at the rate theta_dot_0", gravity="> 0"
-    )
-    @staticmethod
-    def exact(t: NDArray, at: Values, *, theta_0: float = _START, theta_dot_0: float = 0.0) -> dict[str, NDArray]:
-        start = {"theta_0": theta_0, "theta_dot_0": theta_dot_0}
-        swing = Pendulum.exact(t, **start, length=at.rod, mass=at.mass, gravity=at.gravity)
-        sine, cosine = np.sin(swing["theta"]), np.cos(swing["theta"])
-        return {
-            "x": at.rod * sine,
-            "z": at.height - at.rod * cosine,
-            "x_dot": at.rod * cosine * swing["theta_dot"],
-            "z_dot": at.rod * sine * swing["theta_dot"],
-            "lambda_1": -swing["tension"] / (2 * at.rod),
-        }
+    exact = pendulum.cartesian

@@ -18,10 +18,7 @@ class CircularHoop(Hoop):
 
         L = ½ m (r'² ξ_dot² + r² (θ' ξ_dot + β_dot)²) + ½ I β_dot²            M eq. 61, dots restored
         ξ_dot = p_ξ/m - a β_dot,    p_ξ_dot = a' p_ξ β_dot + ½ m b' β_dot²    M eq. 64
-        K_Y = ½ (I + m b) Y²                                                  M eq. 63
         constant β_dot:    ψ_ddot = -(d/R) β_dot² sin ψ, a pendulum
-
-    p_ξ is m times the absolute tangential velocity; I enters the operator's torque alone.
 
     Source: M 8.4, eq. 61-67.
     """

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.special import jv
 
 from liaisons.language import ActiveCoordinate, Chain, Coordinate, Experiment, Parameter, Size, calculated
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions.linear import superposition
-from liaisons.models.solutions.validity import require
+from liaisons.models.solutions import chains
 
 
 class DrivenChain(Chain):
@@ -51,31 +46,4 @@ class DrivenChain(Chain):
     def wave_speed(self) -> ca.SX:
         return ca.sqrt(self.stiffness / self.mass) * self.spacing
 
-    @closed_form("a sum over the modes, from rest under σ = amplitude · sin(angular_frequency t)", t=">= 0")
-    @staticmethod
-    def exact(t: NDArray, at: Values, *, amplitude: float = 0.1, angular_frequency: float = 1.0) -> dict[str, NDArray]:
-        rest, push = np.zeros(at.n), np.zeros(at.n)
-        push[0] = at.stiffness / at.mass  # only the first mass feels the grip
-        sine = (-1j * amplitude, angular_frequency)  # Re(-i e^(iωt)) = sin ωt
-        u, u_dot = superposition(t, *_modes(at), rest, 0.0, push=push, forces=[sine])
-        sigma = amplitude * np.sin(angular_frequency * t)
-        return {"u": u, "u_dot": u_dot, "drive_force": at.stiffness * (sigma - u[..., 0])}
-
-    @closed_form("with the grip at rest: frequencies [rad/s], (n,), and modes φ_k(j) as columns, (n, n)")
-    @staticmethod
-    def normal_modes(at: Values) -> tuple[NDArray, NDArray]:
-        return _modes(at)
-
-    @closed_form("a bound of what precedes a sudden unit push at mass j before j Δx/c, J_2j(x)/√(1 - (x/2j)²)")
-    @staticmethod
-    def forerunner(t: NDArray, j: ArrayLike, at: Values) -> NDArray:
-        """x = 2 √(κ/m) t < 2j; an endless chain answers a step by u_j = ∫ 2j J_2j(x) dt/t."""
-        order, x = 2 * np.asarray(j), 2 * np.sqrt(at.stiffness / at.mass) * t
-        require(bool(np.all(x < order)), f"DrivenChain.forerunner: at t = {np.max(t)} s the push is there")
-        return jv(order, x) / np.sqrt(1 - (x / order) ** 2)
-
-
-def _modes(at: Values) -> tuple[NDArray, NDArray]:
-    j = np.arange(1, at.n + 1)
-    alpha = (2 * j - 1) * np.pi / (2 * at.n + 1)
-    return 2 * np.sqrt(at.stiffness / at.mass) * np.sin(alpha / 2), np.sin(alpha * j[:, None])
+    exact, normal_modes, forerunner = chains.driven, chains.driven_modes, chains.forerunner

@@ -6,13 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.language import Coordinate, Mechanism, Values, closed_form, condition, output, unchecked
-from liaisons.models.solutions import elliptic
-from liaisons.models.solutions.validity import require
+from liaisons.language import Coordinate, Mechanism, condition, output, unchecked
+from liaisons.models.solutions import swing
 
 Function = Callable[..., Any]
 _NUMBERS = "the functions of the shape are given as bare numbers, in SI units"
@@ -86,11 +83,4 @@ class GeneralSwing(Mechanism, abstract=True):
         pivots, _, _ = ca.ldl(ca.densify(self._metric), False)
         return ca.mmin(pivots)
 
-    @closed_form("the motion in a fixed shape: the compound pendulum I θ'' = -D sin θ, by elliptic functions")
-    @staticmethod
-    def exact(t: NDArray, at: Values, component: type[GeneralSwing]) -> dict[str, NDArray]:
-        shape = [getattr(at, s.name) for s in component.actives]
-        inertia, weight = (float(ca.evalf(ca.SX(component.functions[name](*shape)))) for name in ("I", "D"))
-        require(inertia > 0 and weight > 0, f"{component.__name__}.exact: I = {inertia} and D = {weight} must be > 0")
-        theta, theta_dot = elliptic.pendulum(t, at.theta_0, at.theta_dot_0, np.sqrt(weight / inertia))
-        return {"theta": theta, "theta_dot": theta_dot}
+    exact = swing.kept_shape

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, non_holonomic, output
-from liaisons.models.solutions.isokinetic import Orbit, isokinetic_motion
-from liaisons.models.solutions.validity import require
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
+from liaisons.models.solutions import isokinetic
 
 
 class IsokineticOscillator(Mechanism):
@@ -51,30 +48,4 @@ class IsokineticOscillator(Mechanism):
     def mu(self) -> ca.SX:
         return -self.constraint_force("kinetic")
 
-    @closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        """Not for orbits that are almost circles; through the origin, or without a spring, uniform and straight."""
-        position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
-        speed = np.sqrt(3 * at.thermal_energy / at.mass)
-        found = np.linalg.norm(velocity)
-        require(
-            abs(found - speed) <= 1e-6 * speed,
-            f"IsokineticOscillator.exact: the start velocity {found:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
-        )
-        a = at.stiffness / (3 * at.thermal_energy)
-        r, v = isokinetic_motion(t.ravel(), position, velocity, speed, a)
-        mu = -a * np.sum(r * v, axis=0)
-        names = ("x", "y", "z", "x_dot", "y_dot", "z_dot", "mu")
-        return {name: row.reshape(t.shape) for name, row in zip(names, (*r, *v, mu), strict=True)}
-
-    @closed_form("smallest and largest r [m], time [s] and angle [rad] from one to the other", stiffness="> 0")
-    @staticmethod
-    def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> tuple[float, float, float, float]:
-        """From ``position`` [m], (3,), and ``velocity`` [m/s], (3,), at some instant."""
-        r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
-        area_rate, a = float(np.linalg.norm(np.cross(r, v))), at.stiffness / (3 * at.thermal_energy)
-        require(area_rate > 0, "IsokineticOscillator.turning_points: straight through the origin r does not turn")
-        speed = float(np.linalg.norm(v))
-        orbit = Orbit.of(speed, a, area_rate * float(np.exp(-a * (r @ r) / 2)) / speed)
-        return float(np.sqrt(orbit.inner)), float(np.sqrt(orbit.outer)), orbit.half_period, orbit.apsidal_angle
+    exact, turning_points = isokinetic.exact, isokinetic.turning_points

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, calculated, closed_form, output
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, calculated, output
 from liaisons.models.solutions import molecule
-from liaisons.models.solutions.linear import superposition
+
+_OUTER, _INNER = "outer atoms against each other", "inner atom against the outer ones"
 
 
 class LinearMolecule(Mechanism):
@@ -46,54 +45,21 @@ class LinearMolecule(Mechanism):
         left, right = self.x_2 - self.x_1 - self.spacing, self.x_3 - self.x_2 - self.spacing
         return self.stiffness / 2 * (left**2 + right**2)
 
-    @property
-    def _frequencies(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return molecule.frequencies(self.mass_outer, self.mass_inner, self.stiffness)
-
-    @calculated("rad/s", "normal frequency of the translation, 0 (K eq. 157)")
-    def omega_1(self) -> ca.SX:
-        return self._frequencies[0]
-
-    @calculated("rad/s", "normal frequency of the outer atoms against each other (K eq. 157)")
-    def omega_2(self) -> ca.SX:
-        return self._frequencies[1]
-
-    @calculated("rad/s", "normal frequency of the inner atom against the outer ones (K eq. 157)")
-    def omega_3(self) -> ca.SX:
-        return self._frequencies[2]
-
-    @output("m", "normal coordinate of the translation (1, 1, 1)/sqrt(3)")
-    def mode_1(self) -> ca.SX:
-        return self._normal_coordinates[0]
-
-    @output("m", "normal coordinate of the outer atoms against each other, (-1, 0, 1)/sqrt(2)")
-    def mode_2(self) -> ca.SX:
-        return self._normal_coordinates[1]
-
-    @output("m", "normal coordinate of the inner atom against the outer ones, (1, -2 m/M, 1) normalised")
-    def mode_3(self) -> ca.SX:
-        return self._normal_coordinates[2]
-
-    @property
     def _normal_coordinates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         u = (self.x_1, self.x_2 - self.spacing, self.x_3 - 2 * self.spacing)
         return molecule.normal_coordinates(u, self.mass_outer, self.mass_inner)
 
-    @closed_form("superposition of the three modes (K eq. 148 and 150)", t=">= 0")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        m, M = at.mass_outer, at.mass_inner
-        rest = at.spacing * np.arange(3)
-        start, rates = at.array("x_1_0", "x_2_0", "x_3_0") - rest, at.array("x_1_dot_0", "x_2_dot_0", "x_3_dot_0")
-        u, u_dot = superposition(
-            t, np.array(molecule.frequencies(m, M, at.stiffness)), molecule.modes(m, M), start, rates
+    omega_1, omega_2, omega_3 = (
+        calculated("rad/s", f"normal frequency of the {mode} (K eq. 157)")(
+            lambda m, k=k: molecule.frequencies(m.mass_outer, m.mass_inner, m.stiffness)[k]
         )
-        names = [f"{form}_{k}{rate}" for form, rate in (("x", ""), ("x", "_dot"), ("mode", "")) for k in (1, 2, 3)]
-        modes = molecule.normal_coordinates(list(np.moveaxis(u, -1, 0)), m, M)
-        columns = (*np.moveaxis(u + rest, -1, 0), *np.moveaxis(u_dot, -1, 0), *modes)
-        return dict(zip(names, columns, strict=True))
+        for k, mode in enumerate(("translation, 0", _OUTER, _INNER))
+    )
+    mode_1, mode_2, mode_3 = (
+        output("m", f"normal coordinate of the {mode}")(lambda self, k=k: self._normal_coordinates()[k])
+        for k, mode in enumerate(
+            ("translation (1, 1, 1)/sqrt(3)", f"{_OUTER}, (-1, 0, 1)/sqrt(2)", f"{_INNER}, (1, -2 m/M, 1) normalised")
+        )
+    )
 
-    @closed_form("the unit vectors u_k of K eq. 158 as columns, shape (3, 3)")
-    @staticmethod
-    def modes(at: Values) -> NDArray:
-        return molecule.modes(at.mass_outer, at.mass_inner)
+    exact, modes = molecule.exact, molecule.unit_modes

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions.linear import oscillation
-from liaisons.models.solutions.validity import require
+from liaisons.models.solutions import oscillator
 
 
 class Oscillator(Mechanism):
@@ -49,42 +43,4 @@ class Oscillator(Mechanism):
     def potential_energy(self) -> ca.SX:
         return self.stiffness / 2 * self.elongation**2
 
-    @closed_form("transient and stationary motion (K eq. 129), for any damping, at and off resonance", t=">= 0")
-    @staticmethod
-    def exact(
-        t: NDArray,
-        at: Values,
-        *,
-        driven: Literal["support", "x_force"] = "support",
-        amplitude: float = 0.0,
-        angular_frequency: float = 1.0,
-        phase: float = 0.0,
-    ) -> dict[str, NDArray]:
-        """``driven`` is the input to which amplitude · sin(angular_frequency t + phase) is added, as by a Sinusoid."""
-        require(driven in ("support", "x_force"), f"Oscillator.exact: driven = {driven!r}; use 'support' or 'x_force'")
-        omega_squared, per_newton = at.stiffness / at.mass, 1 / at.mass
-        constant = omega_squared * at.support + per_newton * at.x_force
-        size = amplitude * (omega_squared if driven == "support" else per_newton)
-        forces = [(constant, 0.0), (size * -1j * np.exp(1j * phase), angular_frequency)]  # sin α = Re(-i e^iα)
-        x, x_dot = oscillation(t, at.x_0, at.x_dot_0, omega_squared=omega_squared, gamma=at.damping, forces=forces)
-        return {"x": x, "x_dot": x_dot}
-
-    @closed_form(
-        "the stationary motion amplitude · cos(ωt + φ) under 1 N · cos ωt (K eq. 121, 123)", angular_frequency="> 0"
-    )
-    @staticmethod
-    def response(angular_frequency: ArrayLike, at: Values) -> tuple[NDArray, NDArray]:
-        """Amplitude [m/N] and phase φ in [-π, 0] [rad]; a support that moves by 1 m acts as ``stiffness`` newton."""
-        omega = np.asarray(angular_frequency, dtype=float)
-        real, imaginary = at.stiffness / at.mass - omega**2, at.damping * omega
-        size = np.hypot(real, imaginary)
-        require(bool(np.all(size > 0)), "Oscillator.response: no stationary motion at the undamped resonance")
-        return 1 / (at.mass * size), -np.arctan2(imaginary, real)
-
-    @closed_form("the angular frequency of the largest stationary amplitude, √(ω_0² - γ²/2) [rad/s] (K eq. 122)")
-    @staticmethod
-    def resonance(at: Values) -> float:
-        square = at.stiffness / at.mass - at.damping**2 / 2
-        limit = np.sqrt(2 * at.stiffness / at.mass)
-        require(square > 0, f"Oscillator.resonance: damping = {at.damping} must be < {limit:g} = √2 ω_0")
-        return float(np.sqrt(square))
+    exact, response, resonance = oscillator.driven, oscillator.response, oscillator.resonance

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.language import Chain, Coordinate, Experiment, Parameter, Size, Values, calculated, closed_form
-from liaisons.models.solutions.linear import superposition
+from liaisons.language import Chain, Coordinate, Experiment, Parameter, Size, calculated
+from liaisons.models.solutions import chains
 
 
 class OscillatorChain(Chain):
@@ -46,18 +44,4 @@ class OscillatorChain(Chain):
     def wave_speed(self) -> ca.SX:
         return ca.sqrt(self.stiffness / self.mass) * self.spacing
 
-    @closed_form("superposition of the normal modes", t=">= 0")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        u, u_dot = superposition(t, *_modes(at), at.u_0, at.u_dot_0)
-        return {"u": u, "u_dot": u_dot}
-
-    @closed_form("frequencies [rad/s] from 0 upward, (n,), and modes φ_k(j) as columns, (n, n)")
-    @staticmethod
-    def normal_modes(at: Values) -> tuple[NDArray, NDArray]:
-        return _modes(at)
-
-
-def _modes(at: Values) -> tuple[NDArray, NDArray]:
-    k, j = np.arange(at.n), np.arange(1, at.n + 1)[:, None]
-    return 2 * np.sqrt(at.stiffness / at.mass) * np.sin(k * np.pi / (2 * at.n)), np.cos(k * np.pi * (j - 0.5) / at.n)
+    exact, normal_modes = chains.free, chains.free_modes

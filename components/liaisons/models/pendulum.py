@@ -6,18 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.language import (
-    ActiveCoordinate,
-    Coordinate,
-    Friction,
-    Gravity,
-    Mechanism,
-    Parameter,
-    Values,
-    closed_form,
-    output,
-    point,
-)
+from liaisons.language import ActiveCoordinate, Coordinate, Friction, Gravity, Mechanism, Parameter, output, point
+from liaisons.language.closed_forms import Values, closed_form
 from liaisons.models.solutions import elliptic, pendulum
 
 
@@ -65,13 +55,9 @@ class Pendulum(Mechanism):
         tension = at.mass * (at.length * theta_dot**2 + at.gravity * np.cos(theta))
         return {"theta": theta, "theta_dot": theta_dot, "tension": tension}
 
-    period, action = pendulum.period, pendulum.action
-    small_angle, lengthening = pendulum.small_angle, pendulum.lengthening
+    period, action, small_angle = pendulum.period, pendulum.action, pendulum.small_angle
+    lengthening, pumped, pumping_rate = pendulum.lengthening, pendulum.pumped, pendulum.pumping_rate
     crouch_growth, crouch_schedule = pendulum.crouch_growth, pendulum.crouch_schedule
-    pumped, pumping_rate = pendulum.pumped, pendulum.pumping_rate
-    shaken_trace, shaken_is_bounded, shaken_edges = (
-        pendulum.shaken_trace,
-        pendulum.shaken_is_bounded,
-        pendulum.shaken_edges,
-    )
+    shaken_trace, shaken_is_bounded = pendulum.shaken_trace, pendulum.shaken_is_bounded
+    shaken_edges = pendulum.shaken_edges
     upright_from, upright_well = pendulum.upright_from, pendulum.upright_well

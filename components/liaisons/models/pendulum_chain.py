@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
-from scipy.special import eval_laguerre, roots_laguerre
 
 from liaisons.language import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
-from liaisons.language.closed_forms import Values, closed_form
-from liaisons.models.solutions.linear import superposition
+from liaisons.models.solutions import chains
 
 
 class PendulumChain(Chain):
@@ -55,19 +51,4 @@ class PendulumChain(Chain):
     def potential_energy(self) -> ca.SX:
         return self.mass * self.gravity * self.bob["z"]
 
-    @closed_form("the motion for sin θ ≈ θ with fixed pivot: the sum of the normal modes", t=">= 0", gravity="> 0")
-    @staticmethod
-    def small_angles(t: NDArray, at: Values) -> dict[str, NDArray]:
-        theta, theta_dot = superposition(t, *_modes(at), at.theta_0, at.theta_dot_0)
-        return {"theta": theta, "theta_dot": theta_dot}
-
-    @closed_form("frequencies [rad/s] from the slowest, (n,), and modes as columns of angles, (n, n)", gravity="> 0")
-    @staticmethod
-    def normal_modes(at: Values) -> tuple[NDArray, NDArray]:
-        return _modes(at)
-
-
-def _modes(at: Values) -> tuple[NDArray, NDArray]:
-    zeros = roots_laguerre(at.n)[0]
-    displacements = eval_laguerre(np.arange(at.n, -1, -1)[:, None], zeros)  # of pivot and bobs, from the top
-    return np.sqrt(zeros * at.gravity / at.length), np.diff(displacements, axis=0) / at.length
+    small_angles, normal_modes = chains.hanging, chains.hanging_modes

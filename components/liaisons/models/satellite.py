@@ -3,22 +3,9 @@
 from __future__ import annotations
 
 import casadi as ca
-from numpy.typing import NDArray
 
-from liaisons.language import (
-    ActiveCoordinate,
-    Experiment,
-    Mechanism,
-    Orientation,
-    Parameter,
-    Values,
-    closed_form,
-    condition,
-)
+from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
 from liaisons.models.solutions import attitudes
-from liaisons.models.solutions.euler_top import euler_top
-from liaisons.models.solutions.rotations import unit
-from liaisons.models.solutions.validity import positive_definite
 
 _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
 _SIGNS = "minors of different order are compared: only their signs count"
@@ -86,12 +73,5 @@ class Satellite(Mechanism):
     def inertia_is_of_masses(self) -> ca.SX:
         return _least_minor(ca.trace(self._inertia) / 2 * ca.SX.eye(3) - self._inertia)
 
-    @closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
-    @staticmethod
-    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-        J = positive_definite("Satellite.exact: J", at.array(*_TENSOR).reshape(3, 3))
-        start = unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
-        omega, q = euler_top(t, J, at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
-        return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
-
+    exact = attitudes.locked
     slew, slew_torque, steered = attitudes.slew, attitudes.slew_torque, attitudes.steered

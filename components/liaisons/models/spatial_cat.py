@@ -3,22 +3,9 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from liaisons.language import (
-    ActiveCoordinate,
-    Coordinate,
-    Experiment,
-    Gravity,
-    Mechanism,
-    Orientation,
-    Parameter,
-    Values,
-    closed_form,
-)
-from liaisons.models.solutions import attitudes, rotations
-from liaisons.models.solutions.linear import free_fall
+from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
+from liaisons.models.solutions import attitudes
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
 
@@ -87,15 +74,5 @@ class SpatialCat(Mechanism):
     def potential_energy(self) -> ca.SX:
         return 2 * self.mass * self.gravity * self.com_z
 
-    @closed_form("free fall, and without momentum and twist, at constant bend, a turn that χ alone determines")
-    @staticmethod
-    def exact(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
-        """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
-        chi = np.asarray(azimuth, dtype=float)
-        psi = attitudes.turned_by(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
-        start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
-        back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
-        q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)
-        return free_fall(t, at) | dict(zip(Orientation.quaternion, q.reshape(4, *chi.shape), strict=True))
-
+    exact = attitudes.bent
     turn, bend_for, cone_turn, bisector = attitudes.turn, attitudes.bend_for, attitudes.cone_turn, attitudes.bisector

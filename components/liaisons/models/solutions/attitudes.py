@@ -10,6 +10,7 @@ from scipy.integrate import quad
 
 from liaisons.language import Orientation, Values, closed_form
 from liaisons.models.solutions import rotations
+from liaisons.models.solutions.euler_top import euler_top
 from liaisons.models.solutions.integration import integrate
 from liaisons.models.solutions.linear import free_fall
 from liaisons.models.solutions.validity import positive_definite, require
@@ -21,6 +22,13 @@ _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz
 
 def _tensor(where: str, at: Values) -> NDArray:
     return positive_definite(f"Satellite.{where}: J", at.array(*_TENSOR).reshape(3, 3))
+
+
+@closed_form("with the wheels locked Euler's top, by elliptic functions, attitude included")
+def locked(t: NDArray, at: Values) -> dict[str, NDArray]:
+    start = rotations.unit(at.array("q_w_0", "q_x_0", "q_y_0", "q_z_0"))
+    omega, q = euler_top(t, _tensor("exact", at), at.array("omega_x_0", "omega_y_0", "omega_z_0"), start)
+    return dict(zip((*Orientation.rates, *Orientation.quaternion), (*omega, *q), strict=True))
 
 
 @closed_form("from rest, the wheels turned in proportion: a rotation by -J⁻¹ J_wheel Δφ")
@@ -65,15 +73,25 @@ def steered(t: NDArray, at: Values, *, wheels: Callable[[float], ArrayLike]) -> 
 # ---- SpatialCat ----------------------------------------------------------------------------------------------------
 
 
-def turned_by(at: Values, bend: float) -> float:
-    """Φ = 2π J c/(I s² + J c²), c and s of half the bend."""
+def _turn(at: Values, bend: float) -> float:
     c, s = np.cos(bend / 2), np.sin(bend / 2)
     return float(2 * np.pi * at.inertia_axial * c / (at.inertia_transverse * s**2 + at.inertia_axial * c**2))
 
 
 @closed_form("the angle Φ [rad] by which χ turns the cat about a + b, once round at constant bend")
 def turn(bend: float, at: Values) -> float:
-    return turned_by(at, bend)
+    return _turn(at, bend)
+
+
+@closed_form("free fall, and without momentum and twist, at constant bend, a turn that χ alone determines")
+def bent(t: NDArray, at: Values, *, azimuth: ArrayLike, azimuth_0: float = 0.0) -> dict[str, NDArray]:
+    """``azimuth`` [rad] is χ at the times, ``azimuth_0`` at the start, where half A is not turned."""
+    chi = np.asarray(azimuth, dtype=float)
+    psi = _turn(at, at.bend) * (chi - azimuth_0) / (2 * np.pi)
+    start = rotations.product(rotations.about(2, azimuth_0), rotations.about(0, at.bend / 2))
+    back = rotations.product(rotations.about(0, -at.bend / 2)[:, None], rotations.about(2, -chi.ravel()))
+    q = rotations.product(start[:, None], rotations.about(2, psi.ravel()), back)
+    return free_fall(t, at) | dict(zip(Orientation.quaternion, q.reshape(4, *chi.shape), strict=True))
 
 
 @closed_form("the bend [rad] that turns the cat by Φ once round: (I - J) Φ c² + 2π J c = I Φ")

@@ -13,10 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.fft import dct
 from scipy.special import exprel, lambertw
 
+from liaisons.language import Values, closed_form
 from liaisons.models.solutions.validity import require
 
 _NEAREST = 0.04  # smallest r / largest r; the cosine series converge as exp(-2k) of it
@@ -89,18 +90,24 @@ class Orbit:
         return r, w_dot / (2 * r), _integral(self.angle, theta) - _integral(self.angle, np.array(phase))
 
 
-def isokinetic_motion(
-    t: NDArray, position: NDArray, velocity: NDArray, speed: float, a: float
-) -> tuple[NDArray, NDArray]:
-    """Place and velocity in space, shape (3, n) each, at times t of shape (n,); uniform where nothing turns it.
-
-    :param speed: v, which the velocity has up to rounding; ``a`` is stiffness over m v².
-    """
-    r_0, moment = float(np.linalg.norm(position)), np.cross(position, velocity)
+@closed_form("turning points by Lambert's W, time and angle between them by quadrature, for m v² = 3 k_B T")
+def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+    """Not for orbits that are almost circles; through the origin, or without a spring, uniform and straight."""
+    position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
+    speed, found = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(velocity)
+    require(
+        abs(found - speed) <= 1e-6 * speed,
+        f"IsokineticOscillator.exact: the start velocity {found:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
+    )
+    a, r_0, moment = (
+        at.stiffness / (3 * at.thermal_energy),
+        float(np.linalg.norm(position)),
+        np.cross(position, velocity),
+    )
     area_rate = float(np.linalg.norm(moment))
     if a == 0 or area_rate == 0:
-        r = position[:, None] + np.multiply.outer(velocity, t)
-        v = np.broadcast_to(velocity[:, None], r.shape)
+        v = np.multiply.outer(velocity, np.ones_like(t))
+        r = np.multiply.outer(position, np.ones_like(t)) + v * t
     else:
         orbit = Orbit.of(speed, a, area_rate * np.exp(-a * r_0**2 / 2) / speed)
         distance, rate, phi = orbit.at(t, orbit.phase(r_0**2, outwards=bool(position @ velocity >= 0)))
@@ -110,7 +117,19 @@ def isokinetic_motion(
         e_r = np.multiply.outer(radial, np.cos(phi)) + np.multiply.outer(across, np.sin(phi))
         e_phi = np.multiply.outer(across, np.cos(phi)) - np.multiply.outer(radial, np.sin(phi))
         r, v = distance * e_r, rate * e_r + distance * phi_dot * e_phi
-    return r, v
+    names = ("x", "y", "z", "x_dot", "y_dot", "z_dot", "mu")
+    return dict(zip(names, (*r, *v, -a * np.sum(r * v, axis=0)), strict=True))
+
+
+@closed_form("smallest and largest r [m], time [s] and angle [rad] from one to the other", stiffness="> 0")
+def turning_points(at: Values, *, position: ArrayLike, velocity: ArrayLike) -> tuple[float, float, float, float]:
+    """From ``position`` [m], (3,), and ``velocity`` [m/s], (3,), at some instant."""
+    r, v = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
+    area_rate, a = float(np.linalg.norm(np.cross(r, v))), at.stiffness / (3 * at.thermal_energy)
+    require(area_rate > 0, "IsokineticOscillator.turning_points: straight through the origin r does not turn")
+    speed = float(np.linalg.norm(v))
+    orbit = Orbit.of(speed, a, area_rate * float(np.exp(-a * (r @ r) / 2)) / speed)
+    return float(np.sqrt(orbit.inner)), float(np.sqrt(orbit.outer)), orbit.half_period, orbit.apsidal_angle
 
 
 def _between(inner: float, outer: float, theta: NDArray) -> NDArray:

@@ -13,18 +13,44 @@ Plane vectors are complex numbers.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from liaisons.language import Values, closed_form
 from liaisons.models.solutions.stumpff import stumpff
+from liaisons.models.solutions.validity import require
 
 
-def kepler_motion(
+@closed_form("ellipse, parabola or hyperbola, by Kepler's equation solved to rounding", mass="> 0", mu="> 0")
+def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+    turns = at.x_0 * at.y_dot_0 != at.y_0 * at.x_dot_0
+    require(turns, "KeplerOrbit.exact: angular momentum 0: the planet moves through r = 0")
+    position, velocity = _motion(t, complex(at.x_0, at.y_0), complex(at.x_dot_0, at.y_dot_0), at.mu)
+    return {"x": position.real, "y": position.imag, "x_dot": velocity.real, "y_dot": velocity.imag}
+
+
+@closed_form("the time of a revolution [s], 2π √(a³/μ) (K eq. 60); infinite on a parabola or hyperbola", mu="> 0")
+def period(at: Values) -> float:
+    distance = float(np.hypot(at.x_0, at.y_0))
+    require(distance > 0, f"KeplerOrbit.period: r_0 = {distance} must be > 0")
+    inverse = 2 / distance - (at.x_dot_0**2 + at.y_dot_0**2) / at.mu  # 1/a
+    return float(2 * np.pi / np.sqrt(at.mu * inverse**3)) if inverse > 0 else np.inf
+
+
+@closed_form("the start at the pericentre, on the x axis, of an orbit of this semi-axis [m] and eccentricity")
+def pericentre(at: Values, *, semi_axis: float, eccentricity: float) -> dict[str, float]:
+    speed = np.sqrt(at.mu / semi_axis * (1 + eccentricity) / (1 - eccentricity))
+    return {"x_0": semi_axis * (1 - eccentricity), "y_dot_0": float(speed)}
+
+
+@closed_form("the time since the pericentre [s] at the eccentric anomaly E, √(a³/μ) (E - e sin E): Kepler's equation")
+def time(E: ArrayLike, at: Values, *, semi_axis: float, eccentricity: float) -> NDArray:
+    return np.sqrt(semi_axis**3 / at.mu) * (np.asarray(E) - eccentricity * np.sin(E))
+
+
+def _motion(
     t: NDArray[np.float64], r_0: complex, v_0: complex, mu: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Position and velocity after the times t, of its shape.
-
-    :param r_0: position at the start; ``v_0`` the velocity.  Their angular momentum must not vanish.
-    """
+    """Position and velocity after the times t; the angular momentum must not vanish."""
     sigma, L = (r_0.conjugate() * v_0).real, (r_0.conjugate() * v_0).imag
     distance, parameter = abs(r_0), L**2 / mu
     beta = 2 * mu / distance - abs(v_0) ** 2
@@ -41,11 +67,11 @@ def kepler_motion(
         c_1, c_2, _ = stumpff(beta * s**2)
         return nearest - mu * s**2 * c_2 + 1j * L * s * c_1
 
-    def time(s: NDArray) -> NDArray:
+    def elapsed(s: NDArray) -> NDArray:
         c_1, _, c_3 = stumpff(beta * s**2)
         return s * (nearest * c_1 + mu * s**2 * c_3)
 
-    since = t + time(np.asarray(s_0))
+    since = t + elapsed(np.asarray(s_0))
     if beta > 0:
         period = 2 * np.pi * mu / (beta * rate)
         since -= period * np.round(since / period)

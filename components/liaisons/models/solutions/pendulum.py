@@ -14,6 +14,14 @@ from liaisons.models.solutions.linear import oscillation
 from liaisons.models.solutions.validity import require
 
 
+@closed_form("the motion of Pendulum with a fixed rod, from the angle theta_0 at the rate theta_dot_0", gravity="> 0")
+def cartesian(t: NDArray, at: Values, *, theta_0: float = 0.1, theta_dot_0: float = 0.0) -> dict[str, NDArray]:
+    theta, rate = elliptic.pendulum(t, theta_0, theta_dot_0, np.sqrt(at.gravity / at.rod))
+    x, depth = at.rod * np.sin(theta), at.rod * np.cos(theta)
+    lambda_1 = -at.mass * (at.rod * rate**2 + at.gravity * np.cos(theta)) / (2 * at.rod)
+    return {"x": x, "z": at.height - depth, "x_dot": depth * rate, "z_dot": x * rate, "lambda_1": lambda_1}
+
+
 @closed_form("the period [s]: 4 K(k)/Ω of a swing, 2 K(1/k)/kΩ of a full turn, else infinite", gravity="> 0")
 def period(at: Values) -> float:
     return elliptic.period(at.theta_0, at.theta_dot_0, np.sqrt(at.gravity / at.length))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +24,15 @@ def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     offset, frequency = np.angle(moment), np.sqrt(at.gravity * abs(moment) / inertia)
     theta_com, theta_dot = elliptic.pendulum(t, at.theta_0 + offset, at.theta_dot_0, frequency)
     return {"theta": theta_com - offset, "theta_dot": theta_dot, "theta_com": theta_com}
+
+
+@closed_form("the motion in a fixed shape: the compound pendulum I θ'' = -D sin θ, by elliptic functions")
+def kept_shape(t: NDArray, at: Values, component: Any) -> dict[str, NDArray]:
+    shape = [getattr(at, s.name) for s in component.actives]
+    inertia, weight = (float(ca.evalf(ca.SX(component.functions[name](*shape)))) for name in ("I", "D"))
+    require(inertia > 0 and weight > 0, f"{component.__name__}.exact: I = {inertia} and D = {weight} must be > 0")
+    theta, theta_dot = elliptic.pendulum(t, at.theta_0, at.theta_dot_0, np.sqrt(weight / inertia))
+    return {"theta": theta, "theta_dot": theta_dot}
 
 
 @closed_form("the shift of the rope [rad] by a lean at once from ``lean`` to another, -∫ (J/I) dψ: a horizontal lift")
