@@ -23,9 +23,9 @@ import numpy as np
 from _measure import Row, command
 
 from liaisons.compiler import compile_library, host
-from liaisons.ensembles.equations import Equations, Settable, default_record, equations
-from liaisons.ensembles.kernel import LANES, kernel
 from liaisons.ensembles.methods import METHODS
+from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat, right_hand_side, signal
+from liaisons.ensembles.steps import LANES, compiled
 from liaisons.language import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
 
@@ -50,8 +50,10 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
 
 def _measured(title: str, rounds: int, steps: int) -> list[Row]:
     component, operators, values = CASES[title]
-    settable = Settable(component, operators)
-    found = equations(settable, values, [], default_record(settable.model))
+    model = flat(component)
+    signals = {name: signal(model, name, operator) for name, operator in operators.items()}
+    moved = [state.name for state in model.states if state.name not in INTEGRALS]
+    found = right_hand_side(model, signals, lanes=values, shared=[], record=moved)
     count = steps * MEMBERS
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         runs = {"scalar": _scalar(found, values, steps, Path(folder))}
@@ -78,15 +80,15 @@ def _timed(run: Timed) -> tuple[float, float]:
     return time.perf_counter() - begin, time.process_time() - begin_processor
 
 
-def _start(found: Equations, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+def _start(found: RightHandSide, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
     """Constants and states, (rows, MEMBERS), somewhat different for each member."""
     random = np.random.default_rng(0)
     constants = np.array([[value] * MEMBERS for value in values.values()])
-    return constants, random.uniform(-1.0, 1.0, (found.y.numel(), MEMBERS))
+    return constants, random.uniform(-1.0, 1.0, (found.start.numel(), MEMBERS))
 
 
-def _ensemble(found: Equations, values: Mapping[str, float], steps: int, threads: int) -> Timed:
-    advance = kernel(found, "rk4", np.zeros(0), native=True).advance
+def _ensemble(found: RightHandSide, values: Mapping[str, float], steps: int, threads: int) -> Timed:
+    advance = compiled(found, METHODS["rk4"], np.zeros(0))
     constants, states = (
         np.ascontiguousarray(rows.reshape(len(rows), -1, LANES).swapaxes(0, 1)) for rows in _start(found, values)
     )
@@ -103,17 +105,17 @@ def _ensemble(found: Equations, values: Mapping[str, float], steps: int, threads
     return run
 
 
-def _scalar(found: Equations, values: Mapping[str, float], steps: int, folder: Path) -> Timed:
+def _scalar(found: RightHandSide, values: Mapping[str, float], steps: int, folder: Path) -> Timed:
     """CasADi's C of one step, called for one member after the other."""
-    t, lanes, shared = found.constants
-    rates = ca.Function("rates", [t, lanes, found.y], [found.rates])
+    t, lanes, shared, y = found.symbols
+    rates = ca.Function("rates", [t, lanes, y], [found.rates])
     tableau, h = METHODS["rk4"], STEP
-    f = [rates(t, lanes, found.y)]
+    f = [rates(t, lanes, y)]
     for node, row in zip(tableau.nodes[1:], tableau.matrix[1:], strict=True):
-        f.append(rates(t + node * h, lanes, found.y + h * sum(a * g for a, g in zip(row, f, strict=True) if a)))
-    end = found.y + h * sum(b * g for b, g in zip(tableau.weights, f, strict=True))
+        f.append(rates(t + node * h, lanes, y + h * sum(a * g for a, g in zip(row, f, strict=True) if a)))
+    end = y + h * sum(b * g for b, g in zip(tableau.weights, f, strict=True))
     assert not shared.numel()
-    step = ca.Function("step", [t, lanes, found.y], ca.cse([end]))
+    step = ca.Function("step", [t, lanes, y], ca.cse([end]))
     generator = ca.CodeGenerator("step", {"with_header": False, "with_export": False})
     generator.add(step)
     loop = f"""
@@ -124,8 +126,8 @@ def _scalar(found: Equations, values: Mapping[str, float], steps: int, folder: P
         for (long m = 0; m < members; ++m)
             for (long n = 0; n < steps; ++n) {{
                 double t = n * {h};
-                arg[0] = &t; arg[1] = lanes + m * {lanes.numel()}; arg[2] = y + m * {found.y.numel()};
-                res[0] = y + m * {found.y.numel()};
+                arg[0] = &t; arg[1] = lanes + m * {lanes.numel()}; arg[2] = y + m * {found.start.numel()};
+                res[0] = y + m * {found.start.numel()};
                 step(arg, res, iw, w, 0);
             }}
     }}

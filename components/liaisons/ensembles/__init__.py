@@ -1,5 +1,5 @@
 """Ensembles: one component with many parameter sets and initial states, integrated together in compiled code."""
 
-from liaisons.ensembles.ensemble import ensemble
+from liaisons.ensembles.integrating import ensemble
 
 __all__ = ["ensemble"]

@@ -10,9 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from liaisons import System, build, compiler, max_error, slope
-from liaisons.ensembles import ensemble, kernel
-from liaisons.ensembles.equations import Settable, equations
+from liaisons.ensembles import ensemble, integrating
 from liaisons.ensembles.methods import METHODS
+from liaisons.ensembles.right_hand_sides import flat, right_hand_side
+from liaisons.ensembles.steps import source
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.mechanics import assemble
 from liaisons.models import (
@@ -210,21 +211,21 @@ def test_a_member_that_fails_does_not_harm_the_others() -> None:
 
 def test_without_a_compiler(monkeypatch) -> None:
     for name in ("system_compiler", "zig_compiler"):
-        monkeypatch.setattr(kernel, name, lambda: None)
+        monkeypatch.setattr(integrating, name, lambda: None)
     found = ensemble(Oscillator, {"x_0": [1.0, 2.0]}, stop_time=1.0, step_size=0.1)
     assert not found.compiled
     assert max_error(found["x"][-1], np.cos(1.0) * np.array([1.0, 2.0])) <= 1e-11  # h^8/9! · 10 steps
 
 
 def test_integrals_are_left_out_unless_they_are_wanted() -> None:
-    settable = Settable(Pendulum, {})
-    assert equations(settable, ["theta_0"], [], ["theta"]).y.numel() == 2
-    assert equations(settable, ["friction"], [], ["dissipated"]).y.numel() == 3
+    for value, output, states in (("theta_0", "theta", 2), ("friction", "dissipated", 3)):
+        equations = right_hand_side(flat(Pendulum), {}, lanes=[value], shared=[], record=[output])
+        assert equations.start.numel() == states
 
 
 def test_the_generated_code_is_clean(monkeypatch) -> None:
-    found = equations(Settable(CartesianPendulum, {}), ["gravity"], [], ["x"])
-    code = kernel.source(found, METHODS["rk4"])
+    found = right_hand_side(flat(CartesianPendulum), {}, lanes=["gravity"], shared=[], record=["x"])
+    code = source(found, METHODS["rk4"])
     monkeypatch.setattr(
         compiler, "FLAGS", (*compiler.FLAGS, "-Wall", "-Wextra", "-pedantic", "-Werror", "-fopenmp-simd")
     )
@@ -235,8 +236,8 @@ def test_the_generated_code_is_clean(monkeypatch) -> None:
     ("values", "options", "error", "message"),
     [
         ({"theta0": [1.0]}, {}, ComponentError, "did you mean 'theta_0'"),
-        ({"theta_0": []}, {}, SimulationError, "no members"),
-        ({"theta_0": 1.0}, {}, SimulationError, "no members"),
+        ({"theta_0": []}, {}, SimulationError, "no cases"),
+        ({"theta_0": 1.0}, {}, SimulationError, "no cases"),
         ({"theta_0": [1.0], "mass": [1.0, 2.0]}, {}, SimulationError, "theta_0 1, mass 2"),
         ({"theta_0": [[1.0]]}, {}, SimulationError, r"shape \(1, 1\)"),
         ({"theta_0": ["a"]}, {}, SimulationError, "theta_0"),

@@ -1,0 +1,212 @@
+"""Many cases of one component, integrated together."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.arguments import chosen, finite, listed, named, numbers, whole
+from liaisons.compiler import system_compiler, zig_compiler
+from liaisons.ensembles.methods import METHODS
+from liaisons.ensembles.right_hand_sides import INTEGRALS, flat, right_hand_side, settable, signal
+from liaisons.ensembles.steps import LANES, Advance, by_numpy, compiled
+from liaisons.errors import ComponentError, SimulationError, suggestion
+from liaisons.expressions import program
+from liaisons.language import Variable
+from liaisons.library import Target
+from liaisons.library import component as found_component
+from liaisons.results import Result
+
+Floats = NDArray[np.float64]
+
+_CHUNK = 16  # blocks that a thread takes at once
+
+
+def ensemble(
+    component: Target,
+    values: Mapping[str, ArrayLike],
+    *,
+    stop_time: float,
+    step_size: float,
+    samples: int = 1,
+    start_time: float = 0.0,
+    method: Literal["rk4", "rk8"] = "rk8",
+    operators: Mapping[str, Target] | None = None,
+    record: str | Iterable[str] | None = None,
+    estimate: bool = True,
+    threads: int | None = None,
+    backend: Literal["auto", "native", "numpy"] = "auto",
+) -> Result:
+    """Integrate many cases of a component with steps of one size.
+
+    A million steps of a pendulum take some milliseconds.  Inputs keep their values; a coordinate that moves takes an
+    operator, whose parameters are values of the cases, too::
+
+        ensemble(Pendulum, {"theta_0": angles, "length.amplitude": 0.1}, operators={"length": Sinusoid}, ...)
+
+    :param component: its name, file or class.
+    :param values: parameters and inputs by name: a number for all cases, or an array with one for each; what is not
+        given has its default.
+    :param stop_time: end [s].
+    :param step_size: largest step [s]; made smaller so that the recorded times, evenly spaced, are met.
+    :param samples: how many times are recorded after the start.
+    :param method: ``"rk4"`` (4 evaluations a step, order 4) or ``"rk8"`` (11, order 8).  The order holds where the
+        motion is smooth.
+    :param operators: active coordinate -> operator that moves it, by its name, file or class.
+    :param record: an output or several; coordinates and momenta if None.
+    :param estimate: estimate the error from a second run with steps twice as long, which costs half as much again.
+    :param threads: how many; one a core if None.
+    :param backend: ``"native"``: C, compiled for this machine; ``"numpy"``; ``"auto"``: C where there is a compiler.
+    :returns: signals of shape (times, cases), :meth:`liaisons.Result.error` of each if it is estimated, and
+        ``failures``: cases with a value outside its domain, or that left it on the way.
+    :raises ComponentError: for an unknown name, with the nearest match, or an operator that is no function of time.
+    :raises SimulationError: for a bad number, or arrays that differ in length.
+    :raises BuildError: if the compiler fails.
+    """
+    model = flat(found_component(component))
+    moving = named("operators", {} if operators is None else operators)
+    signals = {name: signal(model, name, found_component(operator)) for name, operator in moving.items()}
+    variables = settable(model, signals)
+    for name in named("values", values):
+        if name not in variables:
+            raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
+    chosen("method", method, tuple(METHODS))
+    chosen("backend", backend, ("auto", "native", "numpy"))
+    if threads is not None:
+        whole("threads", threads)
+    _check_times(start_time, stop_time, step_size, samples)
+    given = {name: _array(f"{model.name}: {name}", value) for name, value in values.items()}
+    lanes = {name: array for name, array in given.items() if array.ndim}
+    shared = {name: array for name, array in given.items() if not array.ndim}
+    count = _count(model.name, lanes)
+
+    moved = [state.name for state in model.states if state.name not in INTEGRALS]
+    names = tuple(moved if record is None else listed("record", record))
+    equations = right_hand_side(model, signals, lanes=lanes, shared=shared, record=names, start_time=start_time)
+    native = backend == "native" or (backend == "auto" and bool(system_compiler() or zig_compiler()))
+    each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
+    advance = (compiled if native else by_numpy)(equations, METHODS[method], once)
+
+    time = np.linspace(start_time, stop_time, samples + 1)
+    t, *constants, y = equations.symbols
+    (start,) = program(constants, [equations.start]).evaluate([each, once[:, None]])
+    seen = program([t, *constants, y], [equations.outputs, equations.conditions])
+
+    def run(steps: int) -> list[Floats]:
+        """Outputs and conditions, (rows, times, cases) each, with so many steps from one time to the next."""
+        states = _states(advance, each, start, time, steps=steps, threads=threads or os.cpu_count() or 1)
+        return seen.evaluate([time[None, :, None], each[:, None], once[:, None, None], states])
+
+    pairs = math.ceil((stop_time - start_time) / samples / step_size / 2 - 1e-9)
+    fine, conditions = run(2 * pairs)
+    errors = None
+    if estimate:
+        errors = np.max(np.abs(fine - run(pairs)[0]), axis=1) / (2 ** METHODS[method].order - 1)
+    failures = _lost(fine, conditions, equations.condition_texts, time)
+    failures |= {case: (0, text) for case, text in _outside(variables, given, count).items()}
+    for case, (first, _) in failures.items():
+        fine[:, first:, case] = np.nan
+    units = {variable.name: variable.unit for variable in model.outputs}
+    return Result(
+        model.name,
+        time,
+        names,
+        fine,
+        {name: units[name] for name in names},
+        failures={case: text for case, (_, text) in failures.items()},
+        errors=errors,
+        compiled=native,
+    )
+
+
+def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, steps: int, threads: int) -> Floats:
+    """States, (states, times, cases): cases in blocks of lanes, several blocks at once."""
+    lanes, first = _blocks(each), _blocks(start)
+    records = np.empty((len(time), *first.shape))
+    records[0] = first
+
+    def advance_chunk(begin: int) -> None:
+        chunk = slice(begin, begin + _CHUNK)
+        for k, (now, then) in enumerate(pairwise(time)):
+            states = records[k, chunk].copy()
+            advance(now, (then - now) / steps, steps, lanes[chunk], states)
+            records[k + 1, chunk] = states
+
+    chunks = range(0, len(lanes), _CHUNK)
+    if threads == 1 or len(chunks) == 1:
+        for begin in chunks:
+            advance_chunk(begin)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(advance_chunk, chunks))
+    return records.transpose(2, 0, 1, 3).reshape(len(start), len(time), -1)[..., : start.shape[1]]
+
+
+def _blocks(rows: Floats) -> Floats:
+    """(rows, cases) as (blocks, rows, LANES); the last block is filled up with the last case."""
+    blocks = -(-rows.shape[1] // LANES)
+    padded = np.pad(rows, ((0, 0), (0, blocks * LANES - rows.shape[1])), mode="edge")
+    return np.ascontiguousarray(padded.reshape(len(rows), blocks, LANES).swapaxes(0, 1))
+
+
+def _array(label: str, value: ArrayLike) -> Floats:
+    array = numbers(label, value)
+    if array.ndim > 1:
+        raise SimulationError(f"{label} has shape {array.shape}; give one number a case")
+    return array
+
+
+def _count(owner: str, lanes: Mapping[str, Floats]) -> int:
+    """How many cases there are."""
+    counts = {name: len(array) for name, array in lanes.items()}
+    if len(set(counts.values())) > 1:
+        said = ", ".join(f"{name} {count}" for name, count in counts.items())
+        raise SimulationError(f"{owner}: arrays of different lengths: {said}; give one number a case")
+    if not any(counts.values()):
+        what = f"{next(iter(counts))} is empty" if counts else "no value is an array"
+        raise SimulationError(f"{owner}: {what}, so there are no cases; give one number a case")
+    return next(iter(counts.values()))
+
+
+def _check_times(start_time: float, stop_time: float, step_size: float, samples: int) -> None:
+    for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
+        finite(name, value)
+    if stop_time <= start_time:
+        raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
+    if step_size <= 0:
+        raise SimulationError(f"step_size = {step_size!r}: must be > 0")
+    whole("samples", samples)
+
+
+def _outside(variables: Mapping[str, Variable], given: Mapping[str, Floats], count: int) -> dict[int, str]:
+    """Cases with a value outside its domain, and what is wrong with it."""
+    found: dict[int, str] = {}
+    for name, array in given.items():
+        variable, everyone = variables[name], np.broadcast_to(array, count)
+        less = np.less if variable.strict else np.less_equal
+        low = -np.inf if variable.minimum is None else variable.minimum
+        high = np.inf if variable.maximum is None else variable.maximum
+        allowed = np.isfinite(everyone) & less(low, everyone) & less(everyone, high)
+        for case in np.flatnonzero(~allowed).tolist():
+            found.setdefault(case, f"{name} = {everyone[case]:g}: must be {variable.domain() or 'finite'}")
+    return found
+
+
+def _lost(outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats) -> dict[int, tuple[int, str]]:
+    """Case -> from which time on it is not to be used, and why."""
+    checks = {f"{text} (t = {{:g}} s)": row > 0 for text, row in zip(texts, conditions, strict=True)}
+    checks["no longer finite at t = {:g} s; take smaller steps"] = np.isfinite(outputs).all(axis=0)
+    found: dict[int, tuple[int, str]] = {}
+    for text, holds in checks.items():
+        for case in np.flatnonzero(~holds.all(axis=0)).tolist():
+            first = int(np.argmin(holds[:, case]))
+            if first < found.get(case, (len(time), ""))[0]:
+                found[case] = (first, text.format(time[first]))
+    return found

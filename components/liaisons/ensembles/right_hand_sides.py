@@ -1,0 +1,185 @@
+"""A model as an ensemble needs it: free of whatever no recorded output depends on, operators put into place.
+
+The vectors of :class:`liaisons.mechanics.model.Model` become columns of SX symbols: ``t``; ``lanes``, values that
+differ between the cases; ``shared``, values that are given once for all of them; ``y``, the states that count.  What
+nobody gives keeps its start value and is a number in the expressions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, final
+
+import casadi as ca
+import numpy as np
+
+from liaisons.errors import ComponentError, suggestion
+from liaisons.language import Component, Operator, Variable
+from liaisons.mechanics import assemble
+from liaisons.mechanics.model import Model
+
+INTEGRALS = ("work", "dissipated")
+"""States that no motion depends on; integrated only for outputs that need them."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class RightHandSide:
+    """Expressions of one ensemble.
+
+    :param symbols: t, lanes, shared and y, what expressions are made of.
+    :param start: y at the start, of lanes and shared alone.
+    :param rates: of y.
+    :param projected: y put back onto constraints; None: no need.
+    :param outputs: what is recorded.
+    :param conditions: must stay > 0.
+    :param condition_texts: one a condition.
+    """
+
+    symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
+    start: ca.SX
+    rates: ca.SX
+    projected: ca.SX | None
+    outputs: ca.SX
+    conditions: ca.SX
+    condition_texts: tuple[str, ...]
+
+
+@lru_cache(maxsize=32)
+def flat(component: type[Component]) -> Model:
+    """The model of a component, its arrays element by element."""
+    return assemble(component).flat()
+
+
+def signal(model: Model, name: str, operator: type[Component]) -> Model:
+    """The model of an operator that moves an active coordinate.
+
+    :raises ComponentError: if it is no function of time, or what it is put onto is not active.
+    """
+    active = [a.value for a in model.active]
+    if name not in active:
+        raise ComponentError(f"operators: {model.name} has no active coordinate {name!r}{suggestion(name, active)}")
+    if not (isinstance(operator, type) and issubclass(operator, Operator)):
+        raise ComponentError(f"operators: {name} = {operator!r} is no Operator; give the class, e.g. Sinusoid")
+    found = flat(operator)
+    if found.states or found.inputs:
+        raise ComponentError(
+            f"operators: {operator.__name__} on {name} closes a loop; in an ensemble an operator is a function of time"
+        )
+    return found
+
+
+def settable(model: Model, signals: Mapping[str, Model]) -> dict[str, Variable]:
+    """What can be given values, by name; ``length.amplitude`` is an operator's."""
+    driven = {name for a in model.active if a.value in signals for name in (a.value, a.rate, a.acceleration)}
+    own = {v.name: v for v in (*model.parameters, *model.inputs) if v.name not in driven}
+    return own | {f"{name}.{p.name}": p for name, operator in signals.items() for p in operator.parameters}
+
+
+def right_hand_side(
+    model: Model,
+    signals: Mapping[str, Model],
+    *,
+    lanes: Iterable[str],
+    shared: Iterable[str],
+    record: Sequence[str],
+    start_time: float = 0.0,
+) -> RightHandSide:
+    """Put the expressions together.
+
+    :param signals: active coordinate -> model of the operator that moves it.
+    :param lanes: names of the values that differ between the cases, in the order of their column.
+    :param shared: likewise of those that are given once for all.
+    :param record: names of outputs.
+    :raises ComponentError: for an unknown output, outputs that no state moves, or a function that is not made of scalar
+        operations.
+    """
+    rows = {variable.name: row for row, variable in enumerate(model.outputs)}
+    for name in record:
+        if name not in rows:
+            raise ComponentError(f"record: {model.name} has no output {name!r}{suggestion(name, rows)}")
+    t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
+    given: dict[str, ca.SX] = {}
+
+    def symbols(title: str, names: list[str]) -> ca.SX:
+        column = ca.SX.sym(title, len(names))
+        given.update((name, column[i]) for i, name in enumerate(names))
+        return column
+
+    def values(variables: Iterable[Variable], prefix: str = "") -> dict[str, ca.SX]:
+        return {v.name: given.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
+
+    constants = symbols("lanes", list(lanes)), symbols("shared", list(shared))
+    inputs = values(model.inputs)
+    for triple in model.active:
+        if triple.value in signals:
+            operator = signals[triple.value]
+            parameters = _column(values(operator.parameters, f"{triple.value}.").values())
+            z = _scalar(operator.outputs_function, t, [], [], parameters, [])[0]
+            inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
+    u, k = _column(inputs.values()), _column(values(model.parameters).values())
+
+    begin = ca.SX(start_time)
+    at_start = [begin, ca.substitute(u, t, begin), k]
+    start, memory = _scalar(model.start, *at_start)
+    at_start.insert(1, start)
+    remembered = _scalar(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
+    outputs = _scalar(model.outputs_function, t, y, u, k, remembered)[0][[rows[name] for name in record]]
+    rates = _scalar(model.derivatives, t, y, u, k)[0]
+    projected = None if model.project is None else _scalar(model.project, t, y, u, k)[0]
+    lasting = len(model.condition_texts) - model.start_only
+    conditions, begun = (_scalar(model.conditions, *at)[0] for at in ((t, y, u, k), at_start))
+    domains = [(v, bound) for v in model.inputs for bound in _bounds(v, inputs[v.name]) if v.name not in given]
+    conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
+    texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
+
+    needed = _closure(ca.vertcat(outputs, conditions), y, [rates, *([] if projected is None else [projected])])
+    if not needed:
+        raise ComponentError(f"record: nothing of {record} depends on a state of {model.name}; record one")
+    return RightHandSide(
+        symbols=(t, *constants, y[needed]),
+        start=start[needed],
+        rates=rates[needed],
+        projected=None if projected is None else projected[needed],
+        outputs=outputs,
+        conditions=conditions,
+        condition_texts=texts,
+    )
+
+
+def _bounds(variable: Variable, value: ca.SX) -> list[ca.SX]:
+    """What must be > 0 while a variable is in its domain; nothing if it does not move."""
+    gaps = [value - variable.minimum] if variable.minimum is not None else []
+    gaps += [variable.maximum - value] if variable.maximum is not None else []
+    return [gap if variable.strict else gap >= 0 for gap in gaps if not gap.is_constant()]
+
+
+def _scalar(function: ca.Function, *arguments: Any) -> list[ca.SX]:
+    """Expressions of a function, whose own graph may be of matrices."""
+    try:
+        expanded = function if function.is_a("SXFunction") else function.expand()
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise ComponentError(f"{function.name()} cannot be written in scalar operations: {reason}") from None
+    columns = [ca.SX(0, 1) if isinstance(argument, list) else argument for argument in arguments]
+    return [ca.densify(result) for result in expanded.call(columns, True, False)]
+
+
+def _column(expressions: Iterable[ca.SX]) -> ca.SX:
+    rows = list(expressions)
+    return ca.vertcat(*rows) if rows else ca.SX(0, 1)
+
+
+def _closure(wanted: ca.SX, y: ca.SX, maps: Iterable[ca.SX]) -> list[int]:
+    """The states that the wanted expressions depend on, directly or through others."""
+    uses = [np.array(ca.DM(ca.jacobian_sparsity(expression, y), 1)) != 0 for expression in maps]
+    needed = np.any(np.array(ca.DM(ca.jacobian_sparsity(wanted, y), 1)) != 0, axis=0)
+    while True:
+        grown = needed.copy()
+        for use in uses:
+            grown |= use[needed].any(axis=0)
+        if (grown == needed).all():
+            return np.flatnonzero(needed).tolist()
+        needed = grown
