@@ -203,7 +203,7 @@ def test_a_coordinate_has_to_move_a_mass() -> None:
 
 
 def test_axes_of_base_and_tip_are_those_of_the_joint() -> None:
-    with pytest.raises(ComponentError, match=r"Bent\.base returns \['x', 'y'\]; it must have the axes \('x', 'z'\)"):
+    with pytest.raises(ComponentError, match=r"Bent\.base returns \['x', 'y'\]; it must give \['x', 'z'\]"):
 
         class Bent(PendulumChain):
             """A wrong axis."""

@@ -168,10 +168,6 @@ def test_model_functions_agree_with_the_equations() -> None:
     assert z["work"] == 0.0
 
 
-def test_the_names_that_are_checked_for_clashes_are_the_names_of_the_model() -> None:
-    assert sorted(Generic.variable_names()) == sorted(variable.name for variable in assemble(Generic).variables)
-
-
 def test_jump_books_the_work_of_an_impulse() -> None:
     """σ̇ jumps: p stays, the energy jumps, and the booked work is that difference: the balance stays closed."""
     model = assemble(Generic)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.component import scalar
-from liaisons.language.mechanism import Mechanism, start_values
+from liaisons.language.checks import scalar
+from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations, derive
 
 Source = type[Mechanism] | Equations
@@ -91,7 +91,7 @@ def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[st
             value = float(extreme(values.get(item.name, item.start)))
             if not variable.allows(value):
                 raise ComponentError(f"{name_of(equations)}: {item.name} = {value:g} must be {variable.domain()}")
-    numbers = dict.fromkeys(symbols, 0.0) | start_values(m) | dict(values)
+    numbers = dict.fromkeys(symbols, 0.0) | m.start_values() | dict(values)
     return {name: np.asarray(numbers[name], dtype=float) for name in symbols}
 
 
@@ -139,7 +139,7 @@ def turning_part(equations: Equations, u: ca.SX, v: ca.SX) -> ca.SX:
 def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
     """Random states about the start, the same ones each time; ``values`` are kept as they are."""
     m, rng = equations.mechanism, np.random.default_rng(0)
-    centres = start_values(m)
+    centres = m.start_values()
     states: dict[str, ArrayLike] = {}
     for item in (*m.coordinates, *m.actives):
         spread = (abs(item.start) or 1.0) / 2

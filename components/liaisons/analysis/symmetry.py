@@ -23,7 +23,7 @@ from liaisons.analysis.quantity import (
 )
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
-from liaisons.language.component import scalar
+from liaisons.language.checks import scalar
 from liaisons.mechanics.equations import Equations
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.language.chain import Chain, column
+from liaisons.language.chain import Chain
 from liaisons.language.declarations import Coordinate, point
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.chains.link import link_of
@@ -23,7 +23,7 @@ def unrolled(component: type[Chain], n: int) -> type[Mechanism]:
     :raises ComponentError: if n is no whole number or too small.
     """
     chain = component(n)
-    links, hung = range(1, chain.sizes["n"] + 1), chain.base() is not None
+    links, base = range(1, chain.sizes["n"] + 1), chain.base()
     link = link_of(chain)
 
     def at(m: Mechanism, i: int, expression: ca.SX) -> ca.SX:
@@ -32,9 +32,9 @@ def unrolled(component: type[Chain], n: int) -> type[Mechanism]:
         if i > 1:
             w = at(m, i - 1, link.tip)
         else:
-            w = ca.substitute(column(chain.base() or {}), _all(chain), _all(m)) if hung else ca.SX.zeros(*link.w.shape)
+            w = ca.substitute(chain.place(base), _all(chain), _all(m)) if base else ca.SX.zeros(*link.w.shape)
         symbols = [link.q, link.v, link.w, link.w_dot, link.bonded, chain.parameter_column]
-        values = [q, q_dot, w, m.dot(w), ca.SX(hung or i > 1), m.parameter_column]
+        values = [q, q_dot, w, m.dot(w), ca.SX(base is not None or i > 1), m.parameter_column]
         return ca.substitute(expression, ca.vertcat(*symbols), ca.vertcat(*values))
 
     names: dict[str, Any] = {p.name: p for p in component.parameters} | {s.name: s for s in component.actives}

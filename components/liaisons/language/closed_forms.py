@@ -5,17 +5,16 @@ from __future__ import annotations
 import copy
 import inspect
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, Generic, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.errors import ComponentError, ValidityError, suggestion
-from liaisons.language import names
 from liaisons.language.chain import Chain
 from liaisons.language.component import Component
-from liaisons.language.mechanism import Mechanism
-from liaisons.language.variables import Dimension, Variable
+from liaisons.language.variables import Variable
 
 R = TypeVar("R")
 _RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
@@ -146,25 +145,22 @@ def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], Cl
     return lambda function: ClosedForm(function, text, conditions)
 
 
-def _settable(owner: type[Component], given: dict[str, Any]) -> dict[str, Variable]:
+def _settable(owner: type[Component], given: dict[str, Any]) -> Mapping[str, Variable]:
     """Parameters, start values and inputs, as declared; of a chain as long as n, which is taken out, or an array."""
-    found = names.declared_parameters(owner)
-    if issubclass(owner, Mechanism):
-        found = [*names.parameters(owner)]
-        found += [v for s in owner.actives for v in names.triple(s)]
-        found += [v for q in owner.coordinates for v in names.forces_on(q)]
-    elif issubclass(owner, Chain):
-        arrays = (len(value) for value in given.values() if np.ndim(value) == 1)
-        try:
-            size = owner.n.checked(owner.__name__, given.pop("n", next(arrays, owner.n.default)))
-        except ComponentError as error:
-            raise ValidityError(str(error)) from None
-        dimension = Dimension("n", size, owner.n.description)
-        found += [v for s in owner.actives for v in names.triple(s)]
-        for q in owner.coordinates:
-            found += [*names.start_of(q, dimension), *names.forces_on(q, dimension)]
-        found.append(Variable("n", "1", owner.n.description, "parameter", "fixed", start=size))
-    return {variable.name: variable for variable in found}
+    if not issubclass(owner, Chain):
+        return _variables(owner)
+    arrays = (len(value) for value in given.values() if np.ndim(value) == 1)
+    try:
+        return _variables(owner, owner.n.checked(owner.__name__, given.pop("n", next(arrays, owner.n.default))))
+    except ComponentError as error:
+        raise ValidityError(str(error)) from None
+
+
+@cache
+def _variables(owner: type[Component], *size: int) -> Mapping[str, Variable]:
+    layout = owner(*size).layout()
+    sizes = (Variable(d.name, "1", d.description, "parameter", "fixed", start=d.count) for d in layout.dimensions)
+    return {variable.name: variable for variable in (*layout.parameters, *layout.inputs, *sizes)}
 
 
 def _start(variable: Variable) -> Any:

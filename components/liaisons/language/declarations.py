@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import inspect
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import wraps
-from typing import Any, Generic, Literal, ParamSpec, Self, TypeVar, overload
+from typing import Any, ClassVar, Generic, Literal, ParamSpec, Self, TypeVar, overload
 
 import casadi as ca
 import numpy as np
@@ -20,83 +20,35 @@ from liaisons import units
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Causality, Variability, Variable
 
-__all__ = [
-    "ActiveCoordinate",
-    "Coordinate",
-    "Friction",
-    "Gravity",
-    "Input",
-    "InternalState",
-    "Joint",
-    "Orientation",
-    "Parameter",
-    "Size",
-    "calculated",
-    "condition",
-    "constraint",
-    "non_holonomic",
-    "output",
-    "point",
-    "submersion",
-    "unchecked",
-]
-
 P = ParamSpec("P")
 T = TypeVar("T")
-_EXAMPLES = {
-    "Parameter": 'Parameter(1.0, "kg", "mass of the bob")',
-    "Coordinate": 'Coordinate("m", "height of the bead")',
-    "ActiveCoordinate": 'ActiveCoordinate("m", "length of the rope", start=1.0)',
-    "Input": 'Input("rad/s", "rate of the swing")',
-    "InternalState": 'InternalState("1/s", "friction of the thermostat")',
-    "point": '@point("m", "the bob")',
-    "constraint": '@constraint("m", "the rod keeps its length")',
-    "non_holonomic": '@non_holonomic("m/s", "the wheel does not slip")',
-    "submersion": '@submersion("m", "length of the rope", start=1.0)',
-    "calculated": '@calculated("rad/s", "angular frequency")',
-    "condition": '@condition("r must stay > 0")',
-    "output": '@output("m/s", "speed of the bob")',
-}
 
 
-def _explained(function: Callable[P, T]) -> Callable[P, T]:
-    """Say by an example what is missing where a declaration is called with too little or too much."""
-    signature, name = inspect.signature(function), function.__qualname__.removesuffix(".__init__")
+class Declaration(ABC, Generic[T]):
+    """Name, unit and description of one declared thing; abstract.
 
-    @wraps(function)
-    def called(*given: P.args, **named: P.kwargs) -> T:
+    :param unit: SI unit, for example ``"kg.m2"``; ``"1"`` for a pure number.
+    :param description: what it is, in a few words; of a coordinate zero and sense included.
+    :param unchecked: why its unit is left out of account where units are checked, for example ``"an empirical law"``.
+    :raises ComponentError: for a unit that is not understood, or an argument that is missing or unknown.
+    """
+
+    example: ClassVar[str] = ""  # what to write, where something is missing or too much
+    name: str = "?"
+
+    def __new__(cls, *given: Any, **named: Any) -> Self:
         try:
-            signature.bind(*given, **named)
+            inspect.signature(cls.__init__).bind(None, *given, **named)
         except TypeError as error:
             texts = [value for value in (*given, *named.values()) if isinstance(value, str)]
             lone = len(texts) == 1 and "description" in str(error)  # the only text stands in the place of the unit
             reason = f"the unit is missing beside {texts[0]!r}" if lone and not _is_unit(texts[0]) else str(error)
-            raise ComponentError(f"{name}: {reason}; write for example {_EXAMPLES[name]}") from None
-        return function(*given, **named)
+            raise ComponentError(f"{cls.__name__}: {reason}; write for example {cls.example}") from None
+        return super().__new__(cls)
 
-    return called
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        units.parse(text)
-    except ValueError:
-        return False
-    return True
-
-
-class Declaration:
-    """Name, unit and description of one declared thing; abstract.
-
-    :param unchecked: why the unit of its expressions is not checked; None: it is.
-    """
-
-    name: str = "?"
-
-    def __init__(self, unit: str, description: str, unchecked: str | None = None) -> None:
+    def __init__(self, unit: str, description: str, *, unchecked: str | None = None) -> None:
         if not isinstance(unit, str):
             raise ComponentError(f"unit {unit!r}: the unit comes first as a string, e.g. 'kg'; dimensionless is '1'")
-        self.unchecked = None if unchecked is None else _reason(unchecked)
         if not description:
             raise ComponentError(f"declaration with unit {unit!r}: say in the description what it is")
         if unit:
@@ -104,8 +56,8 @@ class Declaration:
                 units.parse(unit)
             except ValueError as error:
                 raise ComponentError(f"{description!r}: {error}") from None
-        self.unit = unit
-        self.description = description
+        self.unit, self.description = unit, description
+        self.unchecked = None if unchecked is None else _reason(unchecked)
 
     @property
     def checked_unit(self) -> str:
@@ -115,45 +67,60 @@ class Declaration:
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> T: ...
+    def __get__(self, instance: Any, owner: type) -> Self | T:
+        return self if instance is None else self.of(instance)
 
-class _Symbol(Declaration):
-    """A declaration that stands for one scalar symbol with a start value and a domain; abstract."""
+    @abstractmethod
+    def of(self, picture: Any) -> T:
+        """What it is in the symbolic picture of a component."""
+
+
+class Symbol(Declaration[ca.SX]):
+    """A declaration that stands for one scalar symbol with a start value and a domain; abstract.
+
+    :param start: its value until another is set.
+    :param above: excluded lower bound; ``minimum`` is the included one.
+    :param below: excluded upper bound; ``maximum`` is the included one.
+    :param symbol: its letter on the page of the FMU, ``"κ"`` or ``"m_1"``, where it is not the one of its name.
+    :raises ComponentError: for contradictory bounds, or what is no number.
+    """
 
     def __init__(
         self,
         unit: str,
         description: str,
         *,
-        start: float,
-        above: float | None,
-        minimum: float | None,
-        below: float | None,
-        maximum: float | None,
+        start: float = 0.0,
+        above: float | None = None,
+        minimum: float | None = None,
+        below: float | None = None,
+        maximum: float | None = None,
         symbol: str = "",
         unchecked: str | None = None,
     ) -> None:
-        super().__init__(unit, description, unchecked)
+        super().__init__(unit, description, unchecked=unchecked)
         if not isinstance(symbol, str):
             raise ComponentError(f"{description!r}: symbol = {symbol!r}: write the letter as text, e.g. 'κ' or 'm_1'")
         self.symbol = symbol
+        excluded, included = [x for x in (above, below) if x is not None], [minimum, maximum]
         if (above is not None and minimum is not None) or (below is not None and maximum is not None):
             raise ComponentError(f"{description!r}: give either the excluded bound (above, below) or the included one")
-        if (above is not None and maximum is not None) or (below is not None and minimum is not None):
+        if excluded and included != [None, None]:
             raise ComponentError(f"{description!r}: the two bounds must be both excluded or both included")
-        for bound in (above, minimum, below, maximum):
-            if bound is not None:
-                _number(bound, description)
+        self.strict = bool(excluded)
+        low, high = (above, below) if self.strict else (minimum, maximum)
         self.start = _number(start, description)
-        self.minimum = above if above is not None else minimum
-        self.maximum = below if below is not None else maximum
-        self.strict = above is not None or below is not None
+        self.minimum, self.maximum = (x if x is None else _number(x, description) for x in (low, high))
 
-    @overload
-    def __get__(self, instance: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, instance: object, owner: type) -> ca.SX: ...
-    def __get__(self, instance: Any, owner: type) -> Self | ca.SX:
-        return self if instance is None else instance.symbols[self.name]
+    def of(self, picture: Any) -> ca.SX:
+        return picture.symbols[self.name]
+
+    def __set__(self, instance: object, value: object) -> None:
+        raise ComponentError(f"{type(instance).__name__}.{self.name} is a symbol and cannot be assigned")
 
     def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
         """The symbol as an FMU variable with its start value and domain."""
@@ -170,25 +137,16 @@ class _Symbol(Declaration):
             symbol="" if name else self.symbol,
         )
 
-    def __set__(self, instance: object, value: object) -> None:
-        raise ComponentError(f"{type(instance).__name__}.{self.name} is a symbol and cannot be assigned")
 
-
-class Parameter(_Symbol):
+class Parameter(Symbol):
     """A number that is set before the start.
 
-    :param default: default value [unit].
-    :param unit: SI unit, for example ``"kg.m2"``; ``"1"`` for a pure number.
-    :param description: what it is, in a few words.
-    :param above: excluded lower bound; ``minimum`` is the included one.
-    :param below: excluded upper bound; ``maximum`` is the included one.
+    :param default: its value unless another is set [unit].
     :param tunable: may change between two steps of a simulation.
-    :param symbol: its letter on the page of the FMU, ``"κ"`` or ``"m_1"``, where it is not the one of its name.
-    :param unchecked: why its unit is left out of account where units are checked, for example ``"an empirical law"``.
-    :raises ComponentError: for a unit that is not understood or contradictory bounds.
     """
 
-    @_explained
+    example = 'Parameter(1.0, "kg", "mass of the bob")'
+
     def __init__(
         self,
         default: float,
@@ -211,6 +169,8 @@ class Parameter(_Symbol):
 class Gravity(Parameter):
     """The gravitational acceleration g [m/s2], of either sign; 0 is weightlessness."""
 
+    example = "Gravity()"
+
     def __init__(self) -> None:
         super().__init__(9.81, "m/s2", "gravitational acceleration", symbol="g")
 
@@ -221,24 +181,23 @@ class Friction(Parameter):
     :param description: what it is, and ``symbol`` its letter, where the component has others.
     """
 
+    example = 'Friction("of the air")'
+
     def __init__(self, description: str = "friction coefficient eta of K eq. 61", symbol: str = "η") -> None:
         super().__init__(0.0, "1/s", description, minimum=0, tunable=True, symbol=symbol)
 
 
-class Coordinate(_Symbol):
+class Coordinate(Symbol):
     """A free coordinate q: it moves by its own dynamics (x^i, i <= p, of M 3.5).
 
-    :param unit: SI unit of q, ``"m"`` or ``"rad"`` as a rule.
-    :param description: what it is, zero and sense included.
     :param start: initial value; ``start_rate`` the initial rate.  For the links of a chain also a tuple: the first
         links start with these, the others with 0.
-    :param above: the motion must stay above this value (a singularity lies there).
+    :param above: the motion must stay above this value, and below ``below`` (a singularity lies there).
     :param nominal: a typical size, which scales the absolute tolerance.
-    :param symbol: its letter on the page of the FMU, as of a :class:`Parameter`.
-    :raises ComponentError: for a unit that is not understood.
     """
 
-    @_explained
+    example = 'Coordinate("m", "height of the bead")'
+
     def __init__(
         self,
         unit: str,
@@ -253,77 +212,39 @@ class Coordinate(_Symbol):
     ) -> None:
         self.leading = tuple(_number(value, description) for value in start) if isinstance(start, tuple) else ()
         rest = 0.0 if isinstance(start, tuple) else start
-        bounds = {"above": above, "minimum": None, "below": below, "maximum": None}
-        super().__init__(unit, description, start=rest, symbol=symbol, **bounds)
+        super().__init__(unit, description, start=rest, above=above, below=below, symbol=symbol)
         self.start_rate = _number(start_rate, description)
         self.nominal = _number(nominal, description)
         if self.nominal <= 0:
             raise ComponentError(f"{description!r}: nominal = {nominal} must be > 0")
 
 
-class ActiveCoordinate(_Symbol):
-    """An active coordinate s = σ(t): an operator prescribes it (x^α, α > p, of M 3.5).
+class ActiveCoordinate(Symbol):
+    """An active coordinate s = σ(t): an operator prescribes it (x^α, α > p, of M 3.5)."""
 
-    :param unit: SI unit of s.
-    :param description: what it is, zero and sense included.
-    :param start: value of the input until the operator gives another.
-    :param above: excluded lower bound, ``below`` the upper one.
-    :param symbol: its letter on the page of the FMU, as of a :class:`Parameter`.
-    :raises ComponentError: for a unit that is not understood.
-    """
-
-    @_explained
-    def __init__(
-        self,
-        unit: str,
-        description: str,
-        *,
-        start: float = 0.0,
-        above: float | None = None,
-        below: float | None = None,
-        symbol: str = "",
-    ) -> None:
-        bounds = {"above": above, "minimum": None, "below": below, "maximum": None}
-        super().__init__(unit, description, start=start, symbol=symbol, **bounds)
+    example = 'ActiveCoordinate("m", "length of the rope", start=1.0)'
 
 
-class Input(_Symbol):
-    """What an operator measures: an FMU input, to be connected with an output of the mechanism that it controls.
+class Input(Symbol):
+    """What an operator measures: an FMU input, to be connected with an output of the mechanism that it controls."""
 
-    :param unit: SI unit.
-    :param description: what it is.
-    :param start: its value until something else is connected or set.
-    :raises ComponentError: for a unit that is not understood.
-    """
-
-    @_explained
-    def __init__(self, unit: str, description: str, *, start: float = 0.0) -> None:
-        super().__init__(unit, description, start=start, above=None, minimum=None, below=None, maximum=None)
+    example = 'Input("rad/s", "rate of the swing")'
 
 
-class InternalState(_Symbol):
-    """A state that is no coordinate, for example the friction of a thermostat; its rate is the component's to give.
+class InternalState(Symbol):
+    """A state that is no coordinate, for example the friction of a thermostat; its rate is the component's to give."""
 
-    :param unit: SI unit.
-    :param description: what it is.
-    :param start: initial value.
-    :param symbol: its letter on the page of the FMU, as of a :class:`Parameter`.
-    :raises ComponentError: for a unit that is not understood.
-    """
-
-    @_explained
-    def __init__(self, unit: str, description: str, *, start: float = 0.0, symbol: str = "") -> None:
-        bounds = dict.fromkeys(("above", "minimum", "below", "maximum"))
-        super().__init__(unit, description, start=start, symbol=symbol, **bounds)
+    example = 'InternalState("1/s", "friction of the thermostat")'
 
 
-class Size(Declaration):
+class Size(Declaration[int]):
     """A structural size: how many links a chain has; fixed when the FMU is built.
 
     :param default: the size where none is asked for.
-    :param description: of what it is the number.
     :param minimum: the smallest that makes sense.
     """
+
+    example = 'Size(10, "number of links")'
 
     def __init__(self, default: int, description: str, *, minimum: int = 2) -> None:
         super().__init__("1", description)
@@ -341,12 +262,8 @@ class Size(Declaration):
             raise ComponentError(f"{name}: it must be a whole number >= {self.minimum}")
         return int(value)
 
-    @overload
-    def __get__(self, instance: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, instance: object, owner: type) -> int: ...
-    def __get__(self, instance: Any, owner: type) -> Self | int:
-        return self if instance is None else instance.sizes[self.name]
+    def of(self, picture: Any) -> int:
+        return picture.sizes[self.name]
 
 
 class Components(dict[str, Any]):
@@ -360,13 +277,15 @@ class Components(dict[str, Any]):
         raise ComponentError(f"{self.label} has no component {axis!r}{suggestion(str(axis), self)}")
 
 
-class Joint(Declaration):
+class Joint(Declaration[Components]):
     """Where a link of a chain meets the one before; ``self.joint`` maps its axes to symbols.
 
     :param unit: unit of the axes, ``"m"`` as a rule.
     :param axes: their names, ``"x", "z"``.
     :param others: further axes with units of their own, ``phi="rad"``.
     """
+
+    example = 'Joint("m", "x", "z", phi="rad")'
 
     def __init__(self, unit: str, *axes: str, **others: str) -> None:
         super().__init__(unit, "where a link meets the one before")
@@ -380,15 +299,9 @@ class Joint(Declaration):
         """Names of all axes."""
         return tuple(self.unit_of)
 
-    @overload
-    def __get__(self, instance: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, instance: object, owner: type) -> dict[str, ca.SX]: ...
-    def __get__(self, instance: Any, owner: type) -> Self | dict[str, ca.SX]:
-        if instance is None:
-            return self
-        axes = {axis: instance.symbols[f"{self.name}_{axis}"] for axis in self.axes}
-        return Components(f"{type(instance).__name__}.{self.name}", axes)
+    def of(self, picture: Any) -> Components:
+        axes = {axis: picture.symbols[f"{self.name}_{axis}"] for axis in self.axes}
+        return Components(f"{type(picture).__name__}.{self.name}", axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -417,16 +330,16 @@ class Attitude:
         return ca.vertcat(*(ca.horzcat(*row) for row in rows)) / 2
 
 
-class Orientation(Declaration):
+class Orientation(Declaration[Attitude]):
     """Free orientation of a body: unit quaternion, its angular velocity, and angular momentum as the momentum.
 
     The FMU has the states ``q_w, q_x, q_y, q_z`` (body to inertial frame) and ``H_x, H_y, H_z`` (inertial frame,
     constant where no torque acts), and the outputs ``omega_x, omega_y, omega_z`` (body frame) with derivatives.
 
-    :param description: of what.
     :param start: ``"rate"``: the start values are ``omega_x_0``, ...; ``"momentum"``: they are ``H_x_0``, ...
     """
 
+    example = 'Orientation("attitude of the body")'
     axes = ("x", "y", "z")
     quaternion = ("q_w", "q_x", "q_y", "q_z")
     rates = ("omega_x", "omega_y", "omega_z")
@@ -441,146 +354,105 @@ class Orientation(Declaration):
         """What is given at the start beside the quaternion."""
         return self.rates if self.start == "rate" else self.momenta
 
-    @overload
-    def __get__(self, instance: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, instance: object, owner: type) -> Attitude: ...
-    def __get__(self, instance: Any, owner: type) -> Self | Attitude:
-        if instance is None:
-            return self
+    def of(self, picture: Any) -> Attitude:
         columns = (self.quaternion, self.rates, self.momenta)
-        return Attitude(*(ca.vertcat(*(instance.symbols[name] for name in names)) for names in columns))
+        return Attitude(*(ca.vertcat(*(picture.symbols[name] for name in names)) for names in columns))
 
 
-class _Formula(Declaration, Generic[T]):
-    """A declared expression: a method of the component behind a unit and a description; abstract."""
+class Formula(Declaration[T]):
+    """A declared expression: stands above a method of the component, as ``@output("m/s", "speed")``; abstract."""
 
-    def __init__(
-        self, unit: str, description: str, method: Callable[[Any], T], *, unchecked: str | None = None
-    ) -> None:
+    method: Callable[[Any], T]
+
+    def __call__(self, method: Callable[[Any], T]) -> Self:
         if not callable(method):
-            raise ComponentError(f"{description!r}: {method!r} is no method; put the declaration above one, as @...")
-        super().__init__(unit, description, unchecked)
+            text = f"{self.description!r}: {method!r} is no method; put the declaration above one, as @..."
+            raise ComponentError(text)
         self.method = method
+        return self
 
-    @overload
-    def __get__(self, instance: None, owner: type) -> Self: ...
-    @overload
-    def __get__(self, instance: object, owner: type) -> T: ...
-    def __get__(self, instance: Any, owner: type) -> Self | T:
-        if instance is None:
-            return self
-        if self.name not in instance.formulas:
-            value: Any = self.method(instance)
+    def of(self, picture: Any) -> T:
+        if self.name not in picture.formulas:
+            value: Any = self.method(picture)
             if isinstance(value, Mapping):
-                value = Components(f"{type(instance).__name__}.{self.name}", value)
-            instance.formulas[self.name] = value
-        return instance.formulas[self.name]
+                value = Components(f"{type(picture).__name__}.{self.name}", value)
+            picture.formulas[self.name] = value
+        return picture.formulas[self.name]
 
 
-class Point(_Formula[Mapping[str, ca.SX]]):
-    """A named point, which is a port: other mechanisms may be attached to it."""
+class point(Formula[Mapping[str, ca.SX]]):
+    """A named point, which is a port: other mechanisms may be attached to it.
+
+    The method returns its components, for example ``{"x": ..., "z": ...}``, which all have the unit.
+    """
+
+    example = '@point("m", "the bob")'
 
 
-class Output(_Formula[ca.SX]):
-    """An output of the FMU beyond the systematic ones."""
+class output(Formula[ca.SX]):
+    """An output of the FMU beyond the systematic ones: of coordinates, rates, momenta, forces."""
+
+    example = '@output("m/s", "speed of the bob")'
 
 
-class Calculated(_Formula[ca.SX]):
+class calculated(Formula[ca.SX]):
     """A number that follows from the parameters alone."""
 
-
-class Condition(_Formula[ca.SX]):
-    """An expression that must stay positive; a singularity lies where it vanishes."""
+    example = '@calculated("rad/s", "angular frequency")'
 
 
-class Constraint(_Formula[ca.SX]):
+class constraint(Formula[ca.SX]):
     """An expression of the configuration that stays zero (K eq. 2)."""
 
+    example = '@constraint("m", "the rod keeps its length")'
 
-class NonHolonomic(_Formula[ca.SX]):
+
+class non_holonomic(Formula[ca.SX]):
     """An expression of configuration and rates that stays zero, upheld by Gauss's principle (K eq. 107)."""
 
+    example = '@non_holonomic("m/s", "the wheel does not slip")'
 
-class Submersion(_Formula[ca.SX]):
-    """An active constraint π(x) = σ(t) on coordinates that are not adapted to it (M eq. 20)."""
+
+class condition(Formula[ca.SX]):
+    """An expression that must stay positive; a singularity lies where it vanishes.
+
+    :param text: the message when it does not, for example ``"r must stay > 0"``.
+    """
+
+    example = '@condition("r must stay > 0")'
+
+    def __init__(self, text: str, *, unchecked: str | None = None) -> None:
+        super().__init__("1", text, unchecked=unchecked)
+
+
+class submersion(Formula[ca.SX]):
+    """An active constraint π(x) = σ(t) on coordinates that are not adapted to it (M eq. 20); σ is an FMU input.
+
+    :param start: value of σ until the operator gives another; the start of the motion has to fit it.
+    :param above: excluded lower bound of σ, ``below`` the upper one.
+    """
+
+    example = '@submersion("m", "length of the rope", start=1.0)'
 
     def __init__(
         self,
         unit: str,
         description: str,
-        method: Callable[[Any], ca.SX],
-        active: ActiveCoordinate,
         *,
+        start: float,
+        above: float | None = None,
+        below: float | None = None,
         unchecked: str | None = None,
     ) -> None:
-        super().__init__(unit, description, method, unchecked=unchecked)
-        self.active = active
+        super().__init__(unit, description, unchecked=unchecked)
+        self.active = ActiveCoordinate(unit, description, start=start, above=above, below=below)
 
     def __set_name__(self, owner: type, name: str) -> None:
         super().__set_name__(owner, name)
         self.active.name = name
 
 
-@_explained
-def submersion(
-    unit: str,
-    description: str,
-    *,
-    start: float,
-    above: float | None = None,
-    below: float | None = None,
-    unchecked: str | None = None,
-) -> Callable[[Callable[[Any], ca.SX]], Submersion]:
-    """Declare an active constraint π(x) = σ(t); the method returns π(x), and σ is an FMU input of its name.
-
-    :param start: value of σ until the operator gives another; the start of the motion has to fit it.
-    :param above: excluded lower bound of σ, ``below`` the upper one.
-    """
-    active = ActiveCoordinate(unit, description, start=start, above=above, below=below)
-    return lambda method: Submersion(unit, description, method, active, unchecked=unchecked)
-
-
-@_explained
-def constraint(
-    unit: str, description: str, *, unchecked: str | None = None
-) -> Callable[[Callable[[Any], ca.SX]], Constraint]:
-    """Declare a passive constraint; the method returns the expression of the configuration that stays zero."""
-    return lambda method: Constraint(unit, description, method, unchecked=unchecked)
-
-
-@_explained
-def non_holonomic(
-    unit: str, description: str, *, unchecked: str | None = None
-) -> Callable[[Callable[[Any], ca.SX]], NonHolonomic]:
-    """Declare a non-holonomic constraint; the method returns the expression of rates that stays zero."""
-    return lambda method: NonHolonomic(unit, description, method, unchecked=unchecked)
-
-
-@_explained
-def point(
-    unit: str, description: str, *, unchecked: str | None = None
-) -> Callable[[Callable[[Any], Mapping[str, ca.SX]]], Point]:
-    """Declare a named point: the method returns its components, for example ``{"x": ..., "z": ...}``.
-
-    :param unit: unit of every component, ``"m"`` as a rule.
-    :param description: what moves there, for example ``"the bob"``.
-    """
-    return lambda method: Point(unit, description, method, unchecked=unchecked)
-
-
-@_explained
-def output(unit: str, description: str, *, unchecked: str | None = None) -> Callable[[Callable[[Any], ca.SX]], Output]:
-    """Declare an extra output; the method returns a scalar expression of coordinates, rates, momenta, forces."""
-    return lambda method: Output(unit, description, method, unchecked=unchecked)
-
-
-@_explained
-def calculated(
-    unit: str, description: str, *, unchecked: str | None = None
-) -> Callable[[Callable[[Any], ca.SX]], Calculated]:
-    """Declare a calculated parameter; the method returns a scalar expression of the parameters."""
-    return lambda method: Calculated(unit, description, method, unchecked=unchecked)
+UNCHECKED = "unchecked_because"
 
 
 def unchecked(reason: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
@@ -597,13 +469,12 @@ def unchecked(reason: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     return mark
 
 
-UNCHECKED = "unchecked_because"
-
-
-@_explained
-def condition(text: str, *, unchecked: str | None = None) -> Callable[[Callable[[Any], ca.SX]], Condition]:
-    """Declare what must stay positive; ``text`` is the message when it does not, for example ``"r must stay > 0"``."""
-    return lambda method: Condition("1", text, method, unchecked=unchecked)
+def _is_unit(text: str) -> bool:
+    try:
+        units.parse(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _reason(why: object) -> str:

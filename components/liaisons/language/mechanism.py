@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -14,32 +13,10 @@ import numpy as np
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient
-from liaisons.expressions.dimensions import Declared, check_units
-from liaisons.language.component import (
-    Component,
-    call,
-    check_internal_rates,
-    checked,
-    components_of,
-    declared,
-    require_units,
-    scalar,
-)
-from liaisons.language.declarations import (
-    ActiveCoordinate,
-    Calculated,
-    Condition,
-    Constraint,
-    Coordinate,
-    Declaration,
-    InternalState,
-    NonHolonomic,
-    Orientation,
-    Output,
-    Parameter,
-    Point,
-    Submersion,
-)
+from liaisons.language.checks import Formulas, call, scalar
+from liaisons.language.component import Every
+from liaisons.language.declarations import ActiveCoordinate, Coordinate, Declaration, Parameter, condition
+from liaisons.language.mechanical import MechanicalComponent
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +54,7 @@ class PlaceholderColumns:
     w_dot: ca.SX  # (w, 1)
 
 
-class Mechanism(Component, abstract=True):
+class Mechanism(MechanicalComponent, abstract=True):
     """Mechanical system with active constraints, described by its energies; abstract.
 
     A subclass declares parameters and coordinates and defines :meth:`kinetic_energy` and, as needed,
@@ -88,17 +65,7 @@ class Mechanism(Component, abstract=True):
         clash, or the mass matrix at the start is not positive definite.
     """
 
-    coordinates: ClassVar[tuple[Coordinate, ...]] = ()
-    actives: ClassVar[tuple[ActiveCoordinate, ...]] = ()
-    orientations: ClassVar[tuple[Orientation, ...]] = ()
-    internal_states: ClassVar[tuple[InternalState, ...]] = ()
-    submersions: ClassVar[tuple[Submersion, ...]] = ()
-    constraints: ClassVar[tuple[Constraint, ...]] = ()
-    non_holonomic: ClassVar[tuple[NonHolonomic, ...]] = ()
-    points: ClassVar[tuple[Point, ...]] = ()
-    outputs: ClassVar[tuple[Output, ...]] = ()
-    calculated_parameters: ClassVar[tuple[Calculated, ...]] = ()
-    conditions: ClassVar[tuple[Condition, ...]] = ()
+    conditions = Every(condition)
     free: FreeColumns
     active: ActiveColumns
     internal: ca.SX
@@ -107,7 +74,11 @@ class Mechanism(Component, abstract=True):
 
     def __init__(self) -> None:
         super().__init__()
-        free, turns = [c.name for c in self.coordinates], list(self.orientations)
+        free, turns = [c.name for c in self.coordinates], self.orientations
+        if len(turns) > 1:
+            raise ComponentError(
+                f"{type(self).__name__}: declare one Orientation at most; the names of its variables are fixed"
+            )
         rates, momenta = [f"{q}_dot" for q in free], [f"p_{q}" for q in free]
         for turn in turns:
             rates, momenta = [*rates, *turn.rates], [*momenta, *turn.momenta]
@@ -138,25 +109,6 @@ class Mechanism(Component, abstract=True):
 
     # ---- what a component defines -----------------------------------------------------------------------------
 
-    @abstractmethod
-    def kinetic_energy(self) -> ca.SX:
-        """T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
-
-    def potential_energy(self) -> ca.SX:
-        """V(q, s); zero unless the component says otherwise."""
-        return ca.SX(0)
-
-    def friction_coefficient(self) -> ca.SX:
-        """η of K eq. 64, Q = −η ∂T/∂q̇: the declared Friction, zero without one."""
-        return self.declared_friction()
-
-    def dissipation_function(self) -> ca.SX:
-        """Rayleigh's D(q, q̇, s, ṡ) [W] of further friction, Q = −∂D/∂q̇; zero unless the component says otherwise.
-
-        A damper c between two parts, with the rate v of one relative to the other: D = c v²/2.
-        """
-        return ca.SX(0)
-
     def lagrangian(self) -> ca.SX:
         """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24)."""
         return self.kinetic_energy() - self.potential_energy()
@@ -174,10 +126,6 @@ class Mechanism(Component, abstract=True):
         turning = free.kinematics @ free.q_dot
         rates = ca.vertcat(turning, self.placeholders.w_dot, active.s_dot, free.q_ddot, active.s_ddot)
         return ca.jtimes(ca.SX(expression), where, rates)
-
-    def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
-        """|ṙ|² of a point given by its Cartesian components."""
-        return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
 
     def momentum(self, coordinate: ca.SX) -> ca.SX:
         """p = ∂L/∂q̇ of a free coordinate; for outputs."""
@@ -214,123 +162,43 @@ class Mechanism(Component, abstract=True):
 
     # ---- what the package makes of it -------------------------------------------------------------------------
 
-    @classmethod
-    def variable_names(cls) -> list[str]:
-        picture = cls()
-        names = [p.name for p in (*cls.parameters, *cls.outputs, *cls.calculated_parameters)]
-        for name in (f"{point.name}_{axis}" for point in cls.points for axis in components_of(picture, point)):
-            names += [name, f"{name}_dot", f"{name}_ddot", f"{name}_load"]
-        for q in (c.name for c in cls.coordinates):
-            names += [f"{q}_0", f"{q}_dot_0", q, f"{q}_dot", f"{q}_ddot", f"p_{q}", f"p_{q}_dot"]
-            names += [f"{q}_force", f"{q}_load"]
-        for turn in cls.orientations:
-            names += [f"{name}{end}" for name in (*turn.quaternion, *turn.rates, *turn.momenta) for end in ("", "_dot")]
-            names += [f"{name}_0" for name in (*turn.quaternion, *turn.start_names)]
-        for state in (state.name for state in cls.internal_states):
-            names += [state, f"{state}_dot", f"{state}_0"]
-        for c in (*cls.constraints, *cls.non_holonomic):
-            names += [f"{c.name}_residual", f"lambda_{c.name}"]
-        names += [f"{c.name}_residual" for c in cls.submersions]
-        for s in (c.name for c in cls.actives):
-            names += [s, f"{s}_dot", f"{s}_ddot", f"{s}_force", f"{s}_power", f"{s}_mismatch"]
-        names += ["kinetic_energy", "potential_energy", "energy", "work", "dissipated", "energy_balance"]
-        return [*names, "power", "dissipation"]
+    def start_values(self) -> dict[str, float]:
+        """Defaults of parameters, coordinates, rates and inputs; what is not declared starts at 0."""
+        declared = (*self.parameters, *self.coordinates, *self.actives, *self.internal_states)
+        values = dict.fromkeys(self.symbols, 0.0) | {item.name: item.start for item in declared}
+        values |= {turn.quaternion[0]: 1.0 for turn in self.orientations}
+        return values | {f"{q.name}_dot": q.start_rate for q in self.coordinates}
 
-    @classmethod
-    def _collect(cls) -> None:
-        super()._collect()
-        cls.coordinates = declared(cls, Coordinate)
-        cls.orientations = declared(cls, Orientation)
-        if len(cls.orientations) > 1:
-            raise ComponentError(
-                f"{cls.__name__}: declare one Orientation at most; the names of its variables are fixed"
-            )
-        cls.internal_states = declared(cls, InternalState)
-        cls.submersions = declared(cls, Submersion)
-        cls.constraints = declared(cls, Constraint)
-        cls.non_holonomic = declared(cls, NonHolonomic)
-        cls.actives = (*declared(cls, ActiveCoordinate), *(item.active for item in cls.submersions))
-        cls.points = declared(cls, Point)
-        cls.outputs = declared(cls, Output)
-        cls.calculated_parameters = declared(cls, Calculated)
-        cls.conditions = declared(cls, Condition)
-
-    @classmethod
-    def _check(cls) -> None:
-        if not cls.coordinates and not cls.orientations:
-            raise ComponentError(f"{cls.__name__}: declare at least one Coordinate that moves freely")
-        for item in cls.coordinates:
+    def _check(self) -> None:
+        for item in self.coordinates:
             if item.leading:
                 raise ComponentError(
-                    f"{cls.__name__}.{item.name}: start = {item.leading}: only a Chain starts by links"
+                    f"{type(self).__name__}.{item.name}: start = {item.leading}: only a Chain starts by links"
                 )
-        require_units(cls)
-        picture = cls()
-        parameters = _named(picture, picture.parameter_column)
-        internal = _named(picture, picture.internal)
-        configuration = parameters | _named(picture, picture.free.q, picture.active.s)
-        motion = configuration | _named(picture, picture.free.q_dot, picture.active.s_dot)
-        formulas: list[Declared] = []  # those that others are made of first
-
-        def check(name: str, symbols: dict[str, ca.SX], unit: str) -> ca.SX:
-            expression = scalar(cls, name, call(picture, name), symbols)
-            formulas.extend(checked(cls, name, expression, unit))
-            return expression
-
+        parameters, internal = self._named(self.parameter_column), self._named(self.internal)
+        configuration = parameters | self._named(self.free.q, self.active.s)
+        motion = configuration | self._named(self.free.q_dot, self.active.s_dot)
+        formulas = Formulas(self)
+        self._check_points(formulas, configuration)
+        kinetic = formulas("kinetic_energy", motion, "J")
+        formulas("potential_energy", configuration, "J")
+        lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
+        if type(self).lagrangian is not Mechanism.lagrangian:  # T - V has been looked at
+            formulas.take("lagrangian", lagrangian, motion, "J")
+        formulas("friction_coefficient", parameters | internal, "1/s")
+        formulas("dissipation_function", motion | internal, "W")
         known: dict[tuple[Declaration, ...], dict[str, ca.SX]] = {
-            (*cls.constraints, *cls.submersions): configuration,
-            (*cls.non_holonomic, *cls.conditions): motion,
-            cls.outputs: picture.symbols,
-            cls.calculated_parameters: parameters,
+            (*self.constraints, *self.submersions): configuration,
+            (*self.non_holonomic, *self.conditions): motion,
+            self.outputs: self.symbols,
+            self.calculated_parameters: parameters,
         }
-        for item in cls.points:
-            for axis, component in components_of(picture, item).items():
-                label = f"{item.name}[{axis!r}]"
-                formulas.extend(checked(cls, label, scalar(cls, label, component, configuration), item.unit))
-        kinetic = check("kinetic_energy", motion, "J")
-        check("potential_energy", configuration, "J")
-        lagrangian = scalar(cls, "lagrangian", call(picture, "lagrangian"), motion)
-        if cls.lagrangian is not Mechanism.lagrangian:  # T - V has been looked at
-            formulas.extend(checked(cls, "lagrangian", lagrangian, "J"))
-        check("friction_coefficient", parameters | internal, "1/s")
-        check("dissipation_function", motion | internal, "W")
         for items, symbols in known.items():
             for item in items:
-                check(item.name, symbols, units.ANY if isinstance(item, Condition) else item.unit)
-        formulas += check_internal_rates(picture, cls.internal_states, motion | internal)
-        check_units(_symbols_with_units(picture), formulas)
-        _check_mass_matrix(picture, lagrangian, kinetic, motion)
-
-
-def start_values(picture: Mechanism) -> dict[str, float]:
-    """Defaults of parameters, coordinates, rates and inputs; what is not declared starts at 0."""
-    values = dict.fromkeys(picture.symbols, 0.0)
-    values |= {item.name: item.start for item in (*picture.parameters, *picture.coordinates, *picture.actives)}
-    values |= {item.name: item.start for item in picture.internal_states}
-    values |= {turn.quaternion[0]: 1.0 for turn in picture.orientations}
-    return values | {f"{q.name}_dot": q.start_rate for q in picture.coordinates}
-
-
-def _symbols_with_units(picture: Mechanism) -> dict[str, tuple[ca.SX, str]]:
-    """All symbols of a mechanism by name, with the units that they have in its formulas."""
-    unit = {p.name: p.checked_unit for p in picture.parameters}
-    unit |= {state.name: state.checked_unit for state in picture.internal_states}
-    for q in (*picture.coordinates, *picture.actives):
-        speed = units.rate(q.unit)
-        unit |= {q.name: q.unit, f"{q.name}_dot": speed, f"{q.name}_ddot": units.rate(speed)}
-        unit |= {f"p_{q.name}": units.momentum(q.unit), f"{q.name}_force": units.force(q.unit)}
-    for turn in picture.orientations:
-        kinds = zip((turn.quaternion, turn.rates, turn.momenta), ("1", "rad/s", "kg.m2/s"), strict=True)
-        unit |= {name: kind for names, kind in kinds for name in names}
-        unit |= {f"{name}_dot": "rad/s2" for name in turn.rates}
-    unit |= {f"lambda_{c.name}": units.force(c.unit) for c in picture.constraints}
-    unit |= {f"lambda_{c.name}": units.multiplier(c.unit) for c in picture.non_holonomic}
-    return {name: (symbol, unit.get(name, units.ANY)) for name, symbol in picture.symbols.items()}
-
-
-def _named(picture: Mechanism, *columns: ca.SX) -> dict[str, ca.SX]:
-    names = {str(element) for column in columns for element in ca.vertsplit(column)}
-    return {name: picture.symbols[name] for name in names}
+                formulas(item.name, symbols, units.ANY if isinstance(item, condition) else item.unit)
+        formulas.internal_rates(self.internal_states, motion | internal)
+        formulas.check_units(self.layout().variables, self.symbols)
+        _check_mass_matrix(self, lagrangian, kinetic, motion)
 
 
 def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
@@ -338,7 +206,7 @@ def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, mo
     metric, rates = ca.hessian(lagrangian, picture.free.q_dot)[0], ca.vertcat(picture.free.q_dot, picture.active.s_dot)
     if ca.depends_on(metric, rates):
         raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them")
-    start = start_values(picture)
+    start = picture.start_values()
     at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
     function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
     at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*picture.coordinates, *picture.actives))

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar
 
 import casadi as ca
 
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
-from liaisons.expressions.dimensions import check_units
-from liaisons.language.component import Component, call, check_internal_rates, checked, declared, scalar
+from liaisons.language.checks import Formulas, call
+from liaisons.language.component import Component, Every
 from liaisons.language.declarations import Input, InternalState
+from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
+from liaisons.language.variables import Port, PortMember, State
 
 TRIPLE = ("y", "y_dot", "y_ddot")
+_TEXTS = ("signal", "first derivative of the signal", "second derivative of the signal")
 
 
 class Operator(Component, abstract=True):
@@ -30,8 +32,8 @@ class Operator(Component, abstract=True):
         derivatives jumps with an input.
     """
 
-    inputs: ClassVar[tuple[Input, ...]] = ()
-    internal_states: ClassVar[tuple[InternalState, ...]] = ()
+    inputs = Every(Input)
+    internal_states = Every(InternalState)
     clock: ca.SX
     internal: ca.SX
     input_column: ca.SX
@@ -54,35 +56,31 @@ class Operator(Component, abstract=True):
         """Instants at which y or one of its first two derivatives is not smooth."""
         return []
 
-    @classmethod
-    def variable_names(cls) -> list[str]:
-        names = [*(p.name for p in cls.parameters), *(item.name for item in cls.inputs), *TRIPLE]
-        for state in cls.internal_states:
-            names += [f"{state.name}_0", state.name, f"{state.name}_dot"]
-        return names
+    def layout(self) -> Layout:
+        of_states = [list(of_internal(state)) for state in self.internal_states]
+        return Layout(
+            parameters=(*self._declared_parameters(), *map(start_of_internal, self.internal_states)),
+            inputs=tuple(item.variable("input", "continuous") for item in self.inputs),
+            outputs=(
+                *(readable(name, units.ANY, text) for name, text in zip(TRIPLE, _TEXTS, strict=True)),
+                *(state for state, _ in of_states),
+                *(rate for _, rate in of_states),
+            ),
+            states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
+            ports=(Port("y", "signal", tuple(map(PortMember, ("s", "v", "a"), TRIPLE))),),
+        )
 
-    @classmethod
-    def _collect(cls) -> None:
-        super()._collect()
-        cls.inputs = declared(cls, Input)
-        cls.internal_states = declared(cls, InternalState)
-
-    @classmethod
-    def _check(cls) -> None:
-        picture = cls()
-        signal = scalar(cls, "signal", call(picture, "signal", picture.clock), picture.symbols | {"t": picture.clock})
-        formulas = list(checked(cls, "signal", signal, units.ANY))
-        for i, instant in enumerate(call(picture, "events")):
-            label = f"events[{i}]"
-            formulas += checked(cls, label, scalar(cls, label, instant, picture.symbols), "s")
-        formulas += check_internal_rates(picture, picture.internal_states, picture.symbols)
-        known = {item.name: item.checked_unit for item in (*cls.parameters, *cls.inputs, *cls.internal_states)}
-        symbols = {name: (symbol, known[name]) for name, symbol in picture.symbols.items()}
-        check_units(symbols | {"t": (picture.clock, "s")}, formulas)
-        for name, expression in zip(TRIPLE, picture.triple(), strict=True):
-            if picture.inputs and ca.depends_on(expression, picture.input_column):
+    def _check(self) -> None:
+        formulas, symbols = Formulas(self), self.symbols | {"t": self.clock}
+        formulas("signal", symbols, units.ANY, self.clock)
+        for i, instant in enumerate(call(self, "events")):
+            formulas.take(f"events[{i}]", instant, self.symbols, "s")
+        formulas.internal_rates(self.internal_states, self.symbols)
+        formulas.check_units(self.layout().variables, symbols, t="s")
+        for name, expression in zip(TRIPLE, self.triple(), strict=True):
+            if self.inputs and ca.depends_on(expression, self.input_column):
                 raise ComponentError(
-                    f"{cls.__name__}: {name} jumps with an input; pass the input through three internal states, "
+                    f"{type(self).__name__}: {name} jumps with an input; pass the input through three internal states, "
                     "each of which follows the one before"
                 )
 

@@ -87,6 +87,23 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True)
+class State:
+    """Continuous states: the output that shows them and the variable that is their derivative; a number or an array."""
+
+    name: str
+    derivative: str
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveInput:
+    """Names of the three inputs through which an operator prescribes one coordinate: σ, σ̇, σ̈."""
+
+    value: str
+    rate: str
+    acceleration: str
+
+
+@dataclass(frozen=True, slots=True)
 class PortMember:
     """One member of a port: its role (``"s"``, ``"v"``, ``"a"``, ``"f"``, ``"phi"``, ...) and its variable."""
 

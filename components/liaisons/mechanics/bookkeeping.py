@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.language.variables import Variable
+from liaisons.language.layout import Layout
 
 MEMORY = ("energy_start", "energy_booked")
 """What is always remembered; behind it follows what an FMU finds of each prescribed coordinate, its mismatch."""
@@ -24,28 +24,33 @@ class Vectors:
     k: Any
 
 
-def functions(at: Vectors, **expressions: Any) -> dict[str, Any]:
-    """Members of :class:`Model` by name: start, motion, outputs and the booking of impulses.
+def memory_of(layout: Layout) -> tuple[str, ...]:
+    """Names of what is remembered."""
+    return (*MEMORY, *(v.name for v in layout.outputs if v.variability == "discrete"))
+
+
+def functions(at: Vectors, layout: Layout, **expressions: Any) -> dict[str, Any]:
+    """Members of :class:`Model` by name: memory, start, motion, outputs and the booking of impulses.
 
     :param expressions: as :func:`definitions` takes them.
     """
-    return {
-        name: None if defined is None else function(name.removesuffix("_function"), *defined)
-        for name, defined in definitions(at, **expressions).items()
-    }
+    found: dict[str, Any] = {"memory": memory_of(layout)}
+    for name, defined in definitions(at, layout, **expressions).items():
+        found[name] = None if defined is None else function(name.removesuffix("_function"), *defined)
+    return found
 
 
 def definitions(
     at: Vectors,
+    layout: Layout,
     *,
     initial: Any,
     rates: Any,
     energy: Any,
-    outputs: Sequence[tuple[Variable, Any]],
+    outputs: Sequence[Any],
     nominals: Any,
     landed: Any = None,
     energy_at_start: Any = None,
-    mismatches: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Arguments and results of the functions, (arguments, result, ...), by the names of the members of Model.
 
@@ -53,14 +58,14 @@ def definitions(
     :param initial: state at the start, of (t, u, k).
     :param rates: rates of the states.
     :param energy: T + V.
-    :param outputs: variables with their expressions; those of the balance are filled in here.
+    :param outputs: one expression an output; those of the balance and of what is found are filled in here.
     :param nominals: sizes of the states.
     :param landed: state after the inputs have jumped, the last two states left out of account; None: as it was.
     :param energy_at_start: T + V of (t, u, k); None: what the energy is at the initial state.
-    :param mismatches: names of the outputs that show what is remembered of the prescribed coordinates.
     """
     t, y, u, k = at.t, at.y, at.u, at.k
-    memory = type(y).sym("m", len(MEMORY) + len(mismatches))
+    remembered = memory_of(layout)
+    memory = type(y).sym("m", len(remembered))
     energy_start, energy_booked, found = memory[0], memory[1], memory[len(MEMORY) :]
     moving, work, dissipated = y[:-2], y[-2], y[-1]
     if energy_at_start is None:
@@ -69,16 +74,16 @@ def definitions(
     # When an operator makes σ̇ jump, p stays and the energy jumps with it: that much work came in as an impulse.
     impulse = energy - energy_booked
     landing = impulse if landed is None else ca.substitute(energy, y, landed) - energy_booked
-    balance = {
+    booked = {
         "work": work + impulse,
         "dissipated": dissipated,
         "energy_balance": energy - energy_start - (work + impulse) + dissipated,
     }
-    balance |= {name: found[i] for i, name in enumerate(mismatches)}
-    z = [balance.get(variable.name, expression) for variable, expression in outputs]
+    booked |= {name: found[i] for i, name in enumerate(remembered[len(MEMORY) :])}
+    z = [booked.get(variable.name, value) for variable, value in zip(layout.outputs, outputs, strict=True)]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)
     return {
-        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * len(mismatches))),
+        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * found.shape[0])),
         "derivatives": ([t, y, u, k], rates),
         "outputs_function": ([t, y, u, k, memory], ca.vertcat(*z)),
         "jump": ([t, y, u, k, memory], after),

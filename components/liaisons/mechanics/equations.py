@@ -30,7 +30,7 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.declarations import Coordinate
-from liaisons.language.mechanism import Mechanism, start_values
+from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics import constraints
 from liaisons.mechanics.constraints import Constraints
 from liaisons.mechanics.friction import Dissipation
@@ -130,7 +130,7 @@ class Equations:
         for symbol in values:
             if symbol not in symbols:
                 raise ComponentError(f"{name}: unknown symbol {symbol!r}{suggestion(symbol, symbols)}")
-        numbers = dict.fromkeys(symbols, 0.0) | start_values(self.mechanism) | values
+        numbers = dict.fromkeys(symbols, 0.0) | self.mechanism.start_values() | values
         expression = self.in_motion(getattr(self, quantity))
         function = ca.Function("evaluate", list(symbols.values()), [ca.densify(expression)])
         result = np.asarray(function(*(numbers[symbol] for symbol in symbols)))
@@ -154,11 +154,7 @@ def derive(component: type[Mechanism]) -> Equations:
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
     drives, loads = _column(component.coordinates, "force"), _column(component.coordinates, "load")
     driven = len(component.coordinates)
-    points = {
-        f"{point.name}_{axis}": ca.SX(value)
-        for point in component.points
-        for axis, value in getattr(m, point.name).items()
-    }
+    points = m.point_components()
     position = ca.cse(stack(points.values()))
     point_loads = stack(ca.SX.sym(f"{name}_load") for name in points)
     applied = ca.vertcat(drives - loads, ca.SX.zeros(q_dot.shape[0] - driven, 1))

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import inspect
 from functools import cache
 from itertools import pairwise
 
 import casadi as ca
 
 from liaisons.expressions.algebra import stack
-from liaisons.language import names
+from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics import variables
-from liaisons.mechanics.bookkeeping import MEMORY, Vectors, function, functions
+from liaisons.mechanics.bookkeeping import Vectors, function, functions
 from liaisons.mechanics.equations import Equations, derive
-from liaisons.mechanics.model import ActiveInput, Model
-from liaisons.mechanics.printing import checked_against, of_mechanism
+from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.printing import of_mechanism
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, at which a start is refused."""
@@ -29,61 +27,62 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     """
     equations = derive(component)
     m = equations.mechanism
-    parameters, inputs = names.parameters(component), variables.inputs(component, equations)
-    outputs = variables.outputs(component, equations)
-    symbols = {variable.name: ca.SX.sym(variable.name) for variable in parameters} | equations.symbols
+    layout = m.layout()
+    symbols = {v.name: ca.SX.sym(v.name) for v in layout.parameters} | equations.symbols
 
     # The vectors of Model.
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
-    motion = ca.vertcat(m.free.q, m.free.p)
-    y = ca.vertcat(motion, m.internal, work, dissipated)
-    u = stack(symbols[variable.name] for variable in inputs)
-    k = stack(symbols[variable.name] for variable in parameters)
+    y = ca.vertcat(m.free.q, m.free.p, m.internal, work, dissipated)
+    u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
 
     rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
     # A jump of σ̇ through a submersion changes the state.
     projection = equations.projection
-    landed = None if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
-    lasting, at_start = _conditions(component, equations), _start_conditions(component, equations)
-    conditions = lasting | at_start
-    mismatches = names.mismatches(component.actives)
-    initial = ca.vertcat(*_initial(component, equations, symbols), 0, 0)
-    sizes, distances = _nominals(component, equations), stack(conditions.values())
-    z = stack(ca.SX(expression) for _, expression in outputs)
+    landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
+    lasting, at_start = _conditions(m), _start_conditions(equations)
+    read = _readable(equations, layout, rates)
+    z = stack(ca.SX(read.get(v.name, 0)) for v in layout.outputs)  # what is booked is filled in below
+    distances, initial = stack((lasting | at_start).values()), ca.vertcat(*_initial(equations, symbols), 0, 0)
     # All in one: what the expressions share stays shared.
-    columns = [initial, rates, equations.energy, z, sizes, distances, ca.SX(0, 1) if landed is None else landed]
+    columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed]
     initial, rates, energy, z, sizes, distances, landed = _in_phase_space(equations, columns)
-
+    booked = functions(
+        Vectors(t, y, u, k),
+        layout,
+        initial=initial,
+        rates=rates,
+        energy=energy,
+        outputs=ca.vertsplit(z),
+        nominals=sizes,
+        landed=None if projection is None else landed,
+    )
     return Model(
-        name=component.__name__,
-        module=component.__module__,
-        description=component.summary(),
-        documentation=inspect.getdoc(component) or component.__name__,
-        parameters=parameters,
-        inputs=inputs,
-        outputs=tuple(variable for variable, _ in outputs),
-        states=variables.states(component),
-        memory=(*MEMORY, *mismatches),
-        **functions(
-            Vectors(t, y, u, k),
-            initial=initial,
-            rates=rates,
-            energy=energy,
-            outputs=[(variable, z[i]) for i, (variable, _) in enumerate(outputs)],
-            nominals=sizes,
-            landed=None if projection is None else landed,
-            mismatches=mismatches,
-        ),
+        **described(m),
+        **booked,
         conditions=function("conditions", [t, y, u, k], distances),
-        condition_texts=tuple(conditions),
+        condition_texts=(*lasting, *at_start),
         start_only=len(at_start),
         events=ca.Function("events", [k], [ca.SX(0, 1)]),
-        active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in component.actives),
-        ports=variables.ports(component, equations),
-        experiment=component.experiment,
         equations=of_mechanism(equations),
-        closed_form=checked_against(component),
     )
+
+
+def _readable(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca.SX]:
+    """What can be read, by name, but for what is booked."""
+    m, kept = equations.mechanism, equations.constraints
+    found = dict(zip((state.derivative for state in layout.states), ca.vertsplit(rates), strict=True)) | m.symbols
+    passive = [item.name for item in (*m.constraints, *m.non_holonomic)]
+    names = [*passive, *(item.name for item in m.submersions)]
+    found |= {f"{name}_residual": kept.residuals[i] for i, name in enumerate(names)}
+    found |= {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
+    for i, s in enumerate(m.actives):
+        force = equations.operator_forces[i]
+        found |= {f"{s.name}_force": force, f"{s.name}_power": force * m.active.s_dot[i]}
+    for name, place in equations.points.items():
+        velocity = m.dot(place)
+        found |= {name: place, f"{name}_dot": velocity, f"{name}_ddot": m.dot(velocity)}
+    found |= {name: getattr(equations, name) for name in ("kinetic_energy", "potential_energy", "energy")}
+    return found | {item.name: getattr(m, item.name) for item in (*m.outputs, *m.calculated_parameters)}
 
 
 def _in_phase_space(equations: Equations, columns: list[ca.SX]) -> list[ca.SX]:
@@ -94,14 +93,15 @@ def _in_phase_space(equations: Equations, columns: list[ca.SX]) -> list[ca.SX]:
     return [together[start:end] for start, end in pairwise(ends)]
 
 
-def _initial(component: type[Mechanism], equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
+def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
     """Configuration, momenta p = ∂L/∂q̇ (or given), and internal states at the start."""
-    m, count = equations.mechanism, len(component.coordinates)
-    names = [q.name for q in component.coordinates]
+    m = equations.mechanism
+    count = len(m.coordinates)
+    names = [q.name for q in m.coordinates]
     rates = [f"{name}_dot" for name in names]
     p = m.free.frame @ equations.momenta
     unknown: list[ca.SX] = []  # rates of an orientation that starts from its momentum
-    for turn in component.orientations:
+    for turn in m.orientations:
         names += turn.quaternion
         if turn.start == "rate":
             rates += turn.rates
@@ -111,24 +111,24 @@ def _initial(component: type[Mechanism], equations: Equations, symbols: dict[str
     q_0 = stack(symbols[f"{name}_0"] for name in names)
     v_0 = stack([*(symbols[f"{name}_0"] for name in rates), *unknown])
     p_0 = ca.substitute(p, ca.vertcat(m.free.q, m.free.q_dot), ca.vertcat(q_0, v_0))
-    return [q_0, p_0, stack(symbols[f"{state.name}_0"] for state in component.internal_states)]
+    return [q_0, p_0, stack(symbols[f"{state.name}_0"] for state in m.internal_states)]
 
 
-def _nominals(component: type[Mechanism], equations: Equations) -> ca.SX:
+def _nominals(equations: Equations) -> ca.SX:
     """Sizes of the states: of q as declared, of p and of the energies what that size a second amounts to."""
-    count, turns, internal = len(component.coordinates), len(component.orientations), len(component.internal_states)
-    sizes = ca.SX([*(q.nominal for q in component.coordinates), *([1.0] * 3 * turns)])
+    m = equations.mechanism
+    count, turns, internal = len(m.coordinates), len(m.orientations), len(m.internal_states)
+    sizes = ca.SX([*(q.nominal for q in m.coordinates), *([1.0] * 3 * turns)])
     inertia = ca.diag(equations.mass_matrix)
     energy = ca.dot(inertia, sizes**2) / 2
     positions = ca.vertcat(sizes[:count, 0], ca.SX.ones(4 * turns, 1))
     return ca.vertcat(positions, inertia * sizes, ca.SX.ones(internal, 1), energy, energy)
 
 
-def _conditions(component: type[Mechanism], equations: Equations) -> dict[str, ca.SX]:
+def _conditions(m: Mechanism) -> dict[str, ca.SX]:
     """What must stay positive, by the message to give when it does not."""
-    m = equations.mechanism
-    found = {condition.description: ca.SX(getattr(m, condition.name)) for condition in component.conditions}
-    for q in component.coordinates:
+    found = {condition.description: ca.SX(getattr(m, condition.name)) for condition in m.conditions}
+    for q in m.coordinates:
         if q.minimum is not None:
             found[f"{q.name} must stay > {q.minimum:g} {q.unit}"] = m.symbols[q.name] - q.minimum
         if q.maximum is not None:
@@ -136,18 +136,18 @@ def _conditions(component: type[Mechanism], equations: Equations) -> dict[str, c
     return found
 
 
-def _start_conditions(component: type[Mechanism], equations: Equations) -> dict[str, ca.SX]:
+def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
     """The same, asked of the start alone: afterwards the state is put back onto its constraints."""
     found: dict[str, ca.SX] = {}
-    kept, q_dot = equations.constraints, equations.mechanism.free.q_dot
-    rates = ca.substitute(kept.rate_residuals, q_dot, equations.loose_velocities)
-    for i, item in enumerate((*component.constraints, *component.non_holonomic, *component.submersions)):
+    m, kept = equations.mechanism, equations.constraints
+    rates = ca.substitute(kept.rate_residuals, m.free.q_dot, equations.loose_velocities)
+    for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.submersions)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         found[text] = CONSISTENT - ca.fabs(kept.residuals[i])
         if i not in kept.of_position:
             continue  # a constraint on rates has no other
         found[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(rates[i])
-    for turn in component.orientations:
+    for turn in m.orientations:
         text = f"{', '.join(turn.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"
-        found[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(equations.mechanism, turn.name).quaternion) - 1)
+        found[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(m, turn.name).quaternion) - 1)
     return found

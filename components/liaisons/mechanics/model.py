@@ -15,30 +15,16 @@ vectors, always in this order, all dense columns of doubles:
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import casadi as ca
 
 from liaisons.expressions.rows import RowProgram
-from liaisons.language.variables import Dimension, Experiment, Port, PortMember, Variable, element
-
-
-@dataclass(frozen=True, slots=True)
-class State:
-    """Continuous states: the output that shows them and the variable that is their derivative; a number or an array."""
-
-    name: str
-    derivative: str
-
-
-@dataclass(frozen=True, slots=True)
-class ActiveInput:
-    """Names of the three inputs through which an operator prescribes one coordinate: σ, σ̇, σ̈."""
-
-    value: str
-    rate: str
-    acceleration: str
+from liaisons.language.component import Component
+from liaisons.language.variables import ActiveInput, Dimension, Experiment, Port, PortMember, State, Variable, element
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,3 +115,17 @@ class Model:
             ),
             ports=tuple(element for p in self.ports for element in port(p)),
         )
+
+
+def described(picture: Component) -> dict[str, Any]:
+    """What a model has of its component as it is: names, variables, documentation."""
+    component = type(picture)
+    return {
+        "name": component.__name__,
+        "module": component.__module__,
+        "description": component.summary(),
+        "documentation": inspect.getdoc(component) or component.__name__,
+        "experiment": component.experiment,
+        "closed_form": inspect.getdoc(getattr(component, "exact", None)) or "",
+        **vars(picture.layout()),
+    }

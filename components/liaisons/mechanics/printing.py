@@ -6,22 +6,15 @@ They follow from the Lagrangian anew, on the way of the texts: generalised force
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterable, Iterator
 
 import casadi as ca
 
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.chain import Chain
-from liaisons.language.component import Component
 from liaisons.language.operator import Operator
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
-
-
-def checked_against(component: type[Component]) -> str:
-    """Docstring of ``exact``, the solution that a component is checked against; empty where there is none."""
-    return inspect.getdoc(getattr(component, "exact", None)) or ""
 
 
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
@@ -67,7 +60,7 @@ def of_chain(picture: Chain) -> tuple[Equation, ...]:
     base = picture.base() or {}
     dissipated = ca.SX(picture.friction_coefficient()) * ca.SX(picture.kinetic_energy())
     dissipated += ca.SX(picture.dissipation_function()) + ca.SX(picture.bond_dissipation())
-    points = picture.point_components
+    points = picture.point_components()
     return (
         Equation("link", "kinetic_energy", ca.SX(picture.kinetic_energy())),
         Equation("link", "potential_energy", ca.SX(picture.potential_energy()) + ca.SX(picture.bond_energy())),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from liaisons.expressions.algebra import stack
-from liaisons.language.chain import Chain, column
+from liaisons.language.chain import Chain
 from liaisons.mechanics.friction import Dissipation
 
 
@@ -36,7 +36,7 @@ class ChainLink:
 
 def link_of(m: Chain) -> ChainLink:
     """The terms of one link, as the methods of the component give them."""
-    bonded, points = ca.SX.sym("bonded"), stack(m.point_components.values())
+    bonded, points = ca.SX.sym("bonded"), stack(m.point_components().values())
     kinetic = ca.SX(m.kinetic_energy())
     rubbing = ca.SX(m.dissipation_function()) + bonded * ca.SX(m.bond_dissipation())
     return ChainLink(
@@ -48,7 +48,7 @@ def link_of(m: Chain) -> ChainLink:
         drive=ca.SX.sym("drive", m.q.shape[0]),
         loads=ca.SX.sym("loads", points.shape[0]),
         bonded=bonded,
-        tip=column(m.tip()),
+        tip=m.place(m.tip()),
         points=points,
         kinetic=kinetic,
         potential=ca.SX(m.potential_energy()) + bonded * ca.SX(m.bond_energy()),

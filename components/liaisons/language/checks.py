@@ -1,0 +1,216 @@
+"""Whether a component can be right, found out when its class is defined; what is wrong is said by name."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import warnings
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from types import CodeType, FunctionType
+from typing import Any, TypeVar
+
+import casadi as ca
+
+from liaisons import units
+from liaisons.errors import ComponentError, LiaisonsError, suggestion
+from liaisons.expressions.dimensions import Declared, check_units
+from liaisons.language.declarations import UNCHECKED, Declaration, InternalState, Symbol
+from liaisons.language.variables import Variable
+
+D = TypeVar("D", bound=Declaration)
+_IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
+_OURS = "liaisons.language"
+
+
+def declared(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
+    """Declarations of one kind, base classes first, each in the order of the file."""
+    found: dict[str, D] = {}
+    for base in reversed(cls.__mro__):
+        for name, value in vars(base).items():
+            found.pop(name, None)  # what a subclass overrides takes its place
+            if isinstance(value, kind):
+                found[name] = value
+    return tuple(found.values())
+
+
+# ---- what the methods return --------------------------------------------------------------------------------------
+
+
+def call(picture: object, name: str, *arguments: Any) -> Any:
+    """Evaluate a method or formula of a component; whatever it raises becomes a ComponentError with its name."""
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", message=r"\s*casadi: a numpy function", category=FutureWarning)
+            value = getattr(picture, name)
+            return value(*arguments) if callable(value) else value
+    except LiaisonsError:
+        raise
+    except Exception as error:
+        raise ComponentError(f"{type(picture).__name__}.{name}: {_reason(error)}") from error
+
+
+def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
+    """The value as a scalar expression of known symbols.
+
+    :raises ComponentError: if it is no expression, no scalar, or holds a symbol that the component does not have.
+    """
+    label = f"{owner.__name__}.{name}"
+    if value is None:
+        raise ComponentError(f"{label} returns nothing; return a CasADi expression or a number")
+    try:
+        expression = ca.SX(value)
+    except (NotImplementedError, TypeError):
+        raise ComponentError(f"{label} returns {value!r}; return a CasADi expression or a number") from None
+    if expression.shape != (1, 1):
+        raise ComponentError(f"{label} has shape {expression.shape}; return a scalar, (1, 1)")
+    known = {symbol.__hash__() for symbol in symbols.values()}
+    strangers = [str(symbol) for symbol in ca.symvar(expression) if symbol.__hash__() not in known]
+    if strangers:
+        raise ComponentError(f"{label} contains the unknown symbol {strangers[0]!r}{suggestion(strangers[0], symbols)}")
+    return expression
+
+
+def components_of(picture: object, name: str) -> Mapping[str, ca.SX]:
+    """What a named point returns: its components, by axis; anything else is a ComponentError."""
+    components = call(picture, name)
+    if not isinstance(components, Mapping) or not components:
+        raise ComponentError(f"{type(picture).__name__}.{name}: return the components, e.g. {{'x': ..., 'z': ...}}")
+    return components
+
+
+class Formulas:
+    """The methods and formulas of a component, evaluated one by one; their units are checked together, at the end.
+
+    :raises ComponentError: for one that raises, or is no scalar of the symbols that it may contain.
+    """
+
+    def __init__(self, picture: object) -> None:
+        self._picture, self._owner = picture, type(picture)
+        self._found: list[Declared] = []  # those that others are made of first
+
+    def __call__(self, name: str, symbols: Mapping[str, ca.SX], unit: str, *arguments: Any) -> ca.SX:
+        """Evaluate one that returns a scalar of these symbols, in this unit."""
+        return self.take(name, call(self._picture, name, *arguments), symbols, unit)
+
+    def take(self, label: str, value: Any, symbols: Mapping[str, ca.SX], unit: str) -> ca.SX:
+        """A scalar out of what one has returned; what is taken of it stands in brackets: ``"bob['x']"``."""
+        expression = scalar(self._owner, label, value, symbols)
+        attribute = inspect.getattr_static(self._owner, label.partition("[")[0])
+        if not (attribute.unchecked if isinstance(attribute, Declaration) else hasattr(attribute, UNCHECKED)):
+            self._found.append(Declared(f"{self._owner.__name__}.{label}", expression, unit))
+        return expression
+
+    def each(self, name: str, symbols: Mapping[str, ca.SX], unit: Mapping[str, str]) -> None:
+        """Evaluate one that returns scalars by name, which have these units."""
+        given = call(self._picture, name)
+        if not isinstance(given, Mapping) or given.keys() != unit.keys():
+            what = list(given) if isinstance(given, Mapping) else given
+            raise ComponentError(f"{self._owner.__name__}.{name} returns {what}; it must give {list(unit)}")
+        for key, value in given.items():
+            self.take(f"{name}[{key!r}]", value, symbols, unit[key])
+
+    def internal_rates(self, states: Iterable[InternalState], symbols: Mapping[str, ca.SX]) -> None:
+        """One rate for each internal state."""
+        unit = {state.name: state.checked_unit for state in states}
+        self.each("internal_rates", symbols, {name: units.rate(of) if of else units.ANY for name, of in unit.items()})
+
+    def check_units(self, variables: Iterable[Variable], symbols: Mapping[str, ca.SX], **more: str) -> None:
+        """Refuse formulas whose units cannot be right.
+
+        :param symbols: all that occur; their units are those of the variables of their names.
+        :param more: units of symbols that are no variables.
+        """
+        unit = {variable.name: variable.unit for variable in variables} | more
+        unit |= {item.name: units.ANY for item in declared(self._owner, Symbol) if item.unchecked}
+        check_units({name: (symbol, unit.get(name, units.ANY)) for name, symbol in symbols.items()}, self._found)
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong in a method, in words that say what to write instead."""
+    text = str(error).strip().splitlines()
+    if isinstance(error, FutureWarning) or "no implementation found for 'numpy" in str(error):
+        return "a function of numpy is given a symbol; use CasADi's, which know symbols: ca.sin, ca.sqrt, ca.fmax, ..."
+    if "truth value" in str(error):
+        return (
+            "'if', 'and', 'or', 'not', max() and min() ask for the truth of a symbol, which has none before the "
+            "simulation; use ca.if_else(condition, a, b), ca.logic_and, ca.logic_or, ca.fmax, ca.fmin"
+        )
+    return f"{type(error).__name__}: {text[-1] if text else 'no reason is given'}"
+
+
+# ---- names and methods of a class ---------------------------------------------------------------------------------
+
+
+def require_units(cls: type) -> None:
+    """Raise a ComponentError for a declaration without a unit; only an operator's may take any."""
+    for item in declared(cls, Declaration):
+        if item.unit == units.ANY:
+            raise ComponentError(f"{cls.__name__}.{item.name} has no unit; that of a pure number is '1'")
+
+
+def require_methods(cls: type) -> None:
+    """Raise a ComponentError for a method that a component has to define and does not."""
+    for name in dir(cls):
+        if name[0] != "_" and getattr(inspect.getattr_static(cls, name), "__isabstractmethod__", False):
+            base = next(base for base in cls.__mro__ if base.__module__.startswith(_OURS))
+            raise ComponentError(f"{cls.__name__} defines no {name}(), which every {base.__name__} has to")
+
+
+def reject_misspelt_methods(cls: type) -> None:
+    """Raise a ComponentError for a method that nothing calls and whose name is nearly one that would be called."""
+    if cls.__module__.startswith(_OURS):
+        return
+
+    def methods(base: type) -> set[str]:
+        return {name for name, value in vars(base).items() if isinstance(value, FunctionType) and name[0] != "_"}
+
+    inherited = {name for base in cls.__mro__[1:] for name in vars(base)}
+    known = {name for base in cls.__mro__ if base.__module__.startswith(_OURS) for name in methods(base)}
+    for name in sorted(methods(cls) - inherited):
+        near = get_close_matches(name, known | {"exact", "picture"}, n=1, cutoff=0.85)
+        if near and near[0] not in name and name not in _called(cls):
+            raise ComponentError(f"{cls.__name__}.{name}: nothing calls this method; did you mean {near[0]!r}?")
+
+
+def _called(cls: type) -> set[str]:
+    """Names that occur in the methods and formulas of a component."""
+    methods = (getattr(value, "method", value) for base in cls.__mro__ for value in vars(base).values())
+    waiting: list[Any] = [method.__code__ for method in methods if isinstance(method, FunctionType)]
+    found: set[str] = set()
+    while waiting:
+        code = waiting.pop()
+        found.update(code.co_names)
+        waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    return found
+
+
+def reject_reserved_names(cls: type) -> None:
+    """Raise a ComponentError for a declaration that hides a name of the bases, or is outside its own domain."""
+    ours = [base for base in cls.__mro__ if base.__module__.startswith(_OURS)]
+    taken = {name for base in ours for name, value in vars(base).items() if not isinstance(value, Declaration)}
+    taken |= {name for base in ours for name in vars(base).get("__annotations__", ())}
+    for item in declared(cls, Declaration):
+        if not _IDENTIFIER.match(item.name):
+            raise ComponentError(f"{cls.__name__}.{item.name}: use an ASCII identifier that starts with a letter")
+        if item.name in taken:
+            raise ComponentError(f"{cls.__name__}.{item.name}: the name is taken by the base class; choose another")
+    for item in declared(cls, Symbol):
+        variable = item.variable("parameter", "fixed")
+        if not variable.allows(item.start):
+            raise ComponentError(
+                f"{cls.__name__}.{item.name}: default {item.start:g} {item.unit} is outside its own domain: "
+                f"it must be {variable.domain()}"
+            )
+
+
+def reject_clashes(cls: type, names: Iterable[str]) -> None:
+    """Raise a ComponentError for two variables of one name."""
+    seen: set[str] = set()
+    for name in [*names, "input_reconstruction", "symplectic_steps", "time"]:
+        if name in seen:
+            raise ComponentError(
+                f"{cls.__name__}: two variables would be called {name!r}; rename the parameter, coordinate, "
+                "point or output that makes the second one"
+            )
+        seen.add(name)
