@@ -12,6 +12,8 @@ shape do the same.  About the centre of the circle -X_K vanishes, as for a swing
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
@@ -21,42 +23,31 @@ from liaisons.models import CircularHoop, FourierHoop
 
 OFFSET = 0.5  # d [m], R = 1 m, m = 1 kg
 BENT = {"radius": 1.2, "cos_1": 0.25, "sin_2": 0.15, "cos_3": -0.1}
-SHAKING = operator("FourierSeries", angular_frequency=1.0, sin_1=1.2, cos_2=0.5, sin_3=-0.2)
 STATES = ((0.3, 1.0), (1.9, -0.8), (3.3, 2.0), (5.0, 0.0))  # (ξ, p_ξ)
 
 
 def field(xi: float, p: float, rate: float) -> NDArray:
     """(ξ', p_ξ') of the FMU at one state."""
     xi_dot = p - (1 + OFFSET * np.cos(xi)) * rate
-    start = {"xi_0": xi, "xi_dot_0": xi_dot, "beta_dot": rate, "offset": OFFSET}
-    return simulate("CircularHoop", stop_time=1e-3, record=["xi_dot", "p_xi_dot"], inputs={}, **start).values[:, 0]
+    start: Any = {"xi_0": xi, "xi_dot_0": xi_dot, "beta_dot": rate, "offset": OFFSET}
+    return simulate("CircularHoop", stop_time=1e-3, record=["xi_dot", "p_xi_dot"], **start).values[:, 0]
 
 
-def shake(hoop: str, coordinate: str, **body: float) -> Result:
-    names = [form.format(coordinate) for form in ("{}", "{}_dot", "p_{}", "p_{}_dot")]
-    start = {f"{coordinate}_dot_0": 0.4, "beta": SHAKING, **body}
-    record = [*names, "beta_dot", "bead_x", "bead_y"]
-    return simulate(
-        hoop,
-        stop_time=15.0,
-        step_size=0.02,
-        tolerance=1e-10,
-        record=record,
-        inputs={},
-        start_time=0.0,
-        times=None,
-        **start,
-    )
+def shake(hoop: str, q: str, **body: Any) -> Result:
+    beta = operator("FourierSeries", angular_frequency=1.0, sin_1=1.2, cos_2=0.5, sin_3=-0.2)
+    record = [q, f"{q}_dot", f"p_{q}", f"p_{q}_dot", "beta_dot", "bead_x", "bead_y"]
+    settings: Any = {"stop_time": 15.0, "step_size": 0.02, "tolerance": 1e-10, "record": record}
+    return simulate(hoop, beta=beta, **settings, **body)
 
 
 @scenario
 def main(claim: Claims) -> None:
     identity = within(1e-12, "m/s, N", because="an identity at every state: roundings of terms of size 10")
-    off = shake("CircularHoop", "xi", offset=OFFSET)
+    off = shake("CircularHoop", "xi", xi_dot_0=0.4, offset=OFFSET)
     parts = CircularHoop.dynamic_field(off["xi"], off["p_xi"], off["beta_dot"], offset=OFFSET)
     rates, total = [off["xi_dot"], off["p_xi_dot"]], np.sum(list(parts.values()), axis=0)
     claim("circle off its centre, M eq. 65-67: the three terms add up to the FMU's field", total, rates, identity)
-    bent = shake("FourierHoop", "theta", **BENT)
+    bent = shake("FourierHoop", "theta", theta_dot_0=0.4, **BENT)
     state = {name: bent[name] for name in ("theta", "p_theta", "beta_dot")}
     derived = analysis.dynamic_field(FourierHoop).evaluate(**state, **BENT)[[0, 2]]  # θ and p_θ, without β
     own = [bent["theta_dot"], bent["p_theta_dot"]]
@@ -69,7 +60,7 @@ def main(claim: Claims) -> None:
     claim(text.format("H(Y)", "odd in Y"), (forth - back) / 2, expected["H(Y)"], identity)
     claim(text.format("-X_K", "even in Y, beyond that at rest"), (forth + back) / 2 - still, expected["-X_K"], identity)
 
-    p_xi = shake("CircularHoop", "xi", offset=0.0)["p_xi"]
+    p_xi = shake("CircularHoop", "xi", xi_dot_0=0.4, offset=0.0)["p_xi"]
     rounding = "its rate is made of roundings of terms of size 10, which do not add up over 15 s"
     centred = "circle about its centre: -X_K = 0 and a' = 0, so that p_ξ is constant"
     claim(centred, p_xi, p_xi[0], within(1e-12, "kg.m/s", because=rounding))

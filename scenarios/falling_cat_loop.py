@@ -29,7 +29,7 @@ def turn_rate(t: float, phase: float) -> float:
 
 
 def fall(phase: float, steps: int) -> Result:
-    limbs = {
+    limbs: Any = {
         "psi_1": operator("Sinusoid", offset=np.pi / 2, angular_frequency=W),
         "psi_2": operator("Sinusoid", offset=-np.pi / 2, angular_frequency=W, phase=phase),
     }

@@ -43,7 +43,7 @@ def run(hoop: str, u: float, stop_time: float, step_size: float, beta: Any) -> R
 def smooth(hoop: str, T: float) -> NDArray:
     """How much further along the hoop beads are than at their own speed, after one smooth turn."""
     step = operator("SmoothStep", end_value=TURN, duration=T)
-    return np.array([np.ptp(run(hoop, u, T, T / 400, step)["xi"][[0, -1]]) - T for u in STARTS])
+    return np.array([np.diff(run(hoop, u, T, T / 400, step)["xi"][[0, -1]])[0] - T for u in STARTS])
 
 
 @scenario
@@ -66,7 +66,7 @@ def main(claim: Claims) -> None:
         claim(text, remainders[-1] / size, predicted / size, relative)
         claim.order(f"{hoop}: the remainder falls as 1/T³", TIMES, np.abs(remainders.mean(axis=1)), -3, order)
         curve = turn.curve(GRID)
-        shapes.plot(curve.real, curve.imag, color=colour, label=f"{hoop}: {turn.shift:.3f} m")
+        shapes.plot(np.real(curve), np.imag(curve), color=colour, label=f"{hoop}: {turn.shift:.3f} m")
         approach.plot(GRID, T**3 * turn.smooth_remainder(T, GRID), color=colour, linewidth=0.8)
         for duration, found, marker in zip(TIMES, remainders, "v^o", strict=True):
             label = f"FMU, T = {duration:g} s" if colour == "tab:blue" else None
