@@ -7,77 +7,61 @@ delay at instants where the gain is stationary, so that what is missing is of se
 
 from __future__ import annotations
 
-from functools import cache
-from pathlib import Path
-
-import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import argrelmax
 
-from liaisons import Result, System, Verdict, fmu_path, run_scenario, slope, verdict
+from liaisons import Claims, Result, System, panels, scenario, within
+from liaisons.models import Pendulum
 
-LOW, HIGH, GRAVITY = 1.0, 1.1, 9.81
-RATES = (50.0, 100.0, 200.0, 400.0)
+LOW, HIGH = 1.0, 1.1  # shortest and longest [m]
+RATES = np.array([50.0, 100.0, 200.0, 400.0])  # of the filters [1/s]
 STOP, TOLERANCE = 12.0, 1e-9
-GROWTH = (HIGH / LOW) ** 3
-
-fmu = cache(fmu_path)  # asking for the path checks that the FMU is up to date
+GROWTH = Pendulum.crouch_growth(length_low=HIGH, length_high=LOW)
 
 
 def pumped(rate: float) -> System:
     system = System("closed loop")
-    swing = system.add("swing", fmu("Pendulum"), theta_0=0.1, length=HIGH)
-    pump = system.add("pump", fmu("SwingPump"), low=LOW, high=HIGH, rate=rate)
+    swing = system.add("swing", "Pendulum", theta_0=0.1, length=HIGH)
+    pump = system.add("pump", "SwingPump", low=LOW, high=HIGH, rate=rate)
     system.connect(swing["theta"], pump["theta"])
     system.connect(swing["theta_dot"], pump["theta_dot"])
     system.connect(pump["y"], swing["length"])
     return system
 
 
-def amplitudes(result: Result) -> tuple[NDArray, NDArray]:
-    """Instants and |θ| of the turning points."""
-    theta = np.abs(result["swing.theta"])
-    turning = argrelmax(theta)[0]
-    return result.time[turning], theta[turning]
+def turning(run: Result) -> tuple[NDArray, NDArray]:
+    """Instants and 1 - cos θ of the turning points."""
+    points = argrelmax(np.abs(run["swing.theta"]))[0]
+    return run.time[points], 1 - np.cos(run["swing.theta"][points])
 
 
-def growth(result: Result) -> float:
-    """Mean factor of 1 - cos θ_max from one turning point to the next."""
-    versines = 1 - np.cos(amplitudes(result)[1])
-    return float((versines[-1] / versines[0]) ** (1 / (len(versines) - 1)))
+def growth(run: Result) -> float:
+    """Mean factor of 1 - cos θ_max from one turning point to the next, over that of crouches at once."""
+    _, versines = turning(run)
+    return (versines[-1] / versines[0]) ** (1 / (versines.size - 1)) / GROWTH
 
 
-def main(figure: Path) -> list[Verdict]:
-    results = [pumped(rate).simulate(STOP, 0.25 / rate, tolerance=TOLERANCE) for rate in RATES]
-    missing = [1 - growth(result) / GROWTH for result in results]
-    order = slope(1 / np.array(RATES), missing)
-    quick, delay = results[-1], np.sqrt(GRAVITY / LOW) * 3 / RATES[-1]
+@scenario
+def main(claim: Claims) -> None:
+    runs = [pumped(rate).simulate(STOP, 0.25 / rate, tolerance=TOLERANCE) for rate in RATES]
+    missing, quick = [1 - growth(run) for run in runs], runs[-1]
     adapted = pumped(RATES[-1]).simulate(STOP, 0.01, tolerance=TOLERANCE, coupling="implicit", error_tolerance=1e-5)
-    balance = max(abs(quick["swing.energy_balance"]))
-    why = "stationary: of second order in the delay, a factor of order 1"
-    _, (motion, gain) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
-    motion.plot(quick.time, quick["swing.theta"], label=f"{len(quick.time)} points")
-    motion.plot(adapted.time, adapted["swing.theta"], "k.", markersize=3, label=f"adapted, {len(adapted.time)} points")
-    times, heights = amplitudes(quick)
-    theory = np.arccos(1 - (1 - np.cos(heights[0])) * GROWTH ** np.arange(len(times)))
-    motion.plot(times, theory, "r_", times, -theory, "r_")
-    motion.set(xlabel="t [s]", ylabel="θ [rad]", title="pumped by what is measured")
-    motion.legend()
-    gain.loglog(RATES, missing, "o-", label=f"order {order:.2f}")
-    gain.set(xlabel="rate of the filters [1/s]", ylabel="missing growth", title="against (l$_{high}$/l$_{low}$)³")
-    gain.legend()
-    plt.savefig(figure, dpi=150)
-    bound, work_bound = 2 * delay**2, 10 * TOLERANCE * STOP * max(abs(quick["swing.energy"]))
-    seen = abs(growth(adapted) / GROWTH - 1)
-    rows = (
-        ("growth a half swing is (l_high/l_low)³", abs(missing[-1]), bound, "", why),
-        (f"what is missing falls with order {order:.2f}, 2", abs(order - 2), 0.2, "", why),
-        ("adapted steps pump the same", seen, bound + 1e-3, "", "and turning points are seen between points only"),
-        ("the energy gained is the operator's work", balance, work_bound, "J", "10 x tolerance x energy scale x time"),
+    second, why = 2 * 9.81 / LOW * (3 / RATES[-1]) ** 2, "stationary: of second order in the delay, a factor of order 1"
+    claim("growth a half swing is (l_high/l_low)³", growth(quick), 1.0, within(second, because=why))
+    claim.order("what is missing falls with order 2", 1 / RATES, missing, 2, within(0.2, because=why))
+    between = within(second + 1e-3, because="as above, and turning points are seen between points only")
+    claim("adapted steps pump the same", growth(adapted), 1.0, between)
+    claim.energy("the energy gained is the operator's work", quick, tolerance=TOLERANCE)
+
+    motion, gain = panels(
+        ("pumped by what is measured", "t [s]", "θ [rad]"),
+        ("against (l$_{high}$/l$_{low}$)³", "rate of the filters [1/s]", "missing growth"),
     )
-    return [verdict(c, error=e, tolerance=limit, unit=u, reason=reason) for c, e, limit, u, reason in rows]
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    motion.plot(quick.time, quick["swing.theta"], label=f"{quick.time.size} points")
+    motion.plot(adapted.time, adapted["swing.theta"], "k.", markersize=3, label=f"adapted, {adapted.time.size} points")
+    instants, versines = turning(quick)
+    theory = np.arccos(1 - versines[0] * GROWTH ** np.arange(versines.size))
+    motion.plot(instants, theory, "r_", label="sudden crouches")
+    motion.plot(instants, -theory, "r_")
+    gain.loglog(RATES, missing, "o-")

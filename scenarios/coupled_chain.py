@@ -11,98 +11,73 @@ flattened, which is one FMU without coupling; the modes.
 
 from __future__ import annotations
 
-from functools import cache
-from pathlib import Path
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Result, System, Verdict, fmu_path, max_error, run_scenario, simulate, slope, table, verdict
+from liaisons import Claims, Result, System, dots, max_error, panels, scenario, simulate, table, within
+from liaisons.models import OscillatorChain
 
-N, MASS, STIFFNESS, STOP = 10, 0.5, 2.0, 20.0
-SIZES = (0.2, 0.1, 0.05)
+N, STOP, SIZES = 10, 20.0, (0.2, 0.1, 0.05)
 START = np.eye(N)[0]  # the first mass is displaced by 1 m
-
-fmu = cache(fmu_path)  # asking for the path checks that the FMU is up to date
-
-
-def motion(times: NDArray) -> NDArray:
-    """Displacements as the superposition of the normal modes, shape (masses, times)."""
-    k, j = np.arange(N), np.arange(1, N + 1)[:, None]
-    frequencies, modes = 2 * np.sqrt(STIFFNESS / MASS) * np.sin(k * np.pi / 2 / N), np.cos(k * np.pi * (j - 0.5) / N)
-    amplitudes = np.linalg.solve(modes, START)
-    return modes @ (amplitudes[:, None] * np.cos(frequencies[:, None] * times))
+BODY: Any = {"mass": 0.5, "stiffness": 2.0}
+# H⁴/720 of the loads' fourth derivative, rates up to 2 √(κ/m) = 4 /s, force 2 N a mass of ½ kg, over 20 s
+BOUND, WHY = SIZES[-1] ** 4 / 720 * 4.0**4 * 4 * STOP, "quadrature of the loads, H⁴/720"
 
 
 def chain() -> System:
     system = System("chain of FMUs")
-    before = None
-    for j in range(N):
-        start = {"x_0": START[j], "support": START[max(j - 1, 0)], "stiffness": STIFFNESS if before else 0.0}
-        mass = system.add(f"mass_{j + 1}", fmu("Oscillator"), mass=MASS, **start)
-        if before:
-            system.connect(before["x"], mass["support"])
+    before = system.add("mass_1", "Oscillator", **BODY | {"x_0": 1.0, "support": 1.0, "stiffness": 0.0})
+    for j in range(2, N + 1):
+        mass = system.add(f"mass_{j}", "Oscillator", x_0=0.0, support=START[j - 2], **BODY)
+        system.connect(before["x"], mass["support"])
         before = mass
     return system
 
 
-def displacements(result: Result) -> NDArray:
-    return np.array([result[f"mass_{j}.x"] for j in range(1, N + 1)])
+def of_all(run: Result, name: str = "x") -> NDArray:
+    """A signal of all masses, (N, time)."""
+    return np.array([run[f"mass_{j}.{name}"] for j in range(1, N + 1)])
 
 
-def compare(results: list[Result], errors: list[float], flat: NDArray, times: NDArray) -> None:
-    """Print largest differences of displacements: co-simulated, flattened, closed form."""
-    modes, one = "against the normal modes [m]", "against the flattened FMU [m]"
-    rows = [{"": "flattened, one FMU", modes: f"{max_error(flat, motion(times)):.1e}", one: "0"}]
-    for step, result, error in zip(SIZES, results, errors, strict=True):
-        there = flat[:, :: round(step / SIZES[-1])]
-        rows.append(
-            {
-                "": f"co-simulated, H = {step:g} s",
-                modes: f"{error:.1e}",
-                one: f"{max_error(displacements(result), there):.1e}",
-            }
-        )
-    print(table(rows))
+def modes(times: NDArray) -> NDArray:
+    return OscillatorChain.exact(times, n=N, u_0=START, **BODY)["u"].T
 
 
-def main(figure: Path) -> list[Verdict]:
+@scenario
+def main(claim: Claims) -> None:
     system = chain()
-    results = [system.simulate(STOP, step, tolerance=1e-11) for step in SIZES]
-    errors = [max_error(displacements(result), motion(result.time)) for result in results]
-    fine = results[-1]
-    single = simulate(fmu("OscillatorChain"), times=fine.time, tolerance=1e-12, mass=MASS, stiffness=STIFFNESS)
-    alone = np.array([single[f"u[{j}]"] for j in range(1, N + 1)])
-    flat = displacements(simulate(system.flatten(), times=fine.time, tolerance=1e-12))
-    compare(results, errors, flat, fine.time)
-    order = slope(SIZES, errors)
-    parts = [[fine[f"mass_{j}.{name}"] for j in range(1, N + 1)] for name in ("p_x", "energy", "work")]
-    momentum, energy, handed = np.sum(parts, axis=1)
-    # H⁴/720 of the loads' fourth derivative, rates up to 2 √(κ/m) = 4 /s, force 2 N a mass of ½ kg, over 20 s
-    bound = SIZES[-1] ** 4 / 720 * 4.0**4 * 4 * STOP
-    _, (waves, convergence) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
-    for j, u in enumerate(displacements(fine)):
-        waves.plot(fine.time, u + j, color="tab:blue", linewidth=0.8)
-        waves.plot(fine.time[::10], motion(fine.time)[j, ::10] + j, "k.", markersize=2)
-    waves.set(xlabel="t [s]", ylabel="mass, displacement", title="ten FMUs (lines) and normal modes (dots)")
-    convergence.loglog(SIZES, errors, "o-", label=f"order {order:.2f}")
-    convergence.set(xlabel="H [s]", ylabel="error [m]", title="implicit coupling")
-    convergence.legend()
-    plt.savefig(figure, dpi=150)
-    why = "quadrature of the loads, H⁴/720"
-    rows = (
-        (f"order {order:.2f} is 4", abs(order - 4), 0.15, "", "terms of order (4 H)²"),
-        ("against normal modes", errors[-1], bound, "m", why),
-        ("flattened, against normal modes", max_error(flat, motion(fine.time)), 1e-10, "m", "tolerance 1e-12, 20 s"),
-        ("ten FMUs against flattened", max_error(displacements(fine), flat), bound, "m", why),
-        ("against OscillatorChain", max_error(displacements(fine), alone), bound, "m", why),
-        ("total momentum", np.ptp(momentum), bound, "kg.m/s", why),
-        ("energy of the chain", np.ptp(energy), 4 * bound, "J", f"{why}, times forces"),
-        ("work in one mass is work out of another", max(abs(handed)), 4 * bound, "J", f"{why}, times forces"),
+    runs = [system.simulate(STOP, step, tolerance=1e-11) for step in SIZES]
+    fine, found, expected = runs[-1], of_all(runs[-1]), modes(runs[-1].time)
+    flat = of_all(simulate(system.flatten(), times=fine.time, tolerance=1e-12))
+    errors = [max_error(of_all(run), modes(run.time)) for run in runs]
+    rows = [("flattened, one FMU", max_error(flat, expected), 0.0)]
+    for step, run, error in zip(SIZES, runs, errors, strict=True):
+        rows.append(
+            (f"co-simulated, H = {step:g} s", error, max_error(of_all(run), flat[:, :: round(step / SIZES[-1])]))
+        )
+    print(table({"": way, "from the modes [m]": f"{a:.1e}", "from one FMU [m]": f"{b:.1e}"} for way, a, b in rows))
+
+    coupling = within(BOUND, "m", because=WHY)
+    claim.order("order 4", SIZES, errors, 4, within(0.15, because="terms of order (4 H)²"))
+    claim("against normal modes", found, expected, coupling)
+    claim("flattened, against normal modes", flat, expected, within(1e-10, "m", because="tolerance 1e-12, 20 s"))
+    claim("ten FMUs against flattened", found, flat, coupling)
+    alone = simulate("OscillatorChain", times=fine.time, tolerance=1e-12, **BODY)["u"].T
+    claim("against OscillatorChain", found, alone, coupling)
+    momentum, energy, handed = (of_all(fine, name).sum(axis=0) for name in ("p_x", "energy", "work"))
+    force = within(4 * BOUND, "J", because=f"{WHY}, times forces")
+    claim("total momentum", np.ptp(momentum), 0.0, within(BOUND, "kg.m/s", because=WHY))
+    claim("energy of the chain", np.ptp(energy), 0.0, force)
+    claim("work in one mass is work out of another", handed, 0.0, force)
+
+    waves, convergence = panels(
+        ("ten FMUs (lines) and normal modes (dots)", "t [s]", "mass, displacement [m]"),
+        ("implicit coupling", "H [s]", "error [m]"),
     )
-    return [verdict(c, error=e, tolerance=limit, unit=u, reason=reason) for c, e, limit, u, reason in rows]
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    for j in range(N):
+        waves.plot(fine.time, found[j] + j, color="tab:blue", linewidth=0.8)
+        dots(waves, fine.time, expected[j] + j, every=10, markersize=2)
+    convergence.loglog(SIZES, errors, "o-", label="co-simulated")
+    convergence.loglog(SIZES, errors[-1] * (np.array(SIZES) / SIZES[-1]) ** 4, color="0.6", label="H⁴")

@@ -8,8 +8,6 @@ Scenario ``pumped_swing`` moves the length smoothly.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import ellipk
 
 from liaisons import Claims, dots, panels, scenario, simulate, within
 from liaisons.models import Pendulum
@@ -18,22 +16,10 @@ LOW, HIGH = 1.1, 1.0  # distance of the centre of mass from the pivot, crouched 
 AMPLITUDE, HALF_SWINGS, TOLERANCE = 0.3, 10, 1e-11
 
 
-def crouch_schedule() -> tuple[NDArray, NDArray]:
-    """Instants at which the length changes, alternately θ = 0 and a turning point, and |θ| at the turning points.
-
-    Quarter periods of the pendulum: K(sin θ_max/2) √(l/g), falling with the long length, rising with the short one.
-    """
-    growth = Pendulum.crouch_growth(length_low=LOW, length_high=HIGH)
-    amplitudes = np.arccos(1 - (1 - np.cos(AMPLITUDE)) * growth ** np.arange(HALF_SWINGS + 1))
-    quarter = ellipk(np.sin(amplitudes / 2) ** 2)
-    return np.cumsum(
-        np.column_stack([quarter[:-1] * np.sqrt(LOW / 9.81), quarter[1:] * np.sqrt(HIGH / 9.81)])
-    ), amplitudes
-
-
 @scenario
 def main(claim: Claims) -> None:
-    instants, amplitudes = crouch_schedule()
+    lengths = {"length_low": LOW, "length_high": HIGH}
+    instants, amplitudes = Pendulum.crouch_schedule(HALF_SWINGS, theta_0=AMPLITUDE, **lengths)
     knots = np.append(0.0, instants)
     times = np.interp(np.arange(10 * instants.size + 1), 10 * np.arange(knots.size), knots)  # ten in each quarter swing
 

@@ -6,96 +6,56 @@ the middle axis the body turns over, and over again, after a time that grows wit
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterable
+from itertools import product
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from liaisons import Result, Verdict, fmu_path, max_error, run_scenario, simulate, verdict
+from liaisons import Claims, dots, panels, scenario, simulate, within
 from liaisons.models import Satellite
 
 MOMENTS = np.array([10.0, 12.0, 8.0])  # kg.m2: x is the middle axis
-STARTS: dict[str, dict[str, Any]] = {
-    "about the least axis": {"omega_x_0": 0.3, "omega_y_0": 0.2, "omega_z_0": 1.0},
-    "about the largest axis": {"omega_x_0": 0.3, "omega_y_0": 1.0, "omega_z_0": 0.2},
-    "about the middle axis": {"omega_x_0": 1.0, "omega_y_0": 1e-3, "omega_z_0": 1e-3},
-}
-RATES, QUATERNION, MOMENTA = (
-    ("omega_x", "omega_y", "omega_z"),
-    ("q_w", "q_x", "q_y", "q_z"),
-    ("H_x", "H_y", "H_z"),
-)
+STARTS = {"least": (0.3, 0.2, 1.0), "largest": (0.3, 1.0, 0.2), "middle": (1.0, 1e-3, 1e-3)}  # ω by the axis of most
+RATES, QUATERNION = ("omega_x", "omega_y", "omega_z"), ("q_w", "q_x", "q_y", "q_z")
 STOP, TOLERANCE = 300.0, 1e-13
 
 
-def main(figure: Path) -> list[Verdict]:
-    fmu = fmu_path("Satellite")
-    results = {
-        name: simulate(fmu, stop_time=STOP, step_size=0.1, tolerance=TOLERANCE, **start)
-        for name, start in STARTS.items()
-    }
-    verdicts = []
-    for name, result in results.items():
-        exact = Satellite.exact(result.time, **STARTS[name])
-        tolerance, reason = 1e-10, f"solver tolerance {TOLERANCE:g}, amplification below 100 over {STOP:g} s"
-        if name == "about the middle axis":
-            # How near the axis it comes back, ε, follows from ε² = a difference of energies: an error over ε².
-            tolerance, reason = 10 * TOLERANCE / 1e-3**2, "10 x solver tolerance / (1e-3, distance from the axis)²"
-        for kind, names in (("ω", RATES), ("attitude", QUATERNION)):
-            error = max(max_error(result[signal], exact[signal]) for signal in names)
-            verdicts.append(verdict(f"{name}: {kind}", error=error, tolerance=tolerance, reason=reason))
-        R = Rotation.from_quat(np.array([result[q] for q in QUATERNION]).T, scalar_first=True)
-        H = R.apply(np.array([result[w] for w in RATES]).T * MOMENTS)
-        verdicts.append(
-            verdict(
-                f"{name}: R J ω stays where it was",
-                error=max_error(H, np.broadcast_to(H[0], H.shape)),
-                tolerance=1e-13,
-                unit="kg.m2/s",
-                reason="H is a state without a rate: roundings of 12 kg.m2/s",
-            )
-        )
-    draw(figure, results)
-    return verdicts
+def start(omega: Iterable[float]) -> dict[str, Any]:
+    return {f"{name}_0": float(rate) for name, rate in zip(RATES, omega, strict=True)}
 
 
-def draw(figure: Path, results: dict[str, Result]) -> None:
-    plt.figure(figsize=(12, 4.8), layout="constrained")
-    body = plt.subplot(1, 2, 1, projection="3d")
-    for extreme, others in ((1, (0, 2)), (2, (0, 1))):
-        for size in (0.2, 0.5, 0.8):
-            for sign in (1, -1):
-                # Started in the plane of the extreme and the middle axis, with the same |H|.
-                H = np.zeros(3)
-                H[extreme], H[others[0]] = sign * 10 * np.cos(size), 10 * np.sin(size)
-                start = {f"{w}_0": float(h / J) for w, h, J in zip(RATES, H, MOMENTS, strict=True)}
-                exact = Satellite.exact(np.linspace(0, 150, 1500), **start)
-                body.plot(
-                    *(exact[w] * J / 10 for w, J in zip(RATES, MOMENTS, strict=True)), color="grey", linewidth=0.4
-                )
-    for name, result in results.items():
-        H = np.array([result[w] for w in RATES]).T * MOMENTS
-        body.plot(*(H / np.linalg.norm(H[0])).T, linewidth=1.2, label=name)
-    body.set(
-        xlabel="x (middle)",
-        ylabel="y (largest)",
-        zlabel="z (least)",
-        title="direction of H in the body",
-        aspect="equal",
+@scenario
+def main(claim: Claims) -> None:
+    body, over = panels(
+        ("direction of H in the body", "x (middle)", "y (largest)", "z (least)"),
+        ("about the middle axis", "t [s]", "ω [rad/s]"),
+        size=(12, 5),
     )
-    body.legend(fontsize=8, loc="upper left")
-    over = plt.subplot(1, 2, 2)
-    result = results["about the middle axis"]
-    exact = Satellite.exact(result.time, **STARTS["about the middle axis"])
-    for w in RATES:
-        (line,) = over.plot(result.time, result[w], linewidth=0.9, label=w)
-        over.plot(result.time[::50], exact[w][::50], ".", color=line.get_color(), markersize=4)
-    over.set(xlabel="t [s]", ylabel="[rad/s]", title="about the middle axis (dots: elliptic functions)")
-    over.legend(loc="center right", fontsize=8)
-    plt.savefig(figure, dpi=150)
+    # Started in the plane of the extreme and the middle axis, with the same |H|.
+    for extreme, size, sign in product((1, 2), (0.2, 0.5, 0.8), (1, -1)):
+        H = np.zeros(3)
+        H[extreme], H[0] = sign * 10 * np.cos(size), 10 * np.sin(size)
+        exact = Satellite.exact(np.linspace(0, 150, 1500), **start(H / MOMENTS))
+        body.plot(*(exact[name] * J / 10 for name, J in zip(RATES, MOMENTS, strict=True)), color="grey", linewidth=0.4)
 
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    steady = within(1e-10, because=f"solver tolerance {TOLERANCE:g}, amplification below 100 over {STOP:g} s")
+    # How near the axis it comes back, ε, follows from ε² = a difference of energies: an error over ε².
+    near = within(10 * TOLERANCE / 1e-3**2, because="10 x solver tolerance / (1e-3, distance from the axis)²")
+    state = within(1e-13, "kg.m2/s", because="H is a state without a rate: roundings of 12 kg.m2/s")
+    for axis, omega in STARTS.items():
+        run = simulate("Satellite", stop_time=STOP, step_size=0.1, tolerance=TOLERANCE, **start(omega))
+        exact = Satellite.exact(run.time, **start(omega))
+        for kind, names in (("ω", RATES), ("attitude", QUATERNION)):
+            claim(f"about the {axis} axis: {kind}", run, exact, near if axis == "middle" else steady, names=names)
+        R = Rotation.from_quat(np.transpose([run[name] for name in QUATERNION]), scalar_first=True)
+        in_body = np.transpose([run[name] for name in RATES]) * MOMENTS
+        H = R.apply(in_body)
+        claim(f"about the {axis} axis: R J ω stays where it was", H, H[0], state)
+        body.plot(*(in_body / np.linalg.norm(H[0])).T, linewidth=1.2, label=f"about the {axis} axis")
+        for name in RATES if axis == "middle" else ():
+            (line,) = over.plot(run.time, run[name], linewidth=0.9, label=name.replace("omega", "ω"))
+            dots(over, run.time, exact[name], every=50, color=line.get_color())
+    body.set(aspect="equal")
+    dots(over, [], [], color="0.5", label="elliptic functions")

@@ -13,162 +13,69 @@ equations that the FMUs have; scenario ``hannay_hoop`` runs the FMUs themselves 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ellipeinc
 
-from liaisons import Verdict, ensemble, max_error, run_scenario, slope, verdict
+from liaisons import Claims, ensemble, panels, scenario, within
 from liaisons.models import CircularHoop, EllipticHoop, Ramp, SmoothStep
 
-TURN = 2 * np.pi
-SPEED, STEP = 1.0, 0.05  # of the bead [m/s]; of the method [s]
-BEADS = 128
+TURN, BEADS = 2 * np.pi, 128
 TIMES = np.array([100.0, 200.0, 400.0, 800.0])
+HOOPS: Any = {"circle": (CircularHoop, "xi", {"offset": 0.5}), "ellipse": (EllipticHoop, "u", {})}
 
 
-@dataclass(frozen=True)
-class Hoop:
-    """Points OP of a hoop and |dOP/du| at beads that are equally far from one another along it."""
+def shifts(hoop: str, start: str, duration: float) -> NDArray:
+    """Of every bead at 1 m/s, by the way the hoop is started."""
+    component, coordinate, body = HOOPS[hoop]
+    turn, rate = component.slow_turn(**body), TURN / duration
+    u = turn.spread(BEADS)
+    relative = 1.0 - (rate * turn.a(u) if start == "abrupt" else 0.0)
+    values = {f"{coordinate}_0": u, f"{coordinate}_dot_0": relative / turn.speed(u), **body}
+    smooth = {"beta.end_value": TURN, "beta.duration": duration}
+    found = ensemble(
+        component,
+        values | (smooth if start == "smooth" else {"beta.rate": rate}),
+        stop_time=duration,
+        step_size=0.05,
+        operators={"beta": SmoothStep if start == "smooth" else Ramp},
+        record=["xi"],
+        estimate=False,
+    )
+    return found["xi"][-1] - found["xi"][0] - duration
 
-    title: str
-    component: type[CircularHoop | EllipticHoop]
-    coordinate: str
-    u: NDArray
-    position: NDArray  # complex
-    speed: NDArray
-    length: float
-    area: float
 
-    @property
-    def shift(self) -> float:
-        return -2 * TURN * self.area / self.length
-
-    @cached_property
-    def xi(self) -> NDArray:
-        return self.length * np.arange(BEADS) / BEADS
-
-    @cached_property
-    def a(self) -> NDArray:
-        """r²θ', θ' by differentiating the spectrum of OP(ξ)."""
-        return np.imag(np.conj(self.position) * self._spectral(self.position, 1))
-
-    @cached_property
-    def r_squared(self) -> NDArray:
-        return np.abs(self.position) ** 2
-
-    def remainder(self, duration: float) -> float:
-        """Of the average after an abrupt start, to order 1/T²."""
-        end = self.xi + SPEED * duration - TURN * self.a
-        at_end = np.interp(end, self.xi, np.real(self._spectral(self.r_squared, -1)), period=self.length)
-        covariance = np.mean(self.a * self.r_squared) - np.mean(self.a) * np.mean(self.r_squared)
-        return float(TURN**2 / (2 * SPEED**2 * duration**2) * (np.mean(at_end) - TURN * covariance))
-
-    def shifts(self, start: str, duration: float) -> NDArray:
-        """Of every bead, by the way the hoop is started."""
-        rate = TURN / duration
-        relative = SPEED - (rate * self.a if start == "abrupt" else 0.0)
-        values = {f"{self.coordinate}_0": self.u, f"{self.coordinate}_dot_0": relative / self.speed}
-        smooth = {"beta.end_value": TURN, "beta.duration": duration}
-        found = ensemble(
-            self.component,
-            values | (smooth if start == "smooth" else {"beta.rate": rate}),
-            stop_time=duration,
-            step_size=STEP,
-            operators={"beta": SmoothStep if start == "smooth" else Ramp},
-            record=["xi"],
-            estimate=False,
+@scenario
+def main(claim: Claims) -> None:
+    T = TIMES[-1]
+    each, mean = panels(
+        (f"shift after one turn in {T:g} s", "ξ$_0$/ℓ", "shift [m]"),
+        ("mean over the beads; limits -4πA/ℓ and 0", "T [s]", "|mean - limit| [m]"),
+    )
+    third = "but for the predicted remainder; then (2π/vT)³ times r⁴ and its derivatives, some tens of m⁴"
+    steeper = within(0.25, because="exponent; the factor (v - <a>β')⁻³ makes it up to 6π<a>/vT steeper")
+    for (hoop, (component, _, body)), colour in zip(HOOPS.items(), ("tab:blue", "tab:orange"), strict=True):
+        turn = component.slow_turn(**body)
+        a, r_squared = turn.a(turn.spread(BEADS)), turn.r_squared(turn.spread(BEADS))
+        smooth, abrupt, relative = (
+            np.array([shifts(hoop, start, duration) for duration in TIMES])
+            for start in ("smooth", "abrupt", "relative")
         )
-        return found["xi"][-1] - found["xi"][0] - SPEED * duration
+        cubic = within((TURN / T) ** 3 * 40, "m", because=third)
+        text = f"{hoop}, abrupt start: the mean of {BEADS} shifts is -4πA/ℓ = {turn.shift:.4f} m"
+        claim(text, abrupt[-1].mean(), turn.shift + turn.abrupt_mean_remainder(T), cubic)
+        spread = TURN**2 * np.ptp(r_squared)
+        next_order = within(1.2 * spread / (2 * T), "m", because="(2π)² (<r²> - r²)/(2vT), the next order in the rate")
+        claim(f"{hoop}, abrupt start: a bead is shifted by -2πa(ξ_0)", abrupt[-1], -TURN * a, next_order)
+        off = np.abs(smooth[1:].mean(axis=1) - turn.shift)
+        claim.order(f"{hoop}, smooth start: the mean differs from -4πA/ℓ by 1/T³", TIMES[1:], off, -3, steeper)
+        why = "order 1/T; its mean over the beads is 0, what remains is of order 1/T²"
+        text = f"{hoop}, speed on the turning hoop prescribed: no shift on average"
+        claim(text, relative[-1].mean(), 0.0, within(spread * turn.length / T**2, "m", because=why))
 
-    def _spectral(self, values: NDArray, order: int) -> NDArray:
-        """Derivative (1) or periodic primitive of the part without mean (-1) over the arc length."""
-        wave = 2j * np.pi * np.fft.fftfreq(BEADS, self.length / BEADS)
-        wave[0] = np.inf if order < 0 else 0.0
-        return np.fft.ifft(np.fft.fft(values) * wave**order)
-
-
-def circle() -> Hoop:
-    u = TURN * np.arange(BEADS) / BEADS  # radius 1, centre at 0.5
-    return Hoop("circle", CircularHoop, "xi", u, 0.5 + np.exp(1j * u), np.ones(BEADS), TURN, np.pi)
-
-
-def ellipse() -> Hoop:
-    u = TURN * np.arange(BEADS) / BEADS  # semi-axes 2 and 1
-    length = float(ellipeinc(TURN, -3))
-    for _ in range(8):  # Newton: the arc length up to u is E(u | -3)
-        u = u - (ellipeinc(u, -3) - length * np.arange(BEADS) / BEADS) / np.sqrt(1 + 3 * np.sin(u) ** 2)
-    speed = np.sqrt(1 + 3 * np.sin(u) ** 2)
-    return Hoop("ellipse", EllipticHoop, "u", u, 2 * np.cos(u) + 1j * np.sin(u), speed, length, TURN)
-
-
-def main(figure: Path) -> list[Verdict]:
-    hoops = circle(), ellipse()
-    shifts = {
-        (hoop.title, start): np.array([hoop.shifts(start, duration) for duration in TIMES])
-        for hoop in hoops
-        for start in ("smooth", "abrupt", "relative")
-    }
-    draw(figure, hoops, shifts)
-    return [
-        item
-        for hoop in hoops
-        for item in judge(hoop, *(shifts[hoop.title, s] for s in ("smooth", "abrupt", "relative")))
-    ]
-
-
-def judge(hoop: Hoop, smooth: NDArray, abrupt: NDArray, relative: NDArray) -> list[Verdict]:
-    slowest = TIMES[-1]
-    remainder = hoop.remainder(slowest)
-    return [
-        verdict(
-            f"{hoop.title}, abrupt start: the mean of {BEADS} shifts is -4πA/ℓ = {hoop.shift:.4f} m",
-            error=abs(abrupt[-1].mean() - hoop.shift - remainder),
-            tolerance=(TURN / (SPEED * slowest)) ** 3 * 40,
-            unit="m",
-            reason="but for the predicted remainder; then (2π/vT)³ times r⁴ and its derivatives, some tens of m⁴",
-        ),
-        verdict(
-            f"{hoop.title}, abrupt start: a bead is shifted by -2πa(ξ_0)",
-            error=max_error(abrupt[-1], -TURN * hoop.a),
-            tolerance=1.2 * TURN**2 * float(np.ptp(hoop.r_squared)) / (2 * SPEED * slowest),
-            unit="m",
-            reason="(2π)² (<r²> - r²)/(2vT), the next order in the rate",
-        ),
-        verdict(
-            f"{hoop.title}, smooth start: the mean differs from -4πA/ℓ by 1/T³",
-            error=abs(slope(TIMES[1:], np.abs(smooth[1:].mean(axis=1) - hoop.shift)) + 3),
-            tolerance=0.25,
-            reason="exponent; the factor (v - <a>β')⁻³ makes it up to 6π<a>/vT steeper",
-        ),
-        verdict(
-            f"{hoop.title}, speed on the turning hoop prescribed: no shift on average",
-            error=abs(relative[-1].mean()),
-            tolerance=TURN**2 * float(np.ptp(hoop.r_squared)) * hoop.length / (SPEED * slowest) ** 2,
-            unit="m",
-            reason="order 1/T; its mean over the beads is 0, what remains is of order 1/T²",
-        ),
-    ]
-
-
-def draw(figure: Path, hoops: tuple[Hoop, ...], shifts: dict[tuple[str, str], NDArray]) -> None:
-    _, (beads, means) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
-    for hoop, colour in zip(hoops, ("tab:blue", "tab:orange"), strict=True):
-        for start, style in (("smooth", "-"), ("abrupt", "--"), ("relative", ":")):
-            found = shifts[hoop.title, start]
-            beads.plot(hoop.xi / hoop.length, found[-1], style, color=colour, label=f"{hoop.title}, {start}")
-            limit = 0.0 if start == "relative" else hoop.shift
-            means.loglog(TIMES, np.abs(found.mean(axis=1) - limit), f"o{style}", color=colour)
-        beads.axhline(hoop.shift, color=colour, linewidth=0.5)
-    beads.set(xlabel="ξ$_0$/ℓ", ylabel="shift [m]", title=f"shift after one turn in {TIMES[-1]:g} s")
-    beads.legend(fontsize="small")
-    means.set(xlabel="T [s]", ylabel="|mean - limit| [m]", title="mean over the beads; limits -4πA/ℓ and 0")
-    plt.savefig(figure, dpi=150)
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+        for start, found, style in (("smooth", smooth, "-"), ("abrupt", abrupt, "--"), ("relative", relative, ":")):
+            each.plot(np.arange(BEADS) / BEADS, found[-1], style, color=colour, label=f"{hoop}, {start}")
+            limit = 0.0 if start == "relative" else turn.shift
+            mean.loglog(TIMES, np.abs(found.mean(axis=1) - limit), f"o{style}", color=colour)
+        each.axhline(turn.shift, color=colour, linewidth=0.5)

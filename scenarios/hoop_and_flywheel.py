@@ -10,75 +10,41 @@ both constant, which leaves one equation of first order for ξ: the reference.
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
-from liaisons import System, Verdict, fmu_path, max_error, run_scenario, verdict
+from liaisons import Claims, System, dots, panels, scenario, within
+from liaisons.models import CircularHoop
 
-RADIUS, OFFSET, MASS, INERTIA, WHEEL = 1.0, 0.5, 1.0, 0.1, 0.3
-START = {"xi_0": 0.0, "xi_dot_0": 1.5}
-STOP, TOLERANCE = 20.0, 1e-11
+OFFSET, INERTIA, WHEEL, TOLERANCE = 0.5, 0.1, 0.3, 1e-11  # d [m], I and I_f [kg.m2]; R = 1 m, m = 1 kg
+HOOP: Any = {"offset": OFFSET, "hoop_inertia": INERTIA, "xi_0": 0.0, "xi_dot_0": 1.5}
 
 
-def moments(xi: NDArray) -> tuple[NDArray, NDArray]:
-    """a [m] and I + I_f + m b [kg.m2]."""
-    psi = xi / RADIUS
-    return RADIUS + OFFSET * np.cos(psi), INERTIA + WHEEL + MASS * (OFFSET * np.sin(psi)) ** 2
-
-
-def reference(times: NDArray) -> NDArray:
-    """ξ, β from Hamilton's equations of the whole with p_β as it was: ξ'' follows from p_ξ = m (ξ' + a β')."""
-
-    def rates(_: float, y: NDArray) -> list[float]:
-        xi, _, p = y
-        a, whole = moments(xi)
-        turn = (angular_momentum - a * p) / whole
-        slopes = -OFFSET / RADIUS * np.sin(xi / RADIUS), OFFSET**2 / RADIUS * np.sin(2 * xi / RADIUS)
-        return [p / MASS - a * turn, turn, slopes[0] * p * turn + MASS / 2 * slopes[1] * turn**2]
-
-    a, _ = moments(np.array(START["xi_0"]))
-    p = MASS * START["xi_dot_0"]
-    angular_momentum = float(a * p)  # the flywheel is at rest
-    return solve_ivp(rates, (0, STOP), [START["xi_0"], 0.0, p], "DOP853", times, rtol=1e-13, atol=1e-13).y
-
-
-def main(figure: Path) -> list[Verdict]:
+@scenario
+def main(claim: Claims) -> None:
     system = System("hoop and flywheel")
-    hoop = system.add("hoop", fmu_path("CircularHoop"), radius=RADIUS, offset=OFFSET, hoop_inertia=INERTIA, **START)
-    wheel = system.add("wheel", fmu_path("Flywheel"), inertia=WHEEL, angle_dot_0=0.0)
+    hoop = system.add("hoop", "CircularHoop", **HOOP)
+    wheel = system.add("wheel", "Flywheel", inertia=WHEEL, angle_dot_0=0.0)
     system.connect(wheel["angle"], hoop["beta"])
-    result = system.simulate(STOP, 0.01, tolerance=TOLERANCE)
+    run = system.simulate(20.0, 0.01, tolerance=TOLERANCE)
 
-    a, whole = moments(result["hoop.xi"])
-    turn = result["wheel.angle_dot"]
-    momentum = a * MASS * (result["hoop.xi_dot"] + a * turn) + whole * turn
-    energy = result["hoop.energy"] + result["wheel.energy"]
-    handed = result["hoop.work"] + result["wheel.work"]
-    xi, beta, _ = reference(result.time)
+    xi, turn = run["hoop.xi"], run["wheel.angle_dot"]
+    a, whole = 1 + OFFSET * np.cos(xi), INERTIA + WHEEL + (OFFSET * np.sin(xi)) ** 2
+    momentum = a * (run["hoop.xi_dot"] + a * turn) + whole * turn
+    energy, handed = (run[f"hoop.{name}"] + run[f"wheel.{name}"] for name in ("energy", "work"))
     why = f"solver tolerance {TOLERANCE:g} and H⁴/720 of the torque, 20 s, amplification below 100"
-    figures, (motion, parts) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    motion.plot(result.time, result["hoop.xi"], label="ξ [m], bead")
-    motion.plot(result.time, result["wheel.angle"], label="β [rad], flywheel")
-    motion.plot(result.time[::100], xi[::100], "k.", markersize=4, label="one system")
-    parts.plot(result.time, WHEEL * turn, label="flywheel")
-    parts.plot(result.time, momentum - WHEEL * turn, label="hoop and bead")
-    parts.plot(result.time, momentum, "k", label="both")
-    for axis, title in ((motion, "motion"), (parts, "angular momentum [kg.m2/s]")):
-        axis.set(xlabel="t [s]", title=title)
-        axis.legend()
-    figures.savefig(figure, dpi=150)
-    return [
-        verdict("angular momentum of both", error=np.ptp(momentum), tolerance=1e-8, unit="kg.m2/s", reason=why),
-        verdict("energy of both", error=np.ptp(energy), tolerance=1e-8, unit="J", reason=why),
-        verdict("work on one is taken from the other", error=max(abs(handed)), tolerance=1e-8, unit="J", reason=why),
-        verdict("ξ, one system", error=max_error(result["hoop.xi"], xi), tolerance=1e-7, unit="m", reason=why),
-        verdict("β, one system", error=max_error(result["wheel.angle"], beta), tolerance=1e-7, unit="rad", reason=why),
-    ]
+    claim("angular momentum of both", np.ptp(momentum), 0.0, within(1e-8, "kg.m2/s", because=why))
+    claim("energy of both", np.ptp(energy), 0.0, within(1e-8, "J", because=why))
+    claim("work on one is taken from the other", handed, 0.0, within(1e-8, "J", because=why))
+    one = CircularHoop.on_a_free_shaft(run.time, shaft_inertia=WHEEL, **HOOP)
+    claim("ξ, one system", xi, one["xi"], within(1e-7, "m", because=why))
+    claim("β, one system", run["wheel.angle"], one["beta"], within(1e-7, "rad", because=why))
 
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    motion, parts = panels(("motion", "t [s]", "ξ [m], β [rad]"), ("its parts", "t [s]", "angular momentum [kg.m2/s]"))
+    motion.plot(run.time, xi, label="ξ, bead")
+    motion.plot(run.time, run["wheel.angle"], label="β, flywheel")
+    dots(motion, run.time, one["xi"], label="one system")
+    parts.plot(run.time, WHEEL * turn, label="flywheel")
+    parts.plot(run.time, momentum - WHEEL * turn, label="hoop and bead")
+    parts.plot(run.time, momentum, "k", label="both")

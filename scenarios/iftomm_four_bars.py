@@ -8,80 +8,33 @@ first rod alone says what force the lying rod then has to bring up.
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons import Result, Verdict, assemble, build, max_error, run_scenario, simulate, verdict
-from liaisons.models import FourBars, four_bars
+from liaisons import Claims, panels, scenario, simulate, within
+from liaisons.models import four_bars
 
-WINDOWS = (2, 6)
-TOLERANCE, STOP, STEP = 1e-9, 20.0, 0.05
-GRAVITY = 9.81
+TOLERANCE, STOP = 1e-9, 20.0
 
 
-def run(component: type[FourBars]) -> Result:
-    fmu = build(assemble(component))
-    return simulate(fmu, stop_time=STOP, step_size=STEP, tolerance=TOLERANCE)
-
-
-def angles(result: Result, windows: int) -> NDArray:
-    return np.array([result[f"theta_{i}"] for i in range(windows + 1)])
-
-
-def force(windows: int, theta: NDArray) -> NDArray:
-    """λ_1 sin θ for m = l = 1: (1/3 + 1/2) θ'' = -g (1/2 + 1/2) cos θ + λ_1 sin θ with θ'' = -(G/J) cos θ."""
-    inertia, weight = (windows + 1) / 3 + windows, GRAVITY * ((windows + 1) / 2 + windows)
-    return (GRAVITY - 5 / 6 * weight / inertia) * np.cos(theta)
-
-
-def main(figure: Path) -> list[Verdict]:
-    verdicts = []
-    picture, axes = plt.subplots(1, 2, figsize=(12, 4), layout="constrained")
-    for windows in WINDOWS:
+@scenario
+def main(claim: Claims) -> None:
+    motion, force = panels(
+        ("all rods turn as one pendulum", "t [s]", "x of B$_0$ [m]"),
+        ("force of the first lying rod", "t [s]", "λ$_1$ [N]"),
+    )
+    pole = within(1e-4, "N", because="as the angles, 1e-6 rad, times 10 N, times 10: 1/sin θ at most instants")
+    for windows in (2, 6):
         component = four_bars(windows)
-        result = run(component)
-        exact = component.exact(result.time)["theta"]
-        passages = int(np.sum(np.diff(np.floor(exact / np.pi)) != 0))
-        found = angles(result, windows)
-        energy = float(np.max(np.abs(result["energy"] - result["energy"][0])))
-        scale = float(np.max(result["kinetic_energy"]))
-        pull = result["lambda_rod_1"] * np.sin(exact)
-        name = f"N = {windows}"
-        verdicts += [
-            verdict(
-                f"{name}: {passages} singular configurations, all rods turn as one pendulum",
-                error=max_error(found, np.broadcast_to(exact, found.shape)),
-                tolerance=10 * TOLERANCE * STOP * float(np.max(np.abs(result["theta_0_dot"]))),
-                unit="rad",
-                reason="10 x tolerance x time x rate",
-            ),
-            verdict(
-                f"{name}: energy",
-                error=energy,
-                tolerance=10 * TOLERANCE * scale * STOP,
-                unit="J",
-                reason="10 x tolerance x energy scale x time",
-            ),
-            verdict(
-                f"{name}: the force on the first lying rod grows as 1/sin θ",
-                error=max_error(pull, force(windows, exact)),
-                tolerance=1e-4,
-                unit="N",
-                reason="as the angles, 1e-6 rad, times 10 N, times 10: 1/sin θ at most instants",
-            ),
-        ]
-        axes[0].plot(result.time, np.cos(found[0]), label=name)
-        axes[1].plot(result.time, result["lambda_rod_1"], ".-", linewidth=0.5, label=name)
-    axes[0].set(xlabel="t [s]", ylabel="x of B$_0$ [m]", title="all rods turn as one pendulum")
-    axes[1].set(xlabel="t [s]", ylabel="λ$_1$ [N]", title="force of the first lying rod")
-    axes[1].set_yscale("symlog", linthresh=10)
-    picture.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    plt.savefig(figure, dpi=150)
-    return verdicts
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+        run = simulate(component, stop_time=STOP, step_size=0.05, tolerance=TOLERANCE)
+        exact = component.exact(run.time)["theta"]
+        passages = np.count_nonzero(np.diff(np.floor(exact / np.pi)))
+        rate = np.max(np.abs(run["theta_0_dot"]))
+        turning = within(10 * TOLERANCE * STOP * rate, "rad", because="10 x tolerance x time x rate")
+        text = f"N = {windows}: {passages} singular configurations, all rods turn as one pendulum"
+        claim(text, [run[f"theta_{i}"] for i in range(windows + 1)], exact, turning)
+        claim.energy(f"N = {windows}: energy", run, tolerance=TOLERANCE)
+        pull = run["lambda_rod_1"] * np.sin(exact)
+        claim(f"N = {windows}: the force on the first lying rod grows as 1/sin θ", pull, component.pull(exact), pole)
+        motion.plot(run.time, np.cos(run["theta_0"]), label=f"N = {windows}")
+        force.plot(run.time, run["lambda_rod_1"], ".-", linewidth=0.5, label=f"N = {windows}")
+    force.set_yscale("symlog", linthresh=10)

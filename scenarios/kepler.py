@@ -7,21 +7,25 @@ approached like 1/τ only; before it the identity holds at any instant, with the
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicHermiteSpline
 
 from liaisons import Claims, Result, crossings, dots, panels, scenario, simulate, within
+from liaisons.models import KeplerOrbit
 
 ECCENTRICITIES, SEMI_AXES = (0.0, 0.4, 0.8), (0.5, 1.0, 4.0)
 STEP = 2 * np.pi / 400  # of the eccentric anomaly: equal steps of it are short where the planet is fast
 
 
 def orbit(a: float, e: float, revolutions: float) -> Result:
-    """Start at the pericentre on the x axis, with μ = 1; speed by the vis-viva equation."""
+    """Start at the pericentre on the x axis, with μ = 1."""
     E = STEP * np.arange(round(revolutions * 400) + 1)
-    start = {"x_0": a * (1 - e), "y_dot_0": np.sqrt((1 + e) / (1 - e) / a)}
-    return simulate("KeplerOrbit", times=a**1.5 * (E - e * np.sin(E)), tolerance=1e-11, **start)
+    shape = {"semi_axis": a, "eccentricity": e}
+    start: Any = KeplerOrbit.pericentre(**shape)
+    return simulate("KeplerOrbit", times=KeplerOrbit.time(E, **shape), tolerance=1e-11, **start)
 
 
 def virial(run: Result, a: float, e: float) -> tuple[np.ndarray, np.ndarray]:

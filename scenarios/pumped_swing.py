@@ -8,10 +8,9 @@ Scenario ``crouching_swing`` moves the length suddenly.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from liaisons import Claims, Result, dots, operator, panels, scenario, simulate, within
+from liaisons.models import Pendulum
 
 OMEGA, DEPTH, TOLERANCE = np.sqrt(9.81), 0.1, 1e-11
 
@@ -21,20 +20,10 @@ def pumped(theta_0: float) -> Result:
     return simulate("Pendulum", stop_time=20.0, step_size=0.02, tolerance=TOLERANCE, theta_0=theta_0, length=length)
 
 
-def integrated(times: NDArray, theta_0: float) -> NDArray:
-    """θ(t) by Newton's law and SciPy's DOP853 at 1e-13."""
-
-    def rates(t: float, y: NDArray) -> list[float]:
-        length, rate = 1 + DEPTH * np.sin(2 * OMEGA * t), 2 * OMEGA * DEPTH * np.cos(2 * OMEGA * t)
-        return [y[1], -(9.81 * np.sin(y[0]) + 2 * rate * y[1]) / length]
-
-    return solve_ivp(rates, (0, times[-1]), [theta_0, 0.0], "DOP853", times, rtol=1e-13, atol=1e-13).y[0]
-
-
 @scenario
 def main(claim: Claims) -> None:
     run = pumped(0.05)
-    exact = integrated(run.time, 0.05)
+    exact = Pendulum.pumped(run.time, theta_0=0.05, amplitude=DEPTH, angular_frequency=2 * OMEGA)["theta"]
     growing = within(1e-7, "rad", because="σ interpolated over 0.02 s (error 1e-13 a step), amplified about 100-fold")
     claim("θ(t) against a 1e-13 integration", run["theta"], exact, growing)
     claim.energy("the energy gained is the operator's work", run, tolerance=TOLERANCE)
@@ -44,7 +33,7 @@ def main(claim: Claims) -> None:
     size = np.interp(instants, small.time, np.hypot(small["theta"], small["p_theta"]))
     rate = np.log(size[1] / size[0]) / np.ptp(instants)
     leading = within(DEPTH, because="¾ ε Ω_0 is the leading term, the next is of relative size ε")
-    claim(f"small swings: growth rate {rate:.4f} /s is ¾ ε Ω_0", rate / (0.75 * DEPTH * OMEGA), 1.0, leading)
+    claim(f"small swings: growth rate {rate:.4f} /s is ¾ ε Ω_0", rate / Pendulum.pumping_rate(DEPTH), 1.0, leading)
 
     title = "pumped at twice the swing's frequency"
     angle, length = panels(

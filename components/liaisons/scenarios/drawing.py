@@ -57,7 +57,7 @@ def dots(axis: Any, x: ArrayLike, y: ArrayLike, *, every: int = 0, **style: Any)
     :param style: of the dots as for ``axis.plot``, and their label; small and black unless given.
     """
     x, y = np.asarray(x), np.asarray(y)
-    chosen = slice(None, None, every or -(-x.size // 40))
+    chosen = slice(None, None, every or max(1, x.size // 40))
     axis.plot(x[chosen], y[chosen], **{"linestyle": "", "marker": ".", "color": "k", "markersize": 4} | style)
 
 
