@@ -11,51 +11,16 @@ _HANDLER = "liaisons.ascii"
 _USUAL = {"strict", "surrogateescape", "backslashreplace"}
 """What Python does unless the user has asked for something else, as in ``PYTHONIOENCODING=cp1252:replace``."""
 
-_SIGNS = {
-    "·": "*",
-    "×": "x",
-    "√": "sqrt",
-    "∂": "d",
-    "∇": "grad",
-    "Σ": "sum",
-    "∑": "sum",
-    "∫": "int",
-    "∮": "int",
-    "∞": "inf",
-    "→": "->",
-    "←": "<-",
-    "↔": "<->",
-    "⇒": "=>",
-    "≤": "<=",
-    "≥": ">=",
-    "≠": "!=",
-    "≈": "~",
-    "∝": "~",
-    "±": "+-",
-    "∓": "-+",
-    "≪": "<<",
-    "≫": ">>",
-    "⁄": "/",
-    "−": "-",
-    "–": "-",
-    "—": "-",
-    "‘": "'",
-    "’": "'",
-    "′": "'",
-    "“": '"',
-    "”": '"',
-    "∧": "^",
-    "⊗": "x",
-    "°": " deg",
-    "λ": "lambda",  # Unicode says lamda
-    "Λ": "Lambda",
-    "ς": "sigma",
-    "ϑ": "theta",
-    "ϕ": "phi",
-    "ø": "o",
-    "Ø": "O",
-    "ß": "ss",
-}
+_SIGNS = dict(
+    pair.split()
+    for line in (
+        "· * | × x | ⊗ x | ⁄ / | ∧ ^ | ± +- | ∓ -+ | − - | – - | — - | ‘ ' | ’ ' | ′ ' | “ \" | ” \" | √ sqrt | ∞ inf",
+        "∂ d | ∇ grad | Σ sum | ∑ sum | ∫ int | ∮ int | → -> | ← <- | ↔ <-> | ⇒ => | ≪ << | ≫ >>",
+        "≤ <= | ≥ >= | ≠ != | ≈ ~ | ∝ ~ | λ lambda | Λ Lambda | ς sigma | ϑ theta | ϕ phi | ø o | Ø O | ß ss",
+    )
+    for pair in line.split(" | ")
+)
+"""What Unicode has no such name for; it says lamda, for example."""
 
 
 def tolerate_encodings() -> None:
@@ -78,6 +43,8 @@ def _written(error: UnicodeError) -> tuple[str, int]:
 
 
 def _one(character: str) -> str:
+    if character == "°":
+        return " deg"
     if character in _SIGNS:
         return _SIGNS[character]
     plain = unicodedata.normalize("NFKD", character)
