@@ -11,15 +11,15 @@ _HANDLER = "liaisons.ascii"
 _USUAL = {"strict", "surrogateescape", "backslashreplace"}
 """What Python does unless the user has asked for something else, as in ``PYTHONIOENCODING=cp1252:replace``."""
 
-_SIGNS = dict(
-    pair.split()
+_SIGNS = {
+    sign: words
     for line in (
         "· * | × x | ⊗ x | ⁄ / | ∧ ^ | ± +- | ∓ -+ | − - | – - | — - | ‘ ' | ’ ' | ′ ' | “ \" | ” \" | √ sqrt | ∞ inf",
         "∂ d | ∇ grad | Σ sum | ∑ sum | ∫ int | ∮ int | → -> | ← <- | ↔ <-> | ⇒ => | ≪ << | ≫ >>",
         "≤ <= | ≥ >= | ≠ != | ≈ ~ | ∝ ~ | λ lambda | Λ Lambda | ς sigma | ϑ theta | ϕ phi | ø o | Ø O | ß ss",
     )
-    for pair in line.split(" | ")
-)
+    for sign, words in (pair.split() for pair in line.split(" | "))
+} | {"°": " deg"}
 """What Unicode has no such name for; it says lamda, for example."""
 
 
@@ -43,8 +43,6 @@ def _written(error: UnicodeError) -> tuple[str, int]:
 
 
 def _one(character: str) -> str:
-    if character == "°":
-        return " deg"
     if character in _SIGNS:
         return _SIGNS[character]
     plain = unicodedata.normalize("NFKD", character)

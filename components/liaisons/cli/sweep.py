@@ -25,6 +25,7 @@ from liaisons.cli._command import (
     show,
     subject,
 )
+from liaisons.files import check_writable
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
 
@@ -164,7 +165,9 @@ def sweep(
     passing = None if csv is None or journal is not None else _beside(csv)
     journal = journal or passing
     if csv is not None:
-        _check_csv(csv, journal)
+        check_writable(csv)
+        if journal is not None and csv.resolve() == journal.resolve():
+            raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
     if retry and journal is None:
         raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
     with _interrupted(journal):
@@ -202,15 +205,6 @@ def sweep(
 def _beside(csv: Path) -> Path | None:
     """The journal that a table has by default; none for a device."""
     return csv.with_name(f"{csv.name}.journal") if csv.name and (csv.is_file() or not csv.exists()) else None
-
-
-def _check_csv(csv: Path, journal: Path | None) -> None:
-    if not csv.parent.is_dir():
-        raise ProjectError(f"{csv}: there is no folder {csv.parent}; make it, or choose another path")
-    if csv.is_dir():
-        raise ProjectError(f"{csv}: is a folder; name a file in it")
-    if journal is not None and csv.resolve() == journal.resolve():
-        raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
 
 
 @contextmanager
