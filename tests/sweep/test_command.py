@@ -34,11 +34,13 @@ def test_misuse_on_the_command_line(pendulum, tmp_path, capsys) -> None:
     assert "--retry needs the journal" in words("--over", "theta_0=1", "--retry")
     assert "1000000000000 cases are too many" in words("--random", "mass=1:2", "--samples", "1000000000000")
     assert "cases are too many" in words("--over", "mass=1:2:1000000", "--over", "theta_0=0:1:1000000")
-    assert "is a folder" in words("--over", "theta_0=1", "--csv", str(tmp_path))
+    assert "Is a directory; choose another path" in words("--over", "theta_0=1", "--csv", str(tmp_path))
     both = str(tmp_path / "both")
     assert "cannot be the table and the journal" in words("--over", "theta_0=1", "--csv", both, "--journal", both)
     assert list(tmp_path.iterdir()) == []
-    assert "there is no folder" in words("--over", "theta_0=1", "--csv", str(tmp_path / "nowhere" / "table.csv"))
+    assert "No such file or directory; choose another path" in words(
+        "--over", "theta_0=1", "--csv", str(tmp_path / "nowhere" / "table.csv")
+    )
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,21 @@ def show(rows: Iterable[Verdict | Mapping[str, object]]) -> None:
     Console().print(text, soft_wrap=True)
 
 
+def subject(metavar: str, words: str = "a file, or a component, which is built if need be") -> Any:
+    """The argument that says what a command is about; names of components complete."""
+    return typer.Argument(metavar=metavar, help=words, autocompletion=catalogue_names)
+
+
+def option(metavar: str, words: str, *names: str, **more: Any) -> Any:
+    """An option with a value."""
+    return typer.Option(*names, metavar=metavar, help=words, **more)
+
+
+def several(metavar: str, words: str, *names: str, **more: Any) -> Any:
+    """An option that may be given several times; a list."""
+    return option(metavar, words, *names, default_factory=list, show_default=False, **more)
+
+
 def _allow(limit: str | None) -> None:
     """Allow it in this process and in those that it starts."""
     if limit is not None:
@@ -91,26 +106,6 @@ def _allow(limit: str | None) -> None:
 
         os.environ[LIMIT_VARIABLE] = limit
         unpacked_limit()
-
-
-UnpackedLimit = Annotated[
-    str | None,
-    typer.Option(
-        "--unpacked-limit",
-        metavar="BYTES",
-        envvar="LIAISONS_UNPACKED_LIMIT",
-        callback=_allow,
-        help="so much an FMU or SSP archive may take unpacked (default: 1 GiB)",
-    ),
-]
-FmuOrComponent = Annotated[
-    str,
-    typer.Argument(
-        metavar="FMU|NAME|FILE.py",
-        autocompletion=catalogue_names,
-        help="a file, or a component, which is built if need be",
-    ),
-]
 
 
 def assignment(text: str) -> tuple[str, float | bool | str]:
@@ -128,23 +123,29 @@ def assignment(text: str) -> tuple[str, float | bool | str]:
     return name, value  # a string variable's; the FMU's description decides
 
 
+Number = float | None
+UnpackedLimit = Annotated[
+    str | None,
+    option(
+        "BYTES",
+        "so much an FMU or SSP archive may take unpacked (default: 1 GiB)",
+        "--unpacked-limit",
+        envvar="LIAISONS_UNPACKED_LIMIT",
+        callback=_allow,
+    ),
+]
+
 # The options of every simulation.
 Starts = Annotated[
     list[Any],
-    typer.Option(
+    several(
+        "NAME=VALUE",
+        "start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
         "--set",
-        metavar="NAME=VALUE",
         parser=assignment,
-        default_factory=list,
-        show_default=False,
-        help="start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
     ),
 ]
-Start = Annotated[float | None, typer.Option(metavar="T", parser=float, help="begin [s] (default: the FMU's, else 0)")]
-Stop = Annotated[float | None, typer.Option(metavar="T", parser=float, help="end [s] (default: the FMU's)")]
-Step = Annotated[
-    float | None, typer.Option(metavar="H", parser=float, help="communication step [s] (default: the FMU's)")
-]
-Tolerance = Annotated[
-    float | None, typer.Option(metavar="R", parser=float, help="relative tolerance (default: the FMU's)")
-]
+Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]
+Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)", parser=float)]
+Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)", parser=float)]
+Tolerance = Annotated[Number, option("R", "relative tolerance (default: the FMU's)", parser=float)]

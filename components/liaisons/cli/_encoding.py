@@ -12,50 +12,15 @@ _USUAL = {"strict", "surrogateescape", "backslashreplace"}
 """What Python does unless the user has asked for something else, as in ``PYTHONIOENCODING=cp1252:replace``."""
 
 _SIGNS = {
-    "·": "*",
-    "×": "x",
-    "√": "sqrt",
-    "∂": "d",
-    "∇": "grad",
-    "Σ": "sum",
-    "∑": "sum",
-    "∫": "int",
-    "∮": "int",
-    "∞": "inf",
-    "→": "->",
-    "←": "<-",
-    "↔": "<->",
-    "⇒": "=>",
-    "≤": "<=",
-    "≥": ">=",
-    "≠": "!=",
-    "≈": "~",
-    "∝": "~",
-    "±": "+-",
-    "∓": "-+",
-    "≪": "<<",
-    "≫": ">>",
-    "⁄": "/",
-    "−": "-",
-    "–": "-",
-    "—": "-",
-    "‘": "'",
-    "’": "'",
-    "′": "'",
-    "“": '"',
-    "”": '"',
-    "∧": "^",
-    "⊗": "x",
-    "°": " deg",
-    "λ": "lambda",  # Unicode says lamda
-    "Λ": "Lambda",
-    "ς": "sigma",
-    "ϑ": "theta",
-    "ϕ": "phi",
-    "ø": "o",
-    "Ø": "O",
-    "ß": "ss",
-}
+    sign: words
+    for line in (
+        "· * | × x | ⊗ x | ⁄ / | ∧ ^ | ± +- | ∓ -+ | − - | – - | — - | ‘ ' | ’ ' | ′ ' | “ \" | ” \" | √ sqrt | ∞ inf",
+        "∂ d | ∇ grad | Σ sum | ∑ sum | ∫ int | ∮ int | → -> | ← <- | ↔ <-> | ⇒ => | ≪ << | ≫ >>",
+        "≤ <= | ≥ >= | ≠ != | ≈ ~ | ∝ ~ | λ lambda | Λ Lambda | ς sigma | ϑ theta | ϕ phi | ø o | Ø O | ß ss",
+    )
+    for sign, words in (pair.split() for pair in line.split(" | "))
+} | {"°": " deg"}
+"""What Unicode has no such name for; it says lamda, for example."""
 
 
 def tolerate_encodings() -> None:

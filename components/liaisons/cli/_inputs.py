@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -11,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cli._expressions import ExpressionError, expression
 from liaisons.errors import SimulationError, suggestion
 
 if TYPE_CHECKING:
@@ -56,11 +56,13 @@ def drives(
 def _of_expression(system: System, prefix: str, name: str, text: str) -> Function:
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
+    from liaisons.cli._expressions import ExpressionError, expression  # loads CasADi
+
     try:
         function = expression(text)
     except ExpressionError as error:
         raise ExpressionError(f"--input {name}: {error}") from None
-    return function if _driven(system, f"{prefix}{name}").triple() else lambda t: function(t).value
+    return function if _driven(system, f"{prefix}{name}").triple() else _value_of(function)
 
 
 def _driven(system: System, full: str) -> Port:
@@ -119,44 +121,39 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[np.fl
             first = file.readline()
             separator = next((sign for sign in (",", ";", "\t") if sign in first), ",")
             names = [name.strip() for name in next(csv.reader([first], delimiter=separator), [])]
-            lines = [
-                (number, row)
-                for number, row in enumerate(csv.reader(file, delimiter=separator), start=2)
-                if row and not row[0].lstrip().startswith("#")
-            ]
+            lines = list(enumerate(csv.reader(file, delimiter=separator), start=2))
     except OSError as error:
         raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SimulationError(f"{path}: no table of numbers: {error}") from None
-    time = next((name for name in _TIMES if name in names), None)
-    if time is None or len(set(names)) < len(names) or len(names) < 2:
+    time = next((name for name in _TIMES if name in names), "")
+    if not time or len(set(names)) < len(names) or len(names) < 2:
         raise SimulationError(
             f"{path}: its first line has to name columns, each once, one of them 'time' or 't' and the others inputs; "
             f"it has {', '.join(map(repr, names)) or 'nothing'}"
         )
-    values = np.array([_numbers(path, number, row, len(names)) for number, row in lines], dtype=float)
-    if len(values) < 2:
-        raise SimulationError(f"{path}: {len(values)} lines of numbers; give two at least")
-    columns = dict(zip(names, values.T, strict=True))
-    times = columns.pop(time)
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if late.size:
-        number, here, before = lines[late[0] + 1][0], times[late[0] + 1], times[late[0]]
-        raise SimulationError(
-            f"{path}, line {number}: {time} = {here:g} must be greater than {before:g}, the one before"
-        )
-    return times, columns
+    rows: list[dict[str, float]] = []
+    for number, row in lines:
+        if row and not row[0].lstrip().startswith("#"):
+            try:
+                rows.append(_numbers(row, names))
+                if len(rows) > 1 and rows[-1][time] <= rows[-2][time]:
+                    here, before = rows[-1][time], rows[-2][time]
+                    raise ValueError(f"{time} = {here:g} must be greater than {before:g}, the one before")
+            except ValueError as error:
+                raise SimulationError(f"{path}, line {number}: {error}") from None
+    if len(rows) < 2:
+        raise SimulationError(f"{path}: {len(rows)} lines of numbers; give two at least")
+    columns = {name: np.array([row[name] for row in rows]) for name in names}
+    return columns.pop(time), columns
 
 
-def _numbers(path: Path, line: int, row: list[str], expected: int) -> list[float]:
-    if len(row) != expected:
-        raise SimulationError(f"{path}, line {line}: {len(row)} numbers for {expected} columns")
-    try:
-        numbers = [float(text) for text in row]
-    except ValueError as error:
-        raise SimulationError(f"{path}, line {line}: {error}") from None
-    if not np.isfinite(numbers).all():
-        raise SimulationError(f"{path}, line {line}: {', '.join(row)}: finite numbers only")
+def _numbers(row: list[str], names: list[str]) -> dict[str, float]:
+    if len(row) != len(names):
+        raise ValueError(f"{len(row)} numbers for {len(names)} columns")
+    numbers = dict(zip(names, map(float, row), strict=True))
+    if not all(map(math.isfinite, numbers.values())):
+        raise ValueError(f"{', '.join(row)}: finite numbers only")
     return numbers
 
 
@@ -203,17 +200,7 @@ def _spline(times: NDArray[np.float64], values: NDArray[np.float64]) -> Any:
 
 def _hermite(steps: NDArray, values: NDArray, rates: NDArray, accelerations: NDArray) -> NDArray[np.float64]:
     """Coefficients of the quintics in the part of a step that has passed, shape (6, n - 1)."""
-    y0, y1 = values[:-1], values[1:]
-    v0, v1 = rates[:-1] * steps, rates[1:] * steps
-    a0, a1 = accelerations[:-1] * steps**2, accelerations[1:] * steps**2
-    change = y1 - y0
-    return np.array(
-        [
-            y0,
-            v0,
-            a0 / 2,
-            10 * change - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1,
-            -15 * change + 8 * v0 + 7 * v1 + 1.5 * a0 - a1,
-            6 * change - 3 * (v0 + v1) - 0.5 * (a0 - a1),
-        ]
-    )
+    v, a = rates[:-1] * steps, accelerations[:-1] * steps**2
+    # What the parabola from the begin of a step lacks at its end: of the value, the rate, the acceleration.
+    lacks = [np.diff(values) - v - a / 2, rates[1:] * steps - v - a, accelerations[1:] * steps**2 - a]
+    return np.array([values[:-1], v, a / 2, *np.array([[10, -4, 0.5], [-15, 7, -1], [6, -3, 0.5]]) @ lacks])

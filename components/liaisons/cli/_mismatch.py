@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from liaisons.array_names import split
+
 if TYPE_CHECKING:
     from liaisons.cosim.description import Fmu
     from liaisons.results import Result
@@ -17,8 +19,8 @@ _ENDING = "_mismatch"
 
 def mismatches(fmu: Fmu) -> list[str]:
     """Local variables that say how far σ, σ̇ and σ̈ of the inputs contradict each other; none in other tools' FMUs."""
-    inputs = {_base(name) for name in fmu.reals("input")}
-    found = ((name, _base(name)) for name in fmu.reals("local"))
+    inputs = {split(name)[0] for name in fmu.reals("input")}
+    found = ((name, split(name)[0]) for name in fmu.reals("local"))
     return [name for name, base in found if base.endswith(_ENDING) and _triple(base.removesuffix(_ENDING)) <= inputs]
 
 
@@ -31,11 +33,6 @@ def taken_out(result: Result, names: Collection[str]) -> tuple[Result, list[str]
     return replace(result, names=shown, values=result.values[kept], units=units), lines
 
 
-def _base(name: str) -> str:
-    """The name without the index of an element."""
-    return name.partition("[")[0]
-
-
 def _triple(name: str) -> set[str]:
     return {name, f"{name}_dot", f"{name}_ddot"}
 
@@ -44,7 +41,7 @@ def _line(result: Result, name: str) -> Iterator[str]:
     values = np.abs(result[name])
     if not np.any(values):
         return
-    base, first = _base(name).removesuffix(_ENDING), result.time[np.flatnonzero(values)[0]]
+    base, first = split(name)[0].removesuffix(_ENDING), result.time[np.flatnonzero(values)[0]]
     largest, unit = np.max(values), result.units[name]
     yield (
         f"{base}, {base}_dot and {base}_ddot contradict each other: {name} is up to {largest:.6g} {unit}, "

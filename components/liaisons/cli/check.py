@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from liaisons.cli._command import FmuOrComponent, UnpackedLimit, command, show
+from typing import Annotated
+
+from liaisons.cli._command import UnpackedLimit, command, show, subject
 from liaisons.library import fmu_file
 
 
@@ -11,7 +13,7 @@ from liaisons.library import fmu_file
     liaisons check fmus/fmi3/Pendulum.fmu
     liaisons check Pendulum
 """)
-def check(fmu: FmuOrComponent, _limit: UnpackedLimit = None) -> int:
+def check(fmu: Annotated[str, subject("FMU|NAME|FILE.py")], _limit: UnpackedLimit = None) -> int:
     """Check an FMU: validators, and what must hold of its default experiment.
 
     Exit status 1 when it fails.

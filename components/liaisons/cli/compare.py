@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from liaisons.cli._command import command
+from liaisons.cli._command import Number, command, option
 
 if TYPE_CHECKING:
     from liaisons.results import Result
@@ -31,8 +31,7 @@ def compare(
     first: Table,
     second: Table,
     tolerance: Annotated[
-        float | None,
-        typer.Option(metavar="R", parser=_tolerance, help="allowed difference beside the signal's largest value"),
+        Number, option("R", "allowed difference beside the signal's largest value", parser=_tolerance)
     ] = None,
 ) -> int:
     """Compare two results, signal by signal.

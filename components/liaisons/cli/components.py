@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from liaisons.cli._command import assignment, command, show
-from liaisons.library import Backend, catalogue, catalogue_names, claim, model
+from liaisons.cli._command import assignment, command, option, show, subject
+from liaisons.library import Backend, catalogue, claim, model
 from liaisons.library import components as find
 from liaisons.processes import die_with_parent
 from liaisons.project import declared_components, fmus_directory, from_here
@@ -34,10 +34,7 @@ T = TypeVar("T")
     name="list",
 )
 def listing(
-    targets: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="FILE.py", autocompletion=catalogue_names, help="show those of these files instead"),
-    ] = None,
+    targets: Annotated[list[str] | None, subject("FILE.py", "show those of these files instead")] = None,
 ) -> int:
     """Show the components: free and active coordinates, and what each one is."""
     show([_row(component) for target in targets or ["all"] for component in find(target)])
@@ -54,16 +51,14 @@ def listing(
 def build(
     targets: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="NAME|FILE.py",
-            autocompletion=catalogue_names,
-            help="what to build (default: what fmus/fmus.toml declares; without one, the whole catalogue)",
+        subject(
+            "NAME|FILE.py",
+            "what to build (default: what fmus/fmus.toml declares; without one, the whole catalogue)",
         ),
     ] = None,
     *,
     backend: Annotated[
-        Backend,
-        typer.Option(help="native: generated C; python: pythonfmu; auto: native where a C compiler is found"),
+        Backend, typer.Option(help="native: generated C; python: pythonfmu; auto: native where a C compiler is found")
     ] = "auto",
     platforms: Annotated[
         Literal["host", "all"],
@@ -74,12 +69,9 @@ def build(
         typer.Option(help="version: FMI 2.0, FMI 3.0, which goes to fmi3/ and is native, or both"),
     ] = "2",
     size: Annotated[
-        Any,
-        typer.Option(
-            metavar="n=NUMBER", parser=assignment, help="how many links a chain has (default: as it declares)"
-        ),
+        Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", parser=assignment)
     ] = None,
-    output: Annotated[Path | None, typer.Option(metavar="DIR", help="where they go (default: fmus/)")] = None,
+    output: Annotated[Path | None, option("DIR", "where they go (default: fmus/)")] = None,
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from liaisons.cli._command import command, show
+from liaisons.cli._command import command, option, show
 from liaisons.project import ProjectError, from_here, scenario_files
 
 
@@ -30,10 +30,9 @@ def run(
     every: Annotated[bool, typer.Option("--all", help="run every scenario of this project")] = False,
     figures: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="where figures go (default: figures/ beside the scenario, or here for those that came with the "
-            "package)",
+        option(
+            "DIR",
+            "where figures go (default: figures/ beside the scenario, or here for those that came with the package)",
         ),
     ] = None,
 ) -> int:

@@ -6,11 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
 from typer.core import TyperCommand
 
-from liaisons.cli._command import Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command
-from liaisons.library import catalogue_names, fmu_file
+from liaisons.cli._command import Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command, option, several, subject
+from liaisons.library import fmu_file
 from liaisons.project import ProjectError
 
 if TYPE_CHECKING:
@@ -39,14 +38,7 @@ class _Command(TyperCommand):
     cls=_Command,
 )
 def simulate(
-    fmu: Annotated[
-        str,
-        typer.Argument(
-            metavar="FMU|SSP|NAME|FILE.py",
-            autocompletion=catalogue_names,
-            help="a file, or a component, which is built if need be",
-        ),
-    ],
+    fmu: Annotated[str, subject("FMU|SSP|NAME|FILE.py")],
     *,
     starts: Starts,
     start: Start = None,
@@ -56,21 +48,17 @@ def simulate(
     _limit: UnpackedLimit = None,
     given: Annotated[
         list[str],
-        typer.Option(
+        several(
+            "NAME=EXPRESSION|FILE.csv",
+            "move an input: an expression of the time t (its rates follow), or a table with a column time and one an "
+            "input, rates beside it where they are known; may be given several times",
             "--input",
-            metavar="NAME=EXPRESSION|FILE.csv",
-            default_factory=list,
-            show_default=False,
-            help="move an input: an expression of the time t (its rates follow), or a table with a column time and "
-            "one an input, rates beside it where they are known; may be given several times",
         ),
     ],
-    record: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="show only these signals (default: outputs and inputs)")
-    ] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="write the signals to a file")] = None,
-    parquet: Annotated[Path | None, typer.Option(metavar="FILE", help="write the signals to a Parquet file")] = None,
-    plot: Annotated[str | None, typer.Option(metavar="[FILE]", help="draw the signals (default: NAME.png)")] = None,
+    record: Annotated[str, option("NAME,...", "show only these signals (default: outputs and inputs)")] = "",
+    csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
+    parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
+    plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
     from liaisons import ssp

@@ -11,8 +11,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from liaisons.cli._command import Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command, show
-from liaisons.library import catalogue_names, fmu_file
+from liaisons.cli._command import (
+    Number,
+    Start,
+    Starts,
+    Step,
+    Stop,
+    Tolerance,
+    UnpackedLimit,
+    command,
+    option,
+    several,
+    show,
+    subject,
+)
+from liaisons.files import check_writable
+from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
 
 if TYPE_CHECKING:
@@ -78,46 +92,33 @@ def _finite(text: str) -> list[float]:
     liaisons sweep Pendulum --over theta_0=0.1:3:1000 --keep theta --dask tcp://10.0.0.1:8786
 """)
 def sweep(
-    subject: Annotated[
-        str,
-        typer.Argument(
-            metavar="FMU|SSP|NAME|FILE.py[:SYSTEM]",
-            autocompletion=catalogue_names,
-            help="a file, a component, or a System that a file defines",
-        ),
+    word: Annotated[
+        str, subject("FMU|SSP|NAME|FILE.py[:SYSTEM]", "a file, a component, or a System that a file defines")
     ],
     *,
     over: Annotated[
         list[Any],
-        typer.Option(
-            metavar="NAME=VALUES",
+        several(
+            "NAME=VALUES",
+            "values a,b,c or evenly spaced first:last:count; several times for a grid",
             parser=_values,
-            default_factory=list,
-            show_default=False,
-            help="values a,b,c or evenly spaced first:last:count; several times for a grid",
         ),
     ],
     random: Annotated[
         list[Any],
-        typer.Option(
-            metavar="NAME=LOW:HIGH",
+        several(
+            "NAME=LOW:HIGH",
+            "uniform between two values, or normal:MEAN:DEVIATION; several times; needs --samples",
             parser=_distribution,
-            default_factory=list,
-            show_default=False,
-            help="uniform between two values, or normal:MEAN:DEVIATION; several times; needs --samples",
         ),
     ],
-    samples: Annotated[int | None, typer.Option(metavar="N", parser=int, help="number of random cases")] = None,
-    seed: Annotated[int | None, typer.Option(metavar="S", parser=int, help="of the random cases (default: 0)")] = None,
+    samples: Annotated[int | None, option("N", "number of random cases", parser=int)] = None,
+    seed: Annotated[int | None, option("S", "of the random cases (default: 0)", parser=int)] = None,
     latin_hypercube: Annotated[
-        bool,
-        typer.Option("--latin-hypercube", help="spread random cases evenly over the quantiles of each name"),
+        bool, typer.Option("--latin-hypercube", help="spread random cases evenly over the quantiles of each name")
     ] = False,
     keep: Annotated[
-        list[str],
-        typer.Option(
-            metavar="SIGNAL,...", help="what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min"
-        ),
+        list[str], option("SIGNAL,...", "what is kept of a case: the value at the end, or SIGNAL:max, SIGNAL:min")
     ],
     starts: Starts,
     start: Start = None,
@@ -125,35 +126,29 @@ def sweep(
     step: Step = None,
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="write the table to a file")] = None,
+    csv: Annotated[Path | None, option("FILE", "write the table to a file")] = None,
     journal: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="write finished cases down; the same command goes on from there (default with --csv: beside that "
-            "file, deleted when nothing is left to do)",
+        option(
+            "FILE",
+            "write finished cases down; the same command goes on from there (default with --csv: beside that file, "
+            "deleted when nothing is left to do)",
         ),
     ] = None,
     retry: Annotated[
-        bool,
-        typer.Option("--retry", help="simulate again, too, what the model has refused according to the journal"),
+        bool, typer.Option("--retry", help="simulate again, too, what the model has refused according to the journal")
     ] = False,
     time_limit: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SECONDS",
+        Number,
+        option(
+            "SECONDS",
+            "end a case that takes longer, the loading of its FMUs included, and go on (default: none)",
             parser=float,
-            help="end a case that takes longer, the loading of its FMUs included, and go on (default: none)",
         ),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", parser=int, help="number of processes (default: one a core)")
-    ] = None,
+    workers: Annotated[int | None, option("N", "number of processes (default: one a core)", parser=int)] = None,
     dask: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="simulate on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786"
-        ),
+        str | None, option("ADDRESS", "simulate on the workers of this Dask scheduler, e.g. tcp://10.0.0.1:8786")
     ] = None,
 ) -> int:
     """Simulate an FMU or a system for many cases, on all cores or on a Dask cluster.
@@ -170,7 +165,9 @@ def sweep(
     passing = None if csv is None or journal is not None else _beside(csv)
     journal = journal or passing
     if csv is not None:
-        _check_csv(csv, journal)
+        check_writable(csv)
+        if journal is not None and csv.resolve() == journal.resolve():
+            raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
     if retry and journal is None:
         raise ProjectError("--retry needs the journal of the sweep; give --journal FILE, or the --csv FILE beside it")
     with _interrupted(journal):
@@ -184,7 +181,7 @@ def sweep(
             workers=workers,
             client=dask,
             progress=True,
-            **_subject(subject, dict(starts), start, stop, step),
+            **_subject(word, dict(starts), start, stop, step),
         )
     show(result.summary(_SHOWN))
     count = len(result.index["case"])
@@ -208,15 +205,6 @@ def sweep(
 def _beside(csv: Path) -> Path | None:
     """The journal that a table has by default; none for a device."""
     return csv.with_name(f"{csv.name}.journal") if csv.name and (csv.is_file() or not csv.exists()) else None
-
-
-def _check_csv(csv: Path, journal: Path | None) -> None:
-    if not csv.parent.is_dir():
-        raise ProjectError(f"{csv}: there is no folder {csv.parent}; make it, or choose another path")
-    if csv.is_dir():
-        raise ProjectError(f"{csv}: is a folder; name a file in it")
-    if journal is not None and csv.resolve() == journal.resolve():
-        raise ProjectError(f"{csv}: cannot be the table and the journal; choose another file for one of them")
 
 
 @contextmanager
