@@ -1,9 +1,10 @@
-"""Signals, files, figures."""
+"""Signals, files, figures, notebooks, data frames."""
 
 from __future__ import annotations
 
 import dataclasses
 import sys
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ import pytest
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 
-from liaisons.cosim import Result
 from liaisons.errors import SimulationError
+from liaisons.results import Result
+
+HOSTILE = "</script><img onerror=alert(1)>"
 
 
 @pytest.fixture
@@ -24,12 +27,33 @@ def result() -> Result:
     return Result("a swing", time, names, np.vstack([np.sin(time + k) for k in range(5)]), units)
 
 
+@pytest.fixture
+def cases() -> Result:
+    """As of a sweep whose second case has failed."""
+    names, values = ("mass", "theta", "all"), np.array([[1.0, 2.0, 1 / 3], [0.1, np.nan, -0.2], [3.0, np.nan, 4.0]])
+    units: dict[str, str] = dict(zip(names, ("kg", "rad", ""), strict=True))
+    return Result("a sweep", np.empty(0), names, values, units, failures={1: "mass = 2, too much"}, unfinished=(1,))
+
+
+@pytest.fixture
+def both() -> Result:
+    """As of an ensemble whose third case leaves its domain on the way."""
+    values = np.arange(24.0).reshape(3, 4, 2) / 7
+    values[:, 2:, 1] = np.nan
+    names = ("x[1]", "x[2]", "e")
+    units: dict[str, str] = dict(zip(names, ("m", "m", "J"), strict=True))
+    return Result("an ensemble", np.arange(4) / 3, names, values, units, failures={1: "r must stay > 0"})
+
+
+def alike(one: Result, other: Result) -> bool:
+    bits = [(r.time.tobytes(), r.values.tobytes(), r.values.shape) for r in (one, other)]
+    words = [(r.names, dict(r.units), dict(r.failures), tuple(r.index)) for r in (one, other)]
+    return bits[0] == bits[1] and words[0] == words[1]
+
+
 def test_signals_by_name(result: Result) -> None:
     np.testing.assert_array_equal(result["swing.theta_dot"], np.sin(result.time + 1))
     assert result.units["arm.x[1,2]"] == "m"
-
-
-def test_unknown_signal_is_answered_with_the_nearest(result: Result) -> None:
     with pytest.raises(SimulationError, match=r"a swing has no signal 'swing\.tetha'; did you mean 'swing\.theta'"):
         result["swing.tetha"]
 
@@ -43,52 +67,63 @@ def test_nothing_can_be_changed(result: Result) -> None:
         result.title = "another"  # type: ignore[misc]
 
 
-def test_repr_is_one_line_that_says_what_is_inside(result: Result) -> None:
+def test_repr_is_one_line_that_says_what_is_inside(result: Result, cases: Result, both: Result) -> None:
     assert repr(result) == (
         "<Result of a swing: 4 points, t = 0 to 1 s, 5 signals: swing.theta [rad], swing.theta_dot [rad/s], "
         "arm.x[1,2] [m], plain, swing.phi [rad]>"
     )
+    assert repr(cases) == "<Result of a sweep: 3 cases, 1 failed, 3 signals: mass [kg], theta [rad], all>"
+    assert repr(both) == (
+        "<Result of an ensemble: 4 points, t = 0 to 1 s, 2 cases, 1 failed, 3 signals: x (2) [m], e [J]>"
+    )
 
 
-def test_csv_gives_back_the_same_doubles(result: Result, tmp_path: Path) -> None:
-    path = tmp_path / "swing.csv"
-    result.to_csv(path)
-    again = Result.from_csv(path)
-    np.testing.assert_array_equal(again.time, result.time)
-    np.testing.assert_array_equal(again.values, result.values)
-    assert (again.names, dict(again.units)) == (result.names, dict(result.units))
-    assert [item.name for item in tmp_path.iterdir()] == ["swing.csv"]
+def test_a_result_is_a_container_of_names(both: Result) -> None:
+    assert list(both) == list(both.keys()) == ["x", "e"]
+    assert (len(both), "x" in both, "x[2]" in both, "y" in both, 0 in both) == (2, True, True, False, False)
+    assert {name: values.shape for name, values in dict(both).items()} == {"x": (4, 2, 2), "e": (4, 2)}
+    np.testing.assert_array_equal(both["x"][..., 1], both["x[2]"])
 
 
-def test_parquet_gives_back_the_same_doubles_and_units(result: Result, tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow")
-    path = tmp_path / "swing.parquet"
-    result.to_parquet(path)
-    again = Result.from_parquet(path)
-    np.testing.assert_array_equal(again.time, result.time)
-    np.testing.assert_array_equal(again.values, result.values)
-    assert (again.title, again.names, dict(again.units)) == (result.title, result.names, dict(result.units))
-    assert [item.name for item in tmp_path.iterdir()] == ["swing.parquet"]
+def test_cases_are_counted(cases: Result, both: Result) -> None:
+    assert list(cases.index["case"]) == [0, 1, 2]
+    assert list(both.index) == ["time", "case"]
+    assert cases.rows["theta"][2] == cases["theta"][2]
+    with pytest.raises(SimulationError, match=r"no signal 'thet'; did you mean 'theta'.*in keep="):
+        cases["thet"]
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+@pytest.mark.parametrize("name", ["result", "cases", "both"])
+def test_files_give_back_the_same_doubles(kind: str, name: str, tmp_path: Path, request: Any) -> None:
+    written: Result = request.getfixturevalue(name)
+    path = tmp_path / f"some.{kind}"
+    getattr(written, f"to_{kind}")(path)
+    again: Result = getattr(Result, f"from_{kind}")(path)
+    assert alike(written, again)
+    assert again.title == ("some" if kind == "csv" else written.title)
+    assert [item.name for item in tmp_path.iterdir()] == [path.name]
+
+
+def test_parquet_that_is_none(tmp_path: Path, result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(SimulationError, match=r"none\.parquet: cannot be read as Parquet: No such file"):
         Result.from_parquet(tmp_path / "none.parquet")
+    path = tmp_path / "swing.parquet"
     path.write_text("no parquet")
     with pytest.raises(SimulationError, match=r"swing\.parquet: cannot be read as Parquet"):
         Result.from_parquet(path)
-
-
-def test_parquet_without_pyarrow_says_what_to_install(
-    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    pytest.importorskip("pandas").DataFrame().to_parquet(path)
+    with pytest.raises(SimulationError, match="not a result that to_parquet has written"):
+        Result.from_parquet(path)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(SimulationError, match=r"Parquet needs PyArrow; pip install 'liaisons\[parquet\]'"):
-        result.to_parquet(tmp_path / "swing.parquet")
+        result.to_parquet(path)
 
 
 def test_extreme_doubles_survive_csv(tmp_path: Path) -> None:
     values = np.array([[5e-324, -0.0, 1.7976931348623157e308, np.nan, -np.inf, 0.1 + 0.2]])
     Result("extreme", np.arange(6.0), ("x",), values, {"x": ""}).to_csv(tmp_path / "x.csv")
-    again = Result.from_csv(tmp_path / "x.csv").values
-    assert again.tobytes() == values.tobytes()
+    assert Result.from_csv(tmp_path / "x.csv").values.tobytes() == values.tobytes()
 
 
 def test_csv_of_another_tool(tmp_path: Path) -> None:
@@ -99,12 +134,13 @@ def test_csv_of_another_tool(tmp_path: Path) -> None:
     assert dict(result.units) == {"h": "", "v": ""}
 
 
-def test_csv_is_readable_elsewhere(tmp_path: Path) -> None:
+def test_csv_is_readable_elsewhere(tmp_path: Path, cases: Result) -> None:
     path = tmp_path / "plain.csv"
     Result("plain", np.arange(3.0), ("x", "y"), np.arange(6.0).reshape(2, 3), {"x": "m", "y": ""}).to_csv(path)
     assert path.read_text().splitlines()[:2] == ["time,x,y", "# s,m,"]
-    table = np.genfromtxt(path, delimiter=",", names=True)
-    np.testing.assert_array_equal(table["y"], [3.0, 4.0, 5.0])
+    np.testing.assert_array_equal(np.genfromtxt(path, delimiter=",", names=True)["y"], [3.0, 4.0, 5.0])
+    cases.to_csv(path)
+    assert path.read_text().splitlines()[1:4] == ["# kg,rad,,", "1.0,0.1,3.0,", '2.0,nan,nan,"mass = 2, too much"']
 
 
 @pytest.mark.parametrize("where", ["missing/swing.png", "occupied"])
@@ -117,18 +153,22 @@ def test_file_that_cannot_be_written_is_named_and_leaves_nothing(result: Result,
     assert [item.name for item in tmp_path.iterdir()] == ["occupied"]
 
 
-def test_failure_in_mid_file_keeps_the_old_one(tmp_path: Path) -> None:
+def test_failure_in_mid_file_keeps_the_old_one(tmp_path: Path, result: Result) -> None:
     path = tmp_path / "old.csv"
     path.write_text("old")
-    torn = Result("torn", np.arange(3.0), ("x",), np.zeros((1, 3)), {"y": "m"})  # no unit for x: fails while writing
-    with pytest.raises(KeyError):
+    torn = dataclasses.replace(result, units={**result.units, "plain": "\ud800"})  # cannot be encoded
+    with pytest.raises(UnicodeEncodeError):
         torn.to_csv(path)
     assert path.read_text() == "old"
     assert [item.name for item in tmp_path.iterdir()] == ["old.csv"]
 
 
 @pytest.mark.parametrize(
-    "text", ["", "time,x\n", "time,x\n# s,m\n0,1,2\n", "time,x\n# s,m\n0,high\n", "time,x,x\n0,1,2\n", "x"]
+    "text",
+    [
+        *("", "\n", "time,x\n", "time,x\n# s,m\n0,1,2\n", "time,x\n# s,m\n0,high\n", "time,x,x\n0,1,2\n", "x"),
+        *("time,case,x,failure\n0,0,1,\n0,1,1,\n1,0,1,\n", "x,failure\n"),
+    ],
 )
 def test_csv_of_another_kind_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "other.csv"
@@ -153,6 +193,18 @@ def test_plot_has_one_diagram_a_unit(result: Result, tmp_path: Path) -> None:
     assert path.read_text().startswith("<?xml")
 
 
+def test_legends_stand_beside_the_curves(result: Result, tmp_path: Path) -> None:
+    figure = result.plot(path=tmp_path / "swing.png")
+    width, height = figure.get_size_inches() * figure.dpi
+    assert width == 1000
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        assert legend is not None
+        box = legend.get_window_extent()
+        assert axes.get_window_extent().x1 <= box.x0 <= box.x1 <= width
+        assert box.y1 <= height
+
+
 @pytest.mark.parametrize("names", [("plain", "swing.phi"), (["plain", "swing.phi"],), (["plain"], "swing.phi")])
 def test_plot_draws_what_is_named(result: Result, tmp_path: Path, names: Any) -> None:
     figure = result.plot(*names, path=tmp_path / "two.png")
@@ -162,24 +214,26 @@ def test_plot_draws_what_is_named(result: Result, tmp_path: Path, names: Any) ->
     assert [item.name for item in tmp_path.iterdir()] == ["two.png"]
 
 
+def test_plot_over_time_cases_or_another_signal(tmp_path: Path, cases: Result, both: Result) -> None:
+    path = tmp_path / "some.png"
+    (axes,) = cases.plot("theta", path=path).axes
+    assert (axes.get_xlabel(), axes.lines[0].get_linestyle()) == ("case", "None")
+    one = dataclasses.replace(cases, values=np.sort(cases.values))
+    (axes,) = one.plot("theta", path=path).axes
+    assert (axes.get_xlabel(), axes.lines[0].get_linestyle()) == ("mass [kg]", "-")
+    np.testing.assert_array_equal(axes.lines[0].get_xdata(), one["mass"])
+    (axes,) = both.plot("e", over="x[1]", path=path).axes
+    np.testing.assert_array_equal([line.get_xdata() for line in axes.lines], both["x[1]"].T)
+    assert _drawn(both.plot("x", path=path)) == [["x (2×2)"]]
+    with pytest.raises(SimulationError, match=r"e and x .* have different shapes; choose another over="):
+        both.plot("e", over="x", path=path)
+
+
 @pytest.mark.parametrize("suffix", ["csv", "fmu"])
 def test_plot_to_a_file_of_unknown_kind(result: Result, tmp_path: Path, suffix: str) -> None:
     with pytest.raises(SimulationError, match=rf"two\.{suffix}: .*'{suffix}' is not supported"):
         result.plot(path=tmp_path / f"two.{suffix}")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_legends_stand_beside_the_curves(result: Result, tmp_path: Path) -> None:
-    figure = result.plot(path=tmp_path / "swing.png")
-    width, height = figure.get_size_inches() * figure.dpi
-    assert width == 1000
-    for axes in figure.axes:
-        legend = axes.get_legend()
-        assert legend is not None
-        box = legend.get_window_extent()
-        assert axes.get_window_extent().x1 <= box.x0
-        assert box.x1 <= width
-        assert box.y1 <= height
 
 
 def test_plot_draws_what_matters(tmp_path: Path) -> None:
@@ -203,14 +257,11 @@ def test_plot_draws_what_matters(tmp_path: Path) -> None:
     assert _drawn(full.plot(asked, path=tmp_path / "asked.png")) == [[name] for name in asked]
 
 
-def test_plot_of_what_does_not_move(tmp_path: Path) -> None:
-    time = np.arange(3.0)
-    still = Result("still", time, ("y", "zero"), np.array([[2.0] * 3, [0.0] * 3]), {"y": "m", "zero": "m"})
-    assert _drawn(still.plot(path=tmp_path / "still.png")) == [["y"]]
-    zero = Result("zero", time, ("zero",), np.zeros((1, 3)), {"zero": "m"})
-    assert _drawn(zero.plot(path=tmp_path / "zero.png")) == [["zero"]]
-    empty = Result("empty", time, (), np.empty((0, 3)), {})
-    assert _drawn(empty.plot(path=tmp_path / "empty.png")) == [[]]
+@pytest.mark.parametrize(("signals", "drawn"), [({"y": 2.0, "zero": 0.0}, ["y"]), ({"zero": 0.0}, ["zero"]), ({}, [])])
+def test_plot_of_what_does_not_move(tmp_path: Path, signals: dict[str, float], drawn: list[str]) -> None:
+    values = np.repeat([*signals.values()], 3).reshape(len(signals), 3)
+    still = Result("still", np.arange(3.0), tuple(signals), values, dict.fromkeys(signals, "m"))
+    assert _drawn(still.plot(path=tmp_path / "still.png")) == [drawn]
 
 
 def test_a_figure_is_seen_once(result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,13 +275,84 @@ def test_a_figure_is_seen_once(result: Result, monkeypatch: pytest.MonkeyPatch) 
     pyplot.close("all")
 
 
-def test_a_result_is_a_container_of_names() -> None:
-    names = ("theta[1]", "theta[2]", "energy")
-    result = Result("chain", np.arange(2.0), names, np.arange(6.0).reshape(3, 2), dict.fromkeys(names, "rad"))
-    assert list(result) == list(result.keys()) == ["theta", "energy"]
-    assert len(result) == 2
-    assert "theta" in result
-    assert "theta[2]" in result
-    assert "phi" not in result
-    assert 0 not in result
-    assert {name: values.shape for name, values in dict(result).items()} == {"theta": (2, 2), "energy": (2,)}
+def _html(result: Result) -> tuple[list[str], set[str]]:
+    """What a notebook shows, text by text, and by which elements."""
+    texts: list[str] = []
+    tags: set[str] = set()
+
+    class Parser(HTMLParser):
+        def handle_data(self, data: str) -> None:
+            texts.append(data)
+
+        def handle_starttag(self, tag: str, attrs: object) -> None:  # noqa: ARG002 - as it is called
+            tags.add(tag)
+
+    Parser().feed(result._repr_html_())
+    return texts, tags
+
+
+def test_a_notebook_shows_a_table(result: Result, cases: Result, both: Result) -> None:
+    texts, tags = _html(result)
+    assert texts[:9] == [
+        *("Result of a swing: 4 points, t = 0 to 1 s, 5 signals", "signal", "unit", "start", "end", "smallest"),
+        *("largest", "swing.theta", "rad"),
+    ]
+    assert "svg" in tags
+    texts, tags = _html(cases)
+    assert texts[1:7] == ["mass [kg]", "theta [rad]", "all", "1", "0.1", "3"]
+    assert texts[-1] == "case 1 failed: mass = 2, too much"
+    assert "svg" not in tags
+    last = both["x"][:, 0].max()  # of the case that has not failed
+    assert both.summary(few=0)[0] == {
+        "signal": "x (2)",
+        "unit": "m",
+        "start": "",
+        "end": "",
+        "smallest": "0",
+        "largest": f"{last:.6g}",
+    }
+    assert [row["signal"] for row in both.summary()] == ["x[1]", "x[2]", "e"]
+    _html(dataclasses.replace(both, values=np.full_like(both.values, np.nan)))  # nothing to draw
+
+
+def test_text_of_fmus_is_text_in_a_notebook() -> None:
+    signal, units = np.arange(3.0)[None], {HOSTILE: HOSTILE}
+    texts, tags = _html(Result(HOSTILE, np.arange(3.0), (HOSTILE,), signal, units))
+    assert texts[0].startswith(f"Result of {HOSTILE}:")
+    assert texts.count(HOSTILE) == 2
+    more, others = _html(Result("s", np.empty(0), (HOSTILE,), signal, units, failures={0: HOSTILE}))
+    assert more[-1] == f"case 0 failed: {HOSTILE}"
+    assert not {"img", "script"} & (tags | others)
+
+
+def test_data_frames(result: Result, cases: Result, both: Result) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = result.to_pandas()
+    assert (list(frame), frame.index.name, frame.attrs["units"]["plain"]) == (list(result.names), "time", "")
+    np.testing.assert_array_equal(frame.to_numpy().T, result.values)
+    assert cases.to_pandas().loc[2, "theta"] == cases["theta"][2]
+    assert cases.to_pandas().attrs["failures"] == {1: "mass = 2, too much"}
+    series = both.to_pandas()["x[2]"]
+    assert isinstance(series, pandas.Series)
+    np.testing.assert_array_equal(series.unstack().to_numpy(), both["x[2]"])
+    assert series.index.names == ["time", "case"]
+
+
+def test_labelled_arrays(result: Result, cases: Result, both: Result) -> None:
+    pytest.importorskip("xarray")
+    data = both.to_xarray()
+    assert (data["x"].dims, data["e"].attrs["units"]) == (("time", "case", "i_2"), "J")
+    np.testing.assert_array_equal(data["x"].sel(case=0), both["x"][:, 0])
+    assert data["failure"].to_numpy().tolist() == ["", "r must stay > 0"]
+    assert cases.to_xarray()["theta"].dims == ("case",)
+    timed = dataclasses.replace(result, names=("time", *result.names[1:]), units={**result.units, "time": "s"})
+    assert list(timed.to_xarray()) == list(result.names[1:])
+
+
+@pytest.mark.parametrize("package", ["pandas", "xarray"])
+def test_without_an_extra_one_is_told_what_to_install(
+    result: Result, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(SimulationError, match=rf"^to_{package} needs {package}; pip install 'liaisons\[{package}\]'$"):
+        getattr(result, f"to_{package}")()
