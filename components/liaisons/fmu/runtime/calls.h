@@ -1,6 +1,6 @@
 /* Which call is allowed in which phase, for FMI 2.0 and FMI 3.0.
  *
- *   x  as the standard has it: FMI 2.0.4, the tables of 3.2.3 and 4.2.4; FMI 3.0.2, "Allowed Function Calls" of each state
+ *   x  as the standard has it: FMI 2.0.4, tables of 3.2.3 and 4.2.4; FMI 3.0.2, "Allowed Function Calls" of each state
  *   t  not asked for there, and taken all the same
  *   o  refused
  *

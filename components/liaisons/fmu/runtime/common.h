@@ -1,4 +1,4 @@
-/* The functions that FMI 2.0 and FMI 3.0 have alike, for the file of either: it says FMI(name), STATUS, INSTANCE, ... */
+/* The functions that FMI 2.0 and FMI 3.0 have alike, for the file of either, which defines FMI(name), STATUS, ... */
 
 /* An instance where this function may be called in its phase. */
 #define ENTER(name)                                                                              \

@@ -39,7 +39,7 @@ typedef struct { /* a prescribed number: its places among the inputs, and what i
     double jump, target, rest; /* while it jumps: how far, where to, and its rate aside from that */
 } Prescribed;
 
-/* The scalars of a saved state; numbers of fixed size and without gaps.  Whoever adds one says in states.c what it may be. */
+/* The scalars of a saved state; of fixed size and without gaps.  Whoever adds one says in states.c what it may be. */
 typedef struct {
     double time;
     double tolerance;

@@ -22,9 +22,12 @@ void core_find_prescribed(Instance *self) {
     Prescribed *p = self->prescribed.list;
     for (const Active *at = model->active; at < model->active + model->active_rows; at++)
         for (size_t i = 0; i < at->count; i++, p++)
-            *p = (Prescribed){at->value + i, at->rate + i, at->acceleration + i,
-                              at->mismatch == NO_MISMATCH ? NULL : &self->v.m[(size_t)at->mismatch + i],
-                              &self->v.past[p - self->prescribed.list], &self->prescribed.warned[at - model->active], 0, 0, 0};
+            *p = (Prescribed){.value = at->value + i,
+                              .rate = at->rate + i,
+                              .acceleration = at->acceleration + i,
+                              .mismatch = at->mismatch == NO_MISMATCH ? NULL : &self->v.m[(size_t)at->mismatch + i],
+                              .past = &self->v.past[p - self->prescribed.list],
+                              .warned = &self->prescribed.warned[at - model->active]};
 }
 
 /* ---- from one communication point to the next -------------------------------------------------------------- */

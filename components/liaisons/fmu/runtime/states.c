@@ -149,7 +149,8 @@ static int event_exists(Instance *self, const Scalars *s, const char *state) {
     if (s->use == USE_CO_SIMULATION_WITH_EVENTS)
         return s->limit == s->time && (s->phase == STEP || s->phase == TERMINATED);
     if (s->use != USE_MODEL_EXCHANGE || (s->phase != CONTINUOUS && s->phase != TERMINATED)) return 0;
-    memcpy(self->d.k, state + ((const char *)self->v.k - (const char *)self->s), self->model->parameters * sizeof *self->d.k);
+    const char *k = state + ((const char *)self->v.k - (const char *)self->s);
+    memcpy(self->d.k, k, self->model->parameters * sizeof *self->d.k);
     const double *instant = core_instants(self, self->d.k);
     for (size_t i = 0; i < self->model->events; i++)
         if (instant[i] == s->limit) return 1;

@@ -67,14 +67,16 @@ static int explain_stuck(Instance *self, double t) {
             return core_because(self, "%s; at t = %.9g it hardly does (%.3g)", model->condition_texts[i], time,
                                 self->scratch.condition[i]);
     /* A number that overflows as soon as the states move. */
-    for (size_t i = 0; i < model->states; i++) self->scratch.work[i] = self->v.y[i] + 1e-9 * self->step.size * self->d.y[i];
+    for (size_t i = 0; i < model->states; i++)
+        self->scratch.work[i] = self->v.y[i] + 1e-9 * self->step.size * self->d.y[i];
     evaluate(self, derivatives_of(model), time, self->scratch.work, self->e.y);
     if (!core_check_finite(self, self->e.y, 1, time)) return 0;
     /* An input that is about to leave its domain, where a singularity lies as a rule. */
     for (double ahead = 1e-12; ahead < 1e-2; ahead *= 10)
         if (!move_inputs(self, t + ahead * self->step.size)) return 0;
     if (self->s->symplectic_steps > 0)
-        return core_because(self, "the symplectic step from t = %.9g does not converge: symplectic_steps = %d is not enough",
+        return core_because(self,
+                            "the symplectic step from t = %.9g does not converge: symplectic_steps = %d is not enough",
                             time, (int)self->s->symplectic_steps);
     return core_because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
 }

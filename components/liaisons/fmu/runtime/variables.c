@@ -35,8 +35,10 @@ Status core_check_references(const Instance *self, const unsigned references[], 
     size_t numbers = n;
     for (size_t i = 0; i < n; i++) {
         if (references[i] - self->layout.first >= self->layout.references)
-            return core_report(self, ERROR, "value reference %u belongs to no floating-point variable; they are %u to %lu",
-                               references[i], self->layout.first, (unsigned long)(self->layout.first + self->layout.references - 1));
+            return core_report(self, ERROR,
+                               "value reference %u belongs to no floating-point variable; they are %u to %lu",
+                               references[i], self->layout.first,
+                               (unsigned long)(self->layout.first + self->layout.references - 1));
         numbers += span_of(self, references[i]).count - 1;
     }
     if (numbers == count) return SUCCESS;
@@ -75,7 +77,7 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     Rest rest = {references, n, count};
     Span run;
     *self->v.t = self->s->time;
-    if (self->known.current && !self->layout.by_variable) { /* numbers that are known: nothing is as fast as to take one by one */
+    if (self->known.current && !self->layout.by_variable) { /* nothing is as fast as to take them one by one */
         for (size_t i = 0; i < n; i++) {
             const size_t place = references[i] - self->layout.first;
             if (place >= self->layout.references) return core_check_references(self, references, n, count);
@@ -126,7 +128,8 @@ static Status check_setting(Instance *self, Span run, const double values[]) {
             const size_t place = larger(variable->first, run.first);
             if (!settable(self, variable)) return refuse(self, place, variable->kind, values[place - run.first]);
         }
-        if (end > self->layout.places) return refuse(self, self->layout.places, INDEPENDENT, values[self->layout.places - run.first]);
+        const size_t time = self->layout.places;
+        if (end > time) return refuse(self, time, INDEPENDENT, values[time - run.first]);
     }
     if (all_finite(values, run.count)) return SUCCESS;
     for (size_t i = 0; i < run.count; i++)
