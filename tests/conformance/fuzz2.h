@@ -353,7 +353,7 @@ static Operation OPERATIONS2[] = {
     {"GetDerivatives", EVENT | CONTINUOUS, ANY & ~INSTANTIATED, get_derivatives2, 0, 0},
     {"GetEventIndicators", EVENT | CONTINUOUS, ANY & ~INSTANTIATED, get_event_indicators2, 0, 0},
     {"GetContinuousStates", EVENT | CONTINUOUS, ANY & ~INSTANTIATED, get_states2, 0, 0},
-    {"GetNominalsOfContinuousStates", EVENT | CONTINUOUS, ANY & ~INSTANTIATED, get_nominals2, 0, 0},
+    {"GetNominalsOfContinuousStates", EVENT | CONTINUOUS, ANY, get_nominals2, 0, 0},
     {"SetRealInputDerivatives", STEP, BEFORE, set_input_derivatives2, 0, 0},
     {"GetRealOutputDerivatives", STEP, TERMINATED, get_output_derivatives2, 0, 0},
     {"DoStep", STEP, 0, do_step2, 0, 0},

@@ -33,7 +33,10 @@ _MOST = 11  # arguments: those of calculate_forward
 _MOTION = ("derivatives", "motion")
 _LOADS, _MOVES = 1, 2  # what inputs do that are not 0: act, say as forces, or move a coordinate of an operator's
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
-_HEADERS = ("core.h", "face.h", "instance.h", "solver.h", "symplectic.h")
+_HEADERS = (
+    *("core.h", "instance.h", "inputs.h", "solver.h", "symplectic.h"),
+    *("calls.h", "common.h", "face.h"),
+)
 
 
 def source_files(model: Model, guid: str, fmi: Fmi = "2") -> dict[str, bytes]:

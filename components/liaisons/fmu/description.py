@@ -37,8 +37,8 @@ Backend = Literal["native", "python"]
 
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
-    *("model.c", "core.c", "derivatives.c", "face.c", "prescribed.c"),
-    *("solver.c", "starts.c", "states.c", "step.c", "symplectic.c"),
+    *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
+    *("symplectic.c", "exchange.c", "states.c", "starts.c", "messages.c", "face.c"),
 )
 
 # What the back ends can do; attributes that are not named are false or 0.

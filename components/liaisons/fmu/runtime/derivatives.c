@@ -3,34 +3,35 @@
 
 #include "instance.h"
 
-/* ---- dz from (dt, dy, du, dk), and back -------------------------------------------------------------------- */
+/* ---- d.z from d.t, d.y, d.u, d.k, and back -------------------------------------------------------------------- */
+
+/* Call a generated function with these columns. */
+#define CALL(function, arguments, results)                                                                     \
+    (memcpy(self->call.arguments, arguments, sizeof arguments), memcpy(self->call.results, results, sizeof results), \
+     function(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0))
 
 /* At initialization y and m follow from u and k; with `remembering`, m follows the motion. */
 static void forward(Instance *self, int remembering) {
     const Model *model = self->model;
+    const Vectors *v = &self->v;
+    Directions *d = &self->d;
     core_update(self);
     const double t = before_limit(self, self->s->time);
     if (self->s->phase < EVENT) {
-        const double *arguments[] = {&t, self->u, self->k, self->y, self->m, &self->dt, self->du, self->dk};
-        memcpy(self->arguments, arguments, sizeof arguments);
-        self->results[0] = self->dy;
-        self->results[1] = self->dm;
-        model->start_forward(self->arguments, self->results, self->integers, self->reals, 0);
+        const double *arguments[] = {&t, v->u, v->k, v->y, v->m, &d->t, d->u, d->k};
+        double *results[] = {d->y, d->m};
+        CALL(model->start_forward, arguments, results);
     } else if (remembering) {
-        const double *arguments[] = {&t,        self->y,  self->u,  self->k,  self->m, self->m,
-                                     &self->dt, self->dy, self->du, self->dk, self->em};
-        memset(self->em, 0, model->memory * sizeof *self->em); /* what is remembered is forgotten */
-        memcpy(self->arguments, arguments, sizeof arguments);
-        self->results[0] = self->dm;
-        model->remember_forward(self->arguments, self->results, self->integers, self->reals, 0);
+        const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->m, &d->t, d->y, d->u, d->k, self->e.m};
+        double *results[] = {d->m};
+        memset(self->e.m, 0, model->memory * sizeof *self->e.m); /* what is remembered is forgotten */
+        CALL(model->remember_forward, arguments, results);
     } else {
-        memset(self->dm, 0, model->memory * sizeof *self->dm);
+        memset(d->m, 0, model->memory * sizeof *d->m);
     }
-    const double *arguments[] = {&t,        self->y,  self->u,  self->k,  self->m, self->z,
-                                 &self->dt, self->dy, self->du, self->dk, self->dm};
-    memcpy(self->arguments, arguments, sizeof arguments);
-    self->results[0] = self->dz;
-    model->calculate_forward(self->arguments, self->results, self->integers, self->reals, 0);
+    const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->z, &d->t, d->y, d->u, d->k, d->m};
+    double *results[] = {d->z};
+    CALL(model->calculate_forward, arguments, results);
 }
 
 static void add(double *sum, const double *more, size_t n) {
@@ -40,58 +41,53 @@ static void add(double *sum, const double *more, size_t n) {
 /* The same way back: weights of z become those of t, y, u, k. */
 static void backward(Instance *self, int remembering) {
     const Model *model = self->model;
+    const Vectors *v = &self->v;
+    Directions *d = &self->d, *e = &self->e;
     core_update(self);
     const double t = before_limit(self, self->s->time);
-    double et = 0;
     {
-        const double *arguments[] = {&t, self->y, self->u, self->k, self->m, self->z, self->dz};
-        double *results[] = {&self->dt, self->dy, self->du, self->dk, self->dm};
-        memcpy(self->arguments, arguments, sizeof arguments);
-        memcpy(self->results, results, sizeof results);
-        model->calculate_reverse(self->arguments, self->results, self->integers, self->reals, 0);
+        const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->z, d->z};
+        double *results[] = {&d->t, d->y, d->u, d->k, d->m};
+        CALL(model->calculate_reverse, arguments, results);
     }
     if (self->s->phase < EVENT) {
-        const double *arguments[] = {&t, self->u, self->k, self->y, self->m, self->dy, self->dm};
-        double *results[] = {&et, self->eu, self->ek};
-        memcpy(self->arguments, arguments, sizeof arguments);
-        memcpy(self->results, results, sizeof results);
-        model->start_reverse(self->arguments, self->results, self->integers, self->reals, 0);
+        const double *arguments[] = {&t, v->u, v->k, v->y, v->m, d->y, d->m};
+        double *results[] = {&e->t, e->u, e->k};
+        CALL(model->start_reverse, arguments, results);
     } else if (remembering) {
-        const double *arguments[] = {&t, self->y, self->u, self->k, self->m, self->m, self->dm};
-        double *results[] = {&et, self->ey, self->eu, self->ek, self->em};
-        memcpy(self->arguments, arguments, sizeof arguments);
-        memcpy(self->results, results, sizeof results);
-        model->remember_reverse(self->arguments, self->results, self->integers, self->reals, 0);
-        add(self->dy, self->ey, model->states);
+        const double *arguments[] = {&t, v->y, v->u, v->k, v->m, v->m, d->m};
+        double *results[] = {&e->t, e->y, e->u, e->k, e->m};
+        CALL(model->remember_reverse, arguments, results);
+        add(d->y, e->y, model->states);
     } else {
         return;
     }
-    self->dt += et;
-    add(self->du, self->eu, model->inputs);
-    add(self->dk, self->ek, model->parameters);
+    d->t += e->t;
+    add(d->u, e->u, model->inputs);
+    add(d->k, e->k, model->parameters);
 }
 
 /* ---- known and unknown variables --------------------------------------------------------------------------- */
 
 static void clear(Instance *self) {
-    self->dt = 0;
-    memset(self->dy, 0, (size_t)(self->dz + self->model->outputs - self->dy) * sizeof *self->dy);
+    self->d.t = 0;
+    memset(self->d.y, 0, (size_t)(self->d.z + self->model->outputs - self->d.y) * sizeof *self->d.y);
 }
 
 /* Where the direction of a known variable is kept; NULL if it is not known in this phase. */
 static double *known(Instance *self, unsigned reference) {
     const Model *model = self->model;
     const size_t place = span_of(self, reference).first;
-    if (place < model->parameters) return &self->dk[place];
-    if (place < model->parameters + model->inputs) return &self->du[place - model->parameters];
+    if (place < model->parameters) return &self->d.k[place];
+    if (place < model->parameters + model->inputs) return &self->d.u[place - model->parameters];
     const Variable *variable = core_variable_at(model, place);
-    if (variable->kind == INDEPENDENT) return &self->dt;
+    if (variable->kind == INDEPENDENT) return &self->d.t;
     if (variable->state == NO_STATE || self->s->phase < EVENT) return NULL;
-    return &self->dy[(size_t)variable->state + place - variable->first];
+    return &self->d.y[(size_t)variable->state + place - variable->first];
 }
 
 static int calculated(const Instance *self, size_t place) {
-    return place >= self->model->parameters + self->model->inputs && place < self->places;
+    return place >= self->model->parameters + self->model->inputs && place < self->layout.places;
 }
 
 static Status check(Instance *self, const unsigned unknowns[], size_t unknown_count, size_t unknown_numbers,
@@ -113,9 +109,18 @@ static Status check(Instance *self, const unsigned unknowns[], size_t unknown_co
     return SUCCESS;
 }
 
-/* Where the numbers of an unknown variable are, in dz. */
+/* Where the numbers of an unknown variable are, in d.z. */
 static double *unknown(const Instance *self, size_t place) {
-    return &self->dz[place - self->model->parameters - self->model->inputs];
+    return &self->d.z[place - self->model->parameters - self->model->inputs];
+}
+
+/* What has been found for unknown variables. */
+static void collect(const Instance *self, const unsigned unknowns[], size_t n, double *next) {
+    for (size_t i = 0; i < n; i++) {
+        const Span span = span_of(self, unknowns[i]);
+        memcpy(next, unknown(self, span.first), span.count * sizeof *next);
+        next += span.count;
+    }
 }
 
 Status core_directional_derivative(Instance *self, const unsigned unknowns[], size_t unknown_count,
@@ -132,12 +137,7 @@ Status core_directional_derivative(Instance *self, const unsigned unknowns[], si
         direction += span.count;
     }
     forward(self, self->s->phase == CONTINUOUS);
-    double *next = result;
-    for (size_t i = 0; i < unknown_count; i++) {
-        const Span span = span_of(self, unknowns[i]);
-        memcpy(next, unknown(self, span.first), span.count * sizeof *next);
-        next += span.count;
-    }
+    collect(self, unknowns, unknown_count, result);
     if (all_finite(result, result_count)) return SUCCESS;
     return core_refuse_infinite(self, unknowns, result, result_count, "derivative of ");
 }
@@ -175,22 +175,17 @@ Status core_output_derivatives(Instance *self, const unsigned references[], size
         if (!calculated(self, place)) return core_report(self, ERROR, "%s is no output", core_name(self, place));
     }
     clear(self);
-    self->dt = 1;
-    evaluate(self, derivatives_of(model), self->s->time, self->y, self->dy);
+    self->d.t = 1;
+    evaluate(self, derivatives_of(model), self->s->time, self->v.y, self->d.y);
     for (size_t i = 0; i < model->active_rows && self->s->reconstruction != HOLD; i++) {
         const Active *active = &model->active[i];
-        memcpy(&self->du[active->value], &self->u[active->rate], active->count * sizeof *self->du);
-        memcpy(&self->du[active->rate], &self->u[active->acceleration], active->count * sizeof *self->du);
+        memcpy(&self->d.u[active->value], &self->v.u[active->rate], active->count * sizeof *self->d.u);
+        memcpy(&self->d.u[active->rate], &self->v.u[active->acceleration], active->count * sizeof *self->d.u);
     }
     for (size_t i = 0; i < model->inputs && self->s->expanded; i++)
-        if (self->taylor[i * COEFFICIENTS] != 0) self->du[i] = self->taylor[i * COEFFICIENTS + 1];
+        if (self->v.taylor[i * COEFFICIENTS] != 0) self->d.u[i] = self->v.taylor[i * COEFFICIENTS + 1];
     forward(self, 1);
-    double *next = values;
-    for (size_t i = 0; i < n; i++) {
-        const Span span = span_of(self, references[i]);
-        memcpy(next, unknown(self, span.first), span.count * sizeof *next);
-        next += span.count;
-    }
+    collect(self, references, n, values);
     if (all_finite(values, count)) return SUCCESS;
     return core_refuse_infinite(self, references, values, count, "derivative by time of ");
 }

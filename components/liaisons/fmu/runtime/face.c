@@ -1,3 +1,4 @@
+/* What the faces share: a name and a log, checks of calls, saved states as an importer holds them. */
 #include "face.h"
 
 #include <stdio.h>
@@ -55,8 +56,14 @@ static const char *phase_name(Phase phase) {
     }
 }
 
-void *face_refuse(const Face *face, const char *function) {
-    core_report(face->core, ERROR, "%s must not be called %s", function, phase_name(core_phase(face->core)));
+void *face_refuse(const Face *face, int in_phase, const char *function) {
+    static const char *const USES[] = {"model exchange", "co-simulation without event mode",
+                                       "co-simulation with events"};
+    if (!in_phase)
+        core_report(face->core, ERROR, "%s must not be called %s", function, phase_name(core_phase(face->core)));
+    else
+        core_report(face->core, ERROR, "%s must not be called: this instance is one for %s", function,
+                    USES[core_use(face->core)]);
     return NULL;
 }
 
@@ -117,7 +124,8 @@ void *face_open(const Face *face, size_t size, const char *name, const char *gui
         opened->has_starts = has_starts;
         opened->starts = resources == NULL ? NULL : path_of_starts(resources);
     }
-    if (opened == NULL || opened->name == NULL || opened->core == NULL || (resources != NULL && opened->starts == NULL)) {
+    if (opened == NULL || opened->name == NULL || opened->core == NULL
+        || (resources != NULL && opened->starts == NULL)) {
         face_close(opened);
         return fail(face, function, ": out of memory");
     }

@@ -29,16 +29,18 @@ void face_close(Face *);
 Status face_reset(const Face *);
 Status face_set_logging(Face *, int on, size_t n, const char *const categories[]);
 
-/* Report that a function must not be called now; returns NULL. */
-void *face_refuse(const Face *, const char *function);
+/* Report that a function must not be called in its phase, or in an instance of its kind; returns NULL. */
+void *face_refuse(const Face *, int in_phase, const char *function);
 Status face_has_none(const Face *, size_t n, const char *type);
 Status face_check_count(const Face *, size_t n, size_t expected, const char *what);
 int face_given(const Face *, const void *argument, const char *name, const char *function);
 
-/* The instance if the function may be called in its phase, else NULL. */
-static inline void *face_enter(void *instance, unsigned phases, const char *function) {
+/* The instance if the function may be called in its phase and use, one bit for each, else NULL. */
+static inline void *face_enter(void *instance, unsigned phases, unsigned uses, const char *function) {
     const Face *face = instance;
-    return face == NULL || ((unsigned)core_phase(face->core) & phases) ? instance : face_refuse(face, function);
+    if (face == NULL) return NULL;
+    const int in_phase = ((unsigned)core_phase(face->core) & phases) != 0;
+    return in_phase && (1u << core_use(face->core) & uses) ? instance : face_refuse(face, in_phase, function);
 }
 
 /* Set the start values in the file of an instance, which replace those of its component: a line

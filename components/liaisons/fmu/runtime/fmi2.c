@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "calls.h"
 #include "face.h"
 #include "fmi2Functions.h"
 
@@ -11,21 +12,24 @@ typedef struct {
     fmi2CallbackLogger logger;
 } Fmu;
 
-enum {
-    BEFORE = INSTANTIATED | INITIALIZATION,
-    RUNNING = EVENT | CONTINUOUS | STEP,
-    ANY = BEFORE | RUNNING | TERMINATED,
-    READABLE = ANY & ~INSTANTIATED
-};
+enum { FMI2_CALLS(ALLOWED) };
 
-#define ENTER(phases)                                   \
-    Fmu *fmu = face_enter(component, phases, __func__); \
-    if (fmu == NULL) return fmi2Error;                  \
-    Instance *core = fmu->face.core;                    \
-    (void)core
+/* ---- what it has in common with FMI 3.0, under that one's names -------------------------------------------- */
 
-#define NEED(argument) \
-    if ((argument) == NULL && !face_given(&fmu->face, argument, #argument, __func__)) return fmi2Error
+#define fmi2GetFMUState fmi2GetFMUstate
+#define fmi2SetFMUState fmi2SetFMUstate
+#define fmi2FreeFMUState fmi2FreeFMUstate
+#define fmi2SerializedFMUStateSize fmi2SerializedFMUstateSize
+#define fmi2SerializeFMUState fmi2SerializeFMUstate
+#define fmi2DeserializeFMUState fmi2DeSerializeFMUstate
+#define fmi2GetContinuousStateDerivatives fmi2GetDerivatives
+
+#define FMI(name) fmi2##name
+#define STATUS fmi2Status
+#define INSTANCE fmi2Component
+#define BOOLEAN fmi2Boolean
+#define BYTE fmi2Byte
+#include "common.h"
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
@@ -73,64 +77,45 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     return face_open(&fmu.face, sizeof fmu, name, guid, path_in(resources, path), options, __func__);
 }
 
-void fmi2FreeInstance(fmi2Component component) { face_close(component); }
-
-fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean logging, size_t n, const fmi2String categories[]) {
-    ENTER(ANY);
-    if (n > 0) NEED(categories);
-    return (fmi2Status)face_set_logging(&fmu->face, logging, n, categories);
-}
-
-fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
+fmi2Status fmi2SetupExperiment(fmi2Component instance, fmi2Boolean tolerance_defined, fmi2Real tolerance,
                                fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop) {
-    ENTER(INSTANTIATED);
+    ENTER(SetupExperiment);
     return (fmi2Status)core_setup(core, start, stop_defined ? &stop : NULL, tolerance_defined ? tolerance : 0);
 }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component component) {
-    ENTER(INSTANTIATED);
+fmi2Status fmi2EnterInitializationMode(fmi2Component instance) {
+    ENTER(EnterInitializationMode);
     core_enter_initialization(core);
     return fmi2OK;
 }
 
-fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
-    ENTER(INITIALIZATION);
-    return (fmi2Status)core_exit_initialization(core);
-}
-
-fmi2Status fmi2Terminate(fmi2Component component) {
-    ENTER(RUNNING);
-    core_terminate(core);
-    return fmi2OK;
-}
-
-fmi2Status fmi2Reset(fmi2Component component) {
-    ENTER(ANY);
+fmi2Status fmi2Reset(fmi2Component instance) {
+    ENTER(Reset);
     return (fmi2Status)face_reset(&fmu->face);
 }
 
 /* ---- variables --------------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference references[], size_t n, fmi2Real values[]) {
-    ENTER(ANY);
+fmi2Status fmi2GetReal(fmi2Component instance, const fmi2ValueReference references[], size_t n, fmi2Real values[]) {
+    ENTER(GetFloat64);
     if (n == 0) return fmi2OK;
     NEED(references);
     NEED(values);
     return (fmi2Status)core_get(core, references, n, values, n);
 }
 
-fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference references[], size_t n,
+fmi2Status fmi2SetReal(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                        const fmi2Real values[]) {
-    ENTER(BEFORE | RUNNING);
+    ENTER(SetFloat64);
     if (n == 0) return fmi2OK;
     NEED(references);
     NEED(values);
     return (fmi2Status)core_set(core, references, n, values, n);
 }
 
-fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference references[], size_t n,
+fmi2Status fmi2GetInteger(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                           fmi2Integer values[]) {
-    ENTER(ANY);
+    ENTER(GetInt32);
     if (n == 0) return fmi2OK;
     NEED(references);
     NEED(values);
@@ -142,51 +127,37 @@ fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference refe
     return fmi2OK;
 }
 
-fmi2Status fmi2SetInteger(fmi2Component component, const fmi2ValueReference references[], size_t n,
+fmi2Status fmi2SetInteger(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                           const fmi2Integer values[]) {
-    ENTER(BEFORE | RUNNING);
+    ENTER(SetInt32);
     if (n == 0) return fmi2OK;
     NEED(references);
     NEED(values);
     return (fmi2Status)core_set_settings(core, references, n, values);
 }
 
-fmi2Status fmi2GetBoolean(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                          fmi2Boolean values[]) {
-    (void)references;
-    (void)values;
-    ENTER(ANY);
-    return (fmi2Status)face_has_none(&fmu->face, n, "Boolean");
-}
+/* Types of which there are no variables. */
+#define NONE_OF(Type)                                                                                                \
+    fmi2Status fmi2Get##Type(fmi2Component instance, const fmi2ValueReference references[], size_t n,                \
+                             fmi2##Type values[]) {                                                                  \
+        (void)references, (void)values;                                                                              \
+        ENTER(GetNONE);                                                                                              \
+        return (fmi2Status)face_has_none(&fmu->face, n, #Type);                                                      \
+    }                                                                                                                \
+    fmi2Status fmi2Set##Type(fmi2Component instance, const fmi2ValueReference references[], size_t n,                \
+                             const fmi2##Type values[]) {                                                            \
+        (void)references, (void)values;                                                                              \
+        ENTER(SetNONE);                                                                                              \
+        return (fmi2Status)face_has_none(&fmu->face, n, #Type);                                                      \
+    }
 
-fmi2Status fmi2SetBoolean(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                          const fmi2Boolean values[]) {
-    (void)references;
-    (void)values;
-    ENTER(BEFORE | RUNNING);
-    return (fmi2Status)face_has_none(&fmu->face, n, "Boolean");
-}
+NONE_OF(Boolean)
+NONE_OF(String)
 
-fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                         fmi2String values[]) {
-    (void)references;
-    (void)values;
-    ENTER(ANY);
-    return (fmi2Status)face_has_none(&fmu->face, n, "String");
-}
-
-fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                         const fmi2String values[]) {
-    (void)references;
-    (void)values;
-    ENTER(BEFORE | RUNNING);
-    return (fmi2Status)face_has_none(&fmu->face, n, "String");
-}
-
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknowns[], size_t n_unknown,
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component instance, const fmi2ValueReference unknowns[], size_t n_unknown,
                                         const fmi2ValueReference knowns[], size_t n_known, const fmi2Real direction[],
                                         fmi2Real derivatives[]) {
-    ENTER(READABLE);
+    ENTER(GetDirectionalDerivative);
     if (n_known > 0) NEED(knowns);
     if (n_known > 0) NEED(direction);
     if (n_unknown == 0) return fmi2OK;
@@ -196,53 +167,11 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
                                                    derivatives, n_unknown);
 }
 
-/* ---- saved states ------------------------------------------------------------------------------------------ */
-
-fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state) {
-    ENTER(ANY);
-    NEED(state);
-    return (fmi2Status)face_save(&fmu->face, state, __func__);
-}
-
-fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state) {
-    ENTER(ANY);
-    NEED(state);
-    return (fmi2Status)face_restore(&fmu->face, state);
-}
-
-fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state) {
-    ENTER(ANY);
-    face_drop(state);
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size) {
-    ENTER(ANY);
-    NEED(state);
-    NEED(size);
-    *size = face_size(state);
-    return fmi2OK;
-}
-
-fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    ENTER(ANY);
-    NEED(state);
-    NEED(bytes);
-    return (fmi2Status)face_serialize(&fmu->face, state, bytes, size, __func__);
-}
-
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
-    ENTER(ANY);
-    NEED(bytes);
-    NEED(state);
-    return (fmi2Status)face_deserialize(&fmu->face, bytes, size, state, __func__);
-}
-
 /* ---- co-simulation ----------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                                        const fmi2Integer orders[], const fmi2Real values[]) {
-    ENTER(BEFORE | STEP);
+    ENTER(SetRealInputDerivatives);
     if (n == 0) return fmi2OK;
     NEED(references);
     NEED(orders);
@@ -250,9 +179,9 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
     return (fmi2Status)core_set_input_derivatives(core, references, n, orders, values);
 }
 
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component instance, const fmi2ValueReference references[], size_t n,
                                         const fmi2Integer orders[], fmi2Real values[]) {
-    ENTER(STEP | TERMINATED);
+    ENTER(GetOutputDerivatives);
     if (n == 0) return fmi2OK;
     NEED(references);
     NEED(orders);
@@ -264,15 +193,15 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     return (fmi2Status)core_output_derivatives(core, references, n, values, n);
 }
 
-fmi2Status fmi2DoStep(fmi2Component component, fmi2Real time, fmi2Real size, fmi2Boolean no_way_back) {
+fmi2Status fmi2DoStep(fmi2Component instance, fmi2Real time, fmi2Real size, fmi2Boolean no_way_back) {
     (void)no_way_back;
-    ENTER(STEP);
+    ENTER(DoStep);
     Arrival arrival;
     return (fmi2Status)core_step(core, time, size, &arrival);
 }
 
-fmi2Status fmi2CancelStep(fmi2Component component) {
-    ENTER(STEP);
+fmi2Status fmi2CancelStep(fmi2Component instance) {
+    ENTER(CancelStep);
     return (fmi2Status)core_report(core, ERROR, "fmi2CancelStep: no step is under way");
 }
 
@@ -281,50 +210,44 @@ static fmi2Status no_status(Instance *core, fmi2StatusKind kind) {
                                    (int)kind);
 }
 
-fmi2Status fmi2GetStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Status *value) {
+fmi2Status fmi2GetStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2Status *value) {
     (void)value;
-    ENTER(STEP | TERMINATED);
+    ENTER(Status);
     return no_status(core, kind);
 }
 
-fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value) {
-    ENTER(STEP | TERMINATED);
+fmi2Status fmi2GetRealStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2Real *value) {
+    ENTER(Status);
     NEED(value);
     if (kind != fmi2LastSuccessfulTime) return no_status(core, kind);
     *value = core_time(core);
     return fmi2OK;
 }
 
-fmi2Status fmi2GetIntegerStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Integer *value) {
+fmi2Status fmi2GetIntegerStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2Integer *value) {
     (void)value;
-    ENTER(STEP | TERMINATED);
+    ENTER(Status);
     return no_status(core, kind);
 }
 
-fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value) {
-    ENTER(STEP | TERMINATED);
+fmi2Status fmi2GetBooleanStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2Boolean *value) {
+    ENTER(Status);
     NEED(value);
     if (kind != fmi2Terminated) return no_status(core, kind);
     *value = fmi2False; /* the component never asks for the end of the simulation */
     return fmi2OK;
 }
 
-fmi2Status fmi2GetStringStatus(fmi2Component component, const fmi2StatusKind kind, fmi2String *value) {
+fmi2Status fmi2GetStringStatus(fmi2Component instance, const fmi2StatusKind kind, fmi2String *value) {
     (void)value;
-    ENTER(STEP | TERMINATED);
+    ENTER(Status);
     return no_status(core, kind);
 }
 
 /* ---- model exchange ---------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2EnterEventMode(fmi2Component component) {
-    ENTER(EVENT | CONTINUOUS);
-    core_enter_event_mode(core);
-    return fmi2OK;
-}
-
-fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info) {
-    ENTER(EVENT);
+fmi2Status fmi2NewDiscreteStates(fmi2Component instance, fmi2EventInfo *info) {
+    ENTER(UpdateDiscreteStates);
     NEED(info);
     double next = INFINITY;
     int changed = 0;
@@ -338,63 +261,3 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info) {
     return (fmi2Status)status;
 }
 
-fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component) {
-    ENTER(EVENT);
-    core_enter_continuous_mode(core);
-    return fmi2OK;
-}
-
-fmi2Status fmi2CompletedIntegratorStep(fmi2Component component, fmi2Boolean no_way_back, fmi2Boolean *event,
-                                       fmi2Boolean *terminate) {
-    (void)no_way_back;
-    ENTER(CONTINUOUS);
-    NEED(event);
-    NEED(terminate);
-    *event = fmi2False;
-    *terminate = fmi2False;
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetTime(fmi2Component component, fmi2Real time) {
-    ENTER(EVENT | CONTINUOUS);
-    return (fmi2Status)core_set_time(core, time);
-}
-
-fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real states[], size_t n) {
-    ENTER(CONTINUOUS);
-    if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi2Error;
-    if (n == 0) return fmi2OK;
-    NEED(states);
-    return (fmi2Status)core_set_states(core, states);
-}
-
-fmi2Status fmi2GetContinuousStates(fmi2Component component, fmi2Real states[], size_t n) {
-    ENTER(READABLE);
-    if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi2Error;
-    if (n == 0) return fmi2OK;
-    NEED(states);
-    return (fmi2Status)core_get_states(core, states);
-}
-
-fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real derivatives[], size_t n) {
-    ENTER(READABLE);
-    if (face_check_count(&fmu->face, n, model.states, "derivatives of states") != SUCCESS) return fmi2Error;
-    if (n == 0) return fmi2OK;
-    NEED(derivatives);
-    return (fmi2Status)core_get_derivatives(core, derivatives);
-}
-
-fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real nominals[], size_t n) {
-    ENTER(ANY);
-    if (face_check_count(&fmu->face, n, model.states, "nominal values of states") != SUCCESS) return fmi2Error;
-    if (n == 0) return fmi2OK;
-    NEED(nominals);
-    core_get_nominals(core, nominals);
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetEventIndicators(fmi2Component component, fmi2Real indicators[], size_t n) {
-    (void)indicators;
-    ENTER(READABLE);
-    return (fmi2Status)face_check_count(&fmu->face, n, 0, "event indicators");
-}

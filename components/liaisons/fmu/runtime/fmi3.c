@@ -1,6 +1,7 @@
 /* The face that FMI 3.0 shows: co-simulation and model exchange of one instance of core.h. */
 #include <math.h>
 
+#include "calls.h"
 #include "face.h"
 
 #ifdef __clang__ /* the standard's header declares functions without saying that they have no arguments */
@@ -20,38 +21,14 @@ typedef struct {
     double stop; /* time that must not be stepped over */
 } Fmu;
 
-enum {
-    BEFORE = INSTANTIATED | INITIALIZATION,
-    RUNNING = EVENT | CONTINUOUS | STEP,
-    ANY = CONFIGURATION | BEFORE | RUNNING | TERMINATED,
-    SETTABLE = BEFORE | RUNNING,
-    READABLE = BEFORE | RUNNING | INTERMEDIATE | TERMINATED,
-    SOLVED = INITIALIZATION | RUNNING | TERMINATED
-};
+enum { FMI3_CALLS(ALLOWED) };
 
-#define ENTER(phases)                                  \
-    Fmu *fmu = face_enter(instance, phases, __func__); \
-    if (fmu == NULL) return fmi3Error;                 \
-    Instance *core = fmu->face.core;                   \
-    (void)core
-
-#define NEED(argument) \
-    if ((argument) == NULL && !face_given(&fmu->face, argument, #argument, __func__)) return fmi3Error
-
-#define ONLY_MODEL_EXCHANGE \
-    if (!serves(core, core_use(core) == USE_MODEL_EXCHANGE, __func__)) return fmi3Error
-#define ONLY_CO_SIMULATION \
-    if (!serves(core, core_use(core) != USE_MODEL_EXCHANGE, __func__)) return fmi3Error
-#define ONLY_WITH_EVENTS \
-    if (!serves(core, core_use(core) != USE_CO_SIMULATION, __func__)) return fmi3Error
-
-static int serves(const Instance *core, int so, const char *function) {
-    static const char *const USES[] = {"model exchange", "co-simulation", "co-simulation with events"};
-    if (so) return 1;
-    core_report(core, ERROR, "%s must not be called: this instance is one for %s", function,
-                core_use(core) == USE_CO_SIMULATION ? "co-simulation without event mode" : USES[core_use(core)]);
-    return 0;
-}
+#define FMI(name) fmi3##name
+#define STATUS fmi3Status
+#define INSTANCE fmi3Instance
+#define BOOLEAN fmi3Boolean
+#define BYTE fmi3Byte
+#include "common.h"
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
@@ -147,16 +124,8 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
     return NULL;
 }
 
-void fmi3FreeInstance(fmi3Instance instance) { face_close(instance); }
-
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean logging, size_t n, const fmi3String categories[]) {
-    ENTER(ANY);
-    if (n > 0) NEED(categories);
-    return (fmi3Status)face_set_logging(&fmu->face, logging, n, categories);
-}
-
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
-    ENTER(INSTANTIATED);
+    ENTER(EnterConfigurationMode);
     if (model.dimension_rows == 0)
         return (fmi3Status)core_report(core, ERROR, "%s: there are no structural parameters", __func__);
     core_enter_configuration(core);
@@ -164,14 +133,14 @@ fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
 }
 
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
-    ENTER(CONFIGURATION);
+    ENTER(ExitConfigurationMode);
     core_exit_configuration(core);
     return fmi3OK;
 }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
-    ENTER(INSTANTIATED);
+    ENTER(EnterInitializationMode);
     if (core_setup(core, start, stop_defined ? &stop : NULL, tolerance_defined ? tolerance : 0) != SUCCESS)
         return fmi3Error;
     fmu->stop = stop_defined ? stop : INFINITY;
@@ -179,22 +148,10 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
     return fmi3OK;
 }
 
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
-    ENTER(INITIALIZATION);
-    return (fmi3Status)core_exit_initialization(core);
-}
-
-fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
-    ENTER(EVENT | CONTINUOUS | STEP);
-    ONLY_WITH_EVENTS;
-    core_enter_event_mode(core);
-    return fmi3OK;
-}
-
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *need_update, fmi3Boolean *terminate,
                                     fmi3Boolean *nominals_changed, fmi3Boolean *states_changed, fmi3Boolean *time_defined,
                                     fmi3Float64 *next_time) {
-    ENTER(EVENT);
+    ENTER(UpdateDiscreteStates);
     NEED(need_update);
     NEED(terminate);
     NEED(nominals_changed);
@@ -213,18 +170,12 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *need_upd
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
-    ENTER(EVENT);
+    ENTER(EvaluateDiscreteStates);
     return (fmi3Status)core_report(core, ERROR, "%s: providesEvaluateDiscreteStates is false", __func__);
 }
 
-fmi3Status fmi3Terminate(fmi3Instance instance) {
-    ENTER(RUNNING);
-    core_terminate(core);
-    return fmi3OK;
-}
-
 fmi3Status fmi3Reset(fmi3Instance instance) {
-    ENTER(ANY);
+    ENTER(Reset);
     fmu->stop = INFINITY;
     return (fmi3Status)face_reset(&fmu->face);
 }
@@ -233,7 +184,7 @@ fmi3Status fmi3Reset(fmi3Instance instance) {
 
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 values[],
                           size_t count) {
-    ENTER(READABLE);
+    ENTER(GetFloat64);
     if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
     NEED(values);
@@ -242,7 +193,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           const fmi3Float64 values[], size_t count) {
-    ENTER(SETTABLE | ASKING);
+    ENTER(SetFloat64);
     if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
     NEED(values);
@@ -252,7 +203,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
                         size_t count) {
-    ENTER(READABLE);
+    ENTER(GetInt32);
     if (face_check_count(&fmu->face, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
@@ -264,7 +215,7 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference referenc
 
 fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                         const fmi3Int32 values[], size_t count) {
-    ENTER(SETTABLE);
+    ENTER(SetInt32);
     if (face_check_count(&fmu->face, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
@@ -281,7 +232,7 @@ static const Dimension *structural(const Instance *core, fmi3ValueReference refe
 
 fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 values[],
                          size_t count) {
-    ENTER(CONFIGURATION | READABLE);
+    ENTER(GetUInt64);
     if (face_check_count(&fmu->face, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
@@ -296,7 +247,7 @@ fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference referen
 
 fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                          const fmi3UInt64 values[], size_t count) {
-    ENTER(CONFIGURATION);
+    ENTER(SetUInt64);
     if (face_check_count(&fmu->face, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
@@ -317,14 +268,14 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
                              fmi3##Type values[], size_t count) {                                                     \
         (void)references;                                                                                             \
         (void)values;                                                                                                 \
-        ENTER(READABLE);                                                                                              \
+        ENTER(GetNONE);                                                                                               \
         return (fmi3Status)face_has_none(&fmu->face, n + count, #Type);                                               \
     }                                                                                                                 \
     fmi3Status fmi3Set##Type(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                  \
                              const fmi3##Type values[], size_t count) {                                               \
         (void)references;                                                                                             \
         (void)values;                                                                                                 \
-        ENTER(SETTABLE);                                                                                              \
+        ENTER(SetNONE);                                                                                               \
         return (fmi3Status)face_has_none(&fmu->face, n + count, #Type);                                               \
     }
 
@@ -343,7 +294,7 @@ fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference referen
     (void)references;
     (void)sizes;
     (void)values;
-    ENTER(READABLE);
+    ENTER(GetNONE);
     return (fmi3Status)face_has_none(&fmu->face, n + count, "Binary");
 }
 
@@ -352,7 +303,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference referen
     (void)references;
     (void)sizes;
     (void)values;
-    ENTER(SETTABLE);
+    ENTER(SetNONE);
     return (fmi3Status)face_has_none(&fmu->face, n + count, "Binary");
 }
 
@@ -363,7 +314,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference referen
         (void)references;                                       \
         const void *const unused[] = {__VA_ARGS__};             \
         (void)unused;                                           \
-        ENTER(INITIALIZATION | EVENT);                          \
+        ENTER(Clocks);                                          \
         return (fmi3Status)face_has_none(&fmu->face, n, "Clock"); \
     }
 #define CLOCKS fmi3Instance instance, const fmi3ValueReference references[], size_t n
@@ -387,7 +338,7 @@ NO_CLOCKS(fmi3SetShiftFraction, (CLOCKS, const fmi3UInt64 counters[], const fmi3
 fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time) {
     (void)clock;
     (void)time;
-    ENTER(ANY | INTERMEDIATE);
+    ENTER(ActivateModelPartition);
     return (fmi3Status)core_report(core, ERROR, "%s: there are no model partitions", __func__);
 }
 
@@ -401,7 +352,7 @@ static fmi3Status no_dependencies(const Instance *core, const char *function) {
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *n) {
     (void)reference;
     (void)n;
-    ENTER(ANY | INTERMEDIATE);
+    ENTER(VariableDependencies);
     return no_dependencies(core, __func__);
 }
 
@@ -414,14 +365,14 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference
     (void)elements_of_independents;
     (void)kinds;
     (void)n;
-    ENTER(ANY | INTERMEDIATE);
+    ENTER(VariableDependencies);
     return no_dependencies(core, __func__);
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknown,
                                         const fmi3ValueReference knowns[], size_t n_known, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-    ENTER(SOLVED);
+    ENTER(GetDirectionalDerivative);
     if (n_known > 0) NEED(knowns);
     if (n_seed > 0) NEED(seed);
     if (n_unknown > 0) NEED(unknowns);
@@ -433,7 +384,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknown,
                                     const fmi3ValueReference knowns[], size_t n_known, const fmi3Float64 seed[],
                                     size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-    ENTER(SOLVED);
+    ENTER(GetAdjointDerivative);
     if (n_known > 0) NEED(knowns);
     if (n_seed > 0) NEED(seed);
     if (n_unknown > 0) NEED(unknowns);
@@ -442,61 +393,17 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
                                                n_sensitivity);
 }
 
-/* ---- saved states ------------------------------------------------------------------------------------------ */
-
-fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state) {
-    ENTER(ANY);
-    NEED(state);
-    return (fmi3Status)face_save(&fmu->face, state, __func__);
-}
-
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
-    ENTER(ANY);
-    NEED(state);
-    return (fmi3Status)face_restore(&fmu->face, state);
-}
-
-fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state) {
-    ENTER(ANY);
-    face_drop(state);
-    return fmi3OK;
-}
-
-fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size) {
-    ENTER(ANY);
-    NEED(state);
-    NEED(size);
-    *size = face_size(state);
-    return fmi3OK;
-}
-
-fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
-    ENTER(ANY);
-    NEED(state);
-    NEED(bytes);
-    return (fmi3Status)face_serialize(&fmu->face, state, bytes, size, __func__);
-}
-
-fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
-    ENTER(ANY);
-    NEED(bytes);
-    NEED(state);
-    return (fmi3Status)face_deserialize(&fmu->face, bytes, size, state, __func__);
-}
-
 /* ---- co-simulation ----------------------------------------------------------------------------------------- */
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
-    ENTER(EVENT);
-    ONLY_CO_SIMULATION;
+    ENTER(EnterStepMode);
     core_enter_step_mode(core);
     return fmi3OK;
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                                     const fmi3Int32 orders[], fmi3Float64 values[], size_t count) {
-    ENTER(STEP | INTERMEDIATE | TERMINATED);
-    ONLY_CO_SIMULATION;
+    ENTER(GetOutputDerivatives);
     if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
     NEED(orders);
@@ -512,7 +419,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
                       fmi3Boolean *event_needed, fmi3Boolean *terminate, fmi3Boolean *early_return,
                       fmi3Float64 *last_time) {
     (void)no_way_back;
-    ENTER(STEP);
+    ENTER(DoStep);
     NEED(event_needed);
     NEED(terminate);
     NEED(early_return);
@@ -536,84 +443,15 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
 
 /* ---- model exchange ---------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
-    ENTER(EVENT);
-    ONLY_MODEL_EXCHANGE;
-    core_enter_continuous_mode(core);
-    return fmi3OK;
-}
-
-fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_way_back, fmi3Boolean *event,
-                                       fmi3Boolean *terminate) {
-    (void)no_way_back;
-    ENTER(CONTINUOUS);
-    NEED(event);
-    NEED(terminate);
-    *event = fmi3False;
-    *terminate = fmi3False;
-    return fmi3OK;
-}
-
-fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
-    ENTER(EVENT | CONTINUOUS);
-    ONLY_MODEL_EXCHANGE;
-    return (fmi3Status)core_set_time(core, time);
-}
-
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 states[], size_t n) {
-    ENTER(CONTINUOUS);
-    if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi3Error;
-    if (n == 0) return fmi3OK;
-    NEED(states);
-    return (fmi3Status)core_set_states(core, states);
-}
-
-fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], size_t n) {
-    ENTER(SOLVED);
-    ONLY_MODEL_EXCHANGE;
-    if (face_check_count(&fmu->face, n, model.states, "states") != SUCCESS) return fmi3Error;
-    if (n == 0) return fmi3OK;
-    NEED(states);
-    return (fmi3Status)core_get_states(core, states);
-}
-
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t n) {
-    ENTER(SOLVED);
-    ONLY_MODEL_EXCHANGE;
-    if (face_check_count(&fmu->face, n, model.states, "derivatives of states") != SUCCESS) return fmi3Error;
-    if (n == 0) return fmi3OK;
-    NEED(derivatives);
-    return (fmi3Status)core_get_derivatives(core, derivatives);
-}
-
-fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t n) {
-    ENTER(SOLVED);
-    ONLY_MODEL_EXCHANGE;
-    if (face_check_count(&fmu->face, n, model.states, "nominal values of states") != SUCCESS) return fmi3Error;
-    if (n == 0) return fmi3OK;
-    NEED(nominals);
-    core_get_nominals(core, nominals);
-    return fmi3OK;
-}
-
-fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t n) {
-    (void)indicators;
-    ENTER(SOLVED);
-    ONLY_MODEL_EXCHANGE;
-    return (fmi3Status)face_check_count(&fmu->face, n, 0, "event indicators");
-}
-
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
-    ENTER(BEFORE | RUNNING | TERMINATED);
-    ONLY_MODEL_EXCHANGE;
+    ENTER(GetNumberOf);
     NEED(n);
     *n = model.states;
     return fmi3OK;
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
-    ENTER(BEFORE | RUNNING | TERMINATED);
-    ONLY_MODEL_EXCHANGE;
+    ENTER(GetNumberOf);
     NEED(n);
     *n = 0;
     return fmi3OK;

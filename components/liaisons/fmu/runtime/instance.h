@@ -1,4 +1,4 @@
-/* What an instance is made of, for the files that move it: core.c, derivatives.c, step.c. */
+/* What an instance is made of, for the files that move it. */
 #ifndef LIAISONS_INSTANCE_H
 #define LIAISONS_INSTANCE_H
 
@@ -29,6 +29,8 @@ typedef struct { /* of a prescribed number since the last communication point, o
     double went, time;                /* of the comparison that found a mismatch: what the rate said, and when */
 } Past;
 
+enum { PAST = sizeof(Past) / sizeof(double) }; /* numbers in one */
+
 typedef struct { /* a prescribed number: its places among the inputs, and what is known of it */
     size_t value, rate, acceleration;
     double *mismatch; /* or NULL */
@@ -37,7 +39,7 @@ typedef struct { /* a prescribed number: its places among the inputs, and what i
     double jump, target, rest; /* while it jumps: how far, where to, and its rate aside from that */
 } Prescribed;
 
-/* The scalars of a saved state; numbers of fixed size and without gaps.  Whoever adds one says in states.c what it may be. */
+/* The scalars of a saved state; of fixed size and without gaps.  Whoever adds one says in states.c what it may be. */
 typedef struct {
     double time;
     double tolerance;
@@ -53,16 +55,15 @@ typedef struct {
     int32_t known;            /* history holds something */
 } Scalars;
 
-struct Instance {
-    const Model *model;
-    Options options;
+typedef struct { /* what references stand for, and how much memory a state takes */
     int by_variable;           /* references stand for variables, of which some are arrays */
     size_t places, references; /* how many there are of each, settings and sizes aside */
     unsigned first;            /* reference, which stands for the first of them */
-
-    /* What a saved state holds: the scalars, and behind them in the same block the vectors. */
-    Scalars *s;
     size_t state_size, moving_size; /* in bytes: of all, and of the front, which a communication step changes */
+} Layout;
+
+/* In one block of memory: what a saved state holds, the scalars in front; then what follows from it. */
+typedef struct {
     double *u;       /* inputs at the present time */
     double *y, *low; /* states, and the part of their sum that is too small for them */
     double *m;
@@ -72,36 +73,74 @@ struct Instance {
     double *size;    /* of the states: scales the tolerance */
     double *k, *set; /* parameters, inputs as they were set last */
     double *z, *t;   /* follow k and set in memory, but are no part of the state */
-    int current;     /* z belongs to the state */
-    int apart;       /* u may have moved away from set */
-    int allowed;     /* k and set are known to be in their domains */
+} Vectors;
 
-    Scalars *backup;
-    double step_start, step_size;
-    double reach;  /* how far the present step leads: its size, or less */
-    int returning; /* the importer has just shortened it */
-    const Motion *motion; /* of the present step */
-    Mover *movers;
-    size_t moving, *mover_of; /* number of movers; place of an input among them */
-    double *given;            /* of inputs at ORDER times inside the step; those of one input side by side */
-    size_t asked;             /* which of these times it is */
-    Prescribed *prescribed;
-    size_t prescribed_count;
-    char *warned;
-    char text[TEXT];          /* why the present call fails */
-    int curable;              /* the present step fails, and a shorter one would not */
+typedef struct { /* what need not be done again */
+    int current; /* z belongs to the state */
+    int apart;   /* u may have moved away from set */
+    int allowed; /* k and set are known to be in their domains */
+} Known;
+
+typedef struct { /* the communication step under way */
+    Scalars *backup; /* the moving part of the state before it */
+    double start, size;
+    double reach;         /* how far it leads: its size, or less */
+    int returning;        /* the importer has just shortened it */
+    const Motion *motion; /* of the states, by what the inputs do */
+    int curable;          /* it fails, and a shorter one would not */
     /* The last step that was discarded; from NAN there was none since a step, a reset, a saved state led elsewhere. */
     double discarded_from, discarded_size;
-    char *name;               /* of a number that is named in a message */
+} Step;
 
-    double dt, *dy, *du, *dk, *dm, *dz; /* directions or weights */
-    double *ey, *eu, *ek, *em;          /* what is to be added to them */
-    double *work, *condition, *instant;
-    double now; /* of the generated function that is called */
+typedef struct { /* the inputs that move inside the step */
+    Mover *list;
+    size_t count, *of_input; /* place of an input among them */
+    double *given;           /* by the importer, at ORDER times inside the step; those of one input side by side */
+    size_t asked;            /* which of these times it is */
+} Movers;
+
+typedef struct { /* the numbers that an operator prescribes */
+    Prescribed *list;
+    size_t count;
+    char *warned; /* of each variable: it has been said that it contradicts itself */
+} Operator;
+
+typedef struct { /* directions along (t, y, u, k, m), what z does there, or weights of them */
+    double t, *y, *u, *k, *m, *z;
+} Directions;
+
+typedef struct { /* scratch memory */
+    double *work; /* of the solvers */
+    double *condition, *instant;
+} Scratch;
+
+typedef struct { /* of a generated function */
+    double now;
     const double **arguments;
     double **results;
     long long *integers;
     double *reals;
+} Call;
+
+typedef struct {
+    char text[TEXT]; /* why the present call fails */
+    char *name;      /* of a number that is named in a message */
+} Words;
+
+struct Instance {
+    const Model *model;
+    Options options;
+    Layout layout;
+    Scalars *s;
+    Vectors v;
+    Known known;
+    Step step;
+    Movers movers;
+    Operator prescribed;
+    Directions d, e; /* e: what is to be added to d */
+    Scratch scratch;
+    Call call;
+    Words words;
 };
 
 typedef struct { /* places that follow each other */
@@ -112,13 +151,15 @@ typedef struct { /* places that follow each other */
 
 /* The variable that has a place. */
 const Variable *core_variable_at(const Model *, size_t place);
+/* The place of the variable that shows a state, or its derivative. */
+size_t core_place_of_state(const Model *, size_t i, int derivative);
 const char *core_name(const Instance *, size_t place);
 Status core_check_references(const Instance *, const unsigned references[], size_t n, size_t count);
 
 /* What a reference, which exists, stands for. */
 static inline Span span_of(const Instance *self, unsigned reference) {
-    const size_t index = reference - self->first;
-    if (!self->by_variable) return (Span){index, 1};
+    const size_t index = reference - self->layout.first;
+    if (!self->layout.by_variable) return (Span){index, 1};
     const Variable *variable = &self->model->variables[index];
     return (Span){variable->first, variable->count};
 }
@@ -170,11 +211,14 @@ void core_leap(Instance *);         /* move the states along with jumps */
 
 /* ---- generated functions ---- */
 
+void core_start(Instance *);    /* y and m at initialization, if they do not yet follow from u and k */
+void core_measure(Instance *);  /* sizes of y */
 void core_update(Instance *);   /* z at the present time */
 /* m; 0 if it would not be finite, which leaves it. */
 int core_remember(Instance *);
 void core_jump(Instance *);     /* the inputs have jumped: states that an impulse changes, say the work done */
-/* The first instant after t at which the component is not smooth. */
+/* Instants at which the component with these parameters is not smooth; the first one after t. */
+const double *core_instants(Instance *, const double *k);
 double core_next_instant(Instance *, double t);
 
 /* At an event a function of time may jump; it is not there yet. */
@@ -183,13 +227,13 @@ static inline double before_limit(const Instance *self, double t) {
 }
 
 static inline int evaluate_now(Instance *self, Function *function, const double *y, double *result) {
-    self->arguments[0] = &self->now;
-    self->arguments[1] = y;
-    self->arguments[2] = self->u;
-    self->arguments[3] = self->k;
-    self->arguments[4] = self->m;
-    self->results[0] = result;
-    return function(self->arguments, self->results, self->integers, self->reals, 0);
+    self->call.arguments[0] = &self->call.now;
+    self->call.arguments[1] = y;
+    self->call.arguments[2] = self->v.u;
+    self->call.arguments[3] = self->v.k;
+    self->call.arguments[4] = self->v.m;
+    self->call.results[0] = result;
+    return function(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
 }
 
 /* dy/dt of all states, whatever the inputs do. */
@@ -201,7 +245,7 @@ int core_evaluate_at_limit(Instance *self, Function *function, const double *y, 
  * the function does, 0, so that compilers make a jump of the call where that is returned in turn. */
 static inline int evaluate(Instance *self, Function *function, double t, const double *y, double *result) {
     if (t >= self->s->limit) return core_evaluate_at_limit(self, function, y, result);
-    self->now = t;
+    self->call.now = t;
     return evaluate_now(self, function, y, result);
 }
 

@@ -15,16 +15,19 @@ static const double VALUE = 1e-6, RATE = 1e-3;
 /* What is so many times as much as its rate says is a jump. */
 static const double FAR = 5;
 
-#define FOR_EACH(p) for (Prescribed *p = self->prescribed; p < self->prescribed + self->prescribed_count; p++)
+#define FOR_EACH(p) for (Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++)
 
 void core_find_prescribed(Instance *self) {
     const Model *model = self->model;
-    Prescribed *p = self->prescribed;
+    Prescribed *p = self->prescribed.list;
     for (const Active *at = model->active; at < model->active + model->active_rows; at++)
         for (size_t i = 0; i < at->count; i++, p++)
-            *p = (Prescribed){at->value + i, at->rate + i, at->acceleration + i,
-                              at->mismatch == NO_MISMATCH ? NULL : &self->m[(size_t)at->mismatch + i],
-                              &self->past[p - self->prescribed], &self->warned[at - model->active], 0, 0, 0};
+            *p = (Prescribed){.value = at->value + i,
+                              .rate = at->rate + i,
+                              .acceleration = at->acceleration + i,
+                              .mismatch = at->mismatch == NO_MISMATCH ? NULL : &self->v.m[(size_t)at->mismatch + i],
+                              .past = &self->v.past[p - self->prescribed.list],
+                              .warned = &self->prescribed.warned[at - model->active]};
 }
 
 /* ---- from one communication point to the next -------------------------------------------------------------- */
@@ -32,33 +35,33 @@ void core_find_prescribed(Instance *self) {
 void core_follow(Instance *self) {
     FOR_EACH(p) {
         p->past->size = 0;
-        p->past->followed = p->past->value = self->u[p->value];
+        p->past->followed = p->past->value = self->v.u[p->value];
     }
 }
 
 void core_depart(Instance *self) {
     FOR_EACH(p) {
-        p->past->value = self->u[p->value];
-        p->past->rate = self->u[p->rate];
-        p->past->acceleration = self->u[p->acceleration];
+        p->past->value = self->v.u[p->value];
+        p->past->rate = self->v.u[p->rate];
+        p->past->acceleration = self->v.u[p->acceleration];
     }
 }
 
 /* Integral over the step of a polynomial in the fraction of it. */
 static double integral(const Instance *self, const Mover *mover) {
-    const double x = self->reach / self->step_size;
+    const double x = self->step.reach / self->step.size;
     double sum = 0;
     for (int j = mover->degree; j >= 0; j--) sum = x * (sum + mover->c[j] / (j + 1));
-    return sum * self->step_size;
+    return sum * self->step.size;
 }
 
 void core_arrive(Instance *self) {
     FOR_EACH(p) {
-        const size_t found = self->mover_of[p->rate];
-        const int moves = found < self->moving && self->movers[found].place == p->rate;
-        const double went = moves ? integral(self, &self->movers[found]) : self->reach * p->past->rate;
-        p->past->size = self->reach;
-        p->past->followed = self->s->reconstruction == INTERPOLATE ? self->u[p->value] : p->past->value + went;
+        const size_t found = self->movers.of_input[p->rate];
+        const int moves = found < self->movers.count && self->movers.list[found].place == p->rate;
+        const double went = moves ? integral(self, &self->movers.list[found]) : self->step.reach * p->past->rate;
+        p->past->size = self->step.reach;
+        p->past->followed = self->s->reconstruction == INTERPOLATE ? self->v.u[p->value] : p->past->value + went;
     }
 }
 
@@ -76,7 +79,7 @@ static void compare(Prescribed *p, double H, double said, const double from[3], 
 }
 
 void core_compare(Instance *self) {
-    const double *u = self->u;
+    const double *u = self->v.u;
     FOR_EACH(p) {
         const Past *past = p->past;
         if (p->mismatch == NULL || past->size == 0) continue;
@@ -91,7 +94,7 @@ void core_compare(Instance *self) {
 }
 
 void core_compare_ends(Instance *self) {
-    const double *u = self->u, *set = self->set, H = self->step_size;
+    const double *u = self->v.u, *set = self->v.set, H = self->step.size;
     FOR_EACH(p) {
         if (p->mismatch == NULL) continue;
         const double from[] = {u[p->value], u[p->rate], u[p->acceleration]};
@@ -102,7 +105,7 @@ void core_compare_ends(Instance *self) {
 
 /* What is done where σ jumps. */
 static const char *treatment(const Instance *self, const Prescribed *p) {
-    const size_t i = (size_t)(p - self->prescribed), n = self->prescribed_count;
+    const size_t i = (size_t)(p - self->prescribed.list), n = self->prescribed.count;
     if (self->s->reconstruction == INTERPOLATE) return "it is interpolated over the step";
     if (self->model->jumps != NULL && !(self->model->jumps[i * n + i] & MIXES))
         return "it is taken as the limit of an ever faster motion";
@@ -133,23 +136,23 @@ void core_warn(Instance *self) {
 
 /* Which of them jump, and how far; returns whether that moves states and has a limit. */
 static int find_jumps(Instance *self) {
-    const size_t n = self->prescribed_count;
+    const size_t n = self->prescribed.count;
     int moves = 0;
     FOR_EACH(p) {
-        const double value = self->u[p->value], followed = p->past->followed;
+        const double value = self->v.u[p->value], followed = p->past->followed;
         const double rounding = ROUNDING * fmax(fabs(value), fabs(followed));
         p->target = value;
-        p->rest = self->u[p->rate];
+        p->rest = self->v.u[p->rate];
         p->jump = value == p->past->value || fabs(value - followed) <= rounding ? 0 : value - followed;
     }
     for (size_t i = 0; i < n; i++) {
-        if (self->prescribed[i].jump == 0) continue;
+        if (self->prescribed.list[i].jump == 0) continue;
         const unsigned char *row = &self->model->jumps[i * n];
         moves |= row[i] & JUMPS;
         for (size_t j = 0; j < n; j++) {
             if (!(row[j] & MIXES)) continue;
-            if (self->prescribed[j].jump != 0) return 0;
-            moves |= self->prescribed[j].rest != 0;
+            if (self->prescribed.list[j].jump != 0) return 0;
+            moves |= self->prescribed.list[j].rest != 0;
         }
     }
     return moves;
@@ -159,8 +162,8 @@ static int find_jumps(Instance *self) {
 static void place(Instance *self, double part, int jumping) {
     FOR_EACH(p) {
         if (p->jump == 0) continue;
-        self->u[p->value] = p->past->followed + part * p->jump;
-        self->u[p->rate] = jumping ? p->rest + p->jump : p->rest;
+        self->v.u[p->value] = p->past->followed + part * p->jump;
+        self->v.u[p->rate] = jumping ? p->rest + p->jump : p->rest;
     }
 }
 
@@ -170,10 +173,10 @@ static Signal leaping(void *context, double part, const double y[], double f[]) 
     const Model *model = self->model;
     Function *function = model->motions[ACTIVITIES - 1].coupled;
     place(self, part, 0);
-    evaluate(self, function, self->s->time, y, self->ey);
+    evaluate(self, function, self->s->time, y, self->e.y);
     place(self, part, 1);
     evaluate(self, function, self->s->time, y, f);
-    for (size_t i = 0; i < model->coupled; i++) f[i] -= self->ey[i];
+    for (size_t i = 0; i < model->coupled; i++) f[i] -= self->e.y[i];
     return GO_ON;
 }
 
@@ -198,18 +201,18 @@ static int leap_at_once(const Problem *problem, double *y, double *work) {
 void core_leap(Instance *self) {
     const size_t n = self->model->coupled;
     if (self->model->jumps == NULL || !find_jumps(self)) return;
-    const Problem problem = {n, n, SHARE * self->s->tolerance, self->size, leaping, leaping, go_on, self};
-    double *y = self->dy, *low = self->dz;
+    const Problem problem = {n, n, SHARE * self->s->tolerance, self->v.size, leaping, leaping, go_on, self};
+    double *y = self->d.y, *low = self->d.z;
     double t = 0, step = 0;
-    memcpy(y, self->y, n * sizeof *y);
-    memcpy(low, self->low, n * sizeof *low);
-    if (leap_at_once(&problem, y, self->work)
-        || solver_advance(&problem, &t, 1, y, low, &step, self->work) == REACHED) {
-        memcpy(self->y, y, n * sizeof *y);
-        memcpy(self->low, low, n * sizeof *low);
+    memcpy(y, self->v.y, n * sizeof *y);
+    memcpy(low, self->v.low, n * sizeof *low);
+    if (leap_at_once(&problem, y, self->scratch.work)
+        || solver_advance(&problem, &t, 1, y, low, &step, self->scratch.work) == REACHED) {
+        memcpy(self->v.y, y, n * sizeof *y);
+        memcpy(self->v.low, low, n * sizeof *low);
     } /* else the way leads through a singularity, and there is no limit */
     FOR_EACH(p) {
-        self->u[p->value] = p->target;
-        self->u[p->rate] = p->rest;
+        self->v.u[p->value] = p->target;
+        self->v.u[p->rate] = p->rest;
     }
 }

@@ -1,3 +1,6 @@
+/* DOP853: the explicit Runge-Kutta method of order 8 of Dormand and Prince in 12 stages, with error estimates of order 5
+ * and 3 and the control of the step size by Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd
+ * edition, Springer 1993, II.4, II.5 and II.10; their coefficients, in double precision. */
 #include "solver.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* Explicit Runge-Kutta solver of order 8 with error control: DOP853 of Hairer, Norsett, Wanner (1993). */
+/* Solver with error control: DOP853, see solver.c. */
 #ifndef LIAISONS_SOLVER_H
 #define LIAISONS_SOLVER_H
 

@@ -14,14 +14,14 @@ typedef struct { /* in front of the numbers */
 
 static const Header HEADER = {"liaison", 0x01020304, 2, 0, 0, ""};
 
-size_t core_state_size(const Instance *self) { return sizeof(Header) + self->state_size; }
+size_t core_state_size(const Instance *self) { return sizeof(Header) + self->layout.state_size; }
 
 void core_save(const Instance *self, void *bytes) {
     Header header = HEADER;
     header.size = core_state_size(self);
     strncpy(header.guid, self->model->guid, sizeof header.guid - 1);
     memcpy(bytes, &header, sizeof header);
-    memcpy((char *)bytes + sizeof header, self->s, self->state_size);
+    memcpy((char *)bytes + sizeof header, self->s, self->layout.state_size);
 }
 
 /* FNV-1a, in words of 8 bytes; never 0. */
@@ -111,16 +111,16 @@ static int finite_numbers(const void *numbers, size_t n) {
 /* What cannot be so among the vectors, or NULL. */
 static const char *wrong_vector(const Instance *self, const Scalars *s, const char *state) {
     const Model *model = self->model;
-#define SAVED(vector) (state + ((const char *)self->vector - (const char *)self->s)) /* where it is in the state */
+#define SAVED(vector) (state + ((const char *)self->v.vector - (const char *)self->s)) /* where it is in the state */
     const int running = s->phase >= EVENT; /* before, states and memory are calculated from the others */
     if (!finite_numbers(SAVED(u), model->inputs) || !finite_numbers(SAVED(set), model->inputs)) return "an input";
     if (running && !finite_numbers(SAVED(y), model->states)) return "a state";
     if (!finite_numbers(SAVED(low), model->states)) return "the rounding error of a state";
     if (running && !finite_numbers(SAVED(m), model->memory)) return "the memory of the component";
-    if (!finite_numbers(SAVED(past), self->prescribed_count * (sizeof(Past) / sizeof(double))))
+    if (!finite_numbers(SAVED(past), self->prescribed.count * PAST))
         return "the past of an input";
-    for (size_t i = 0; i < self->prescribed_count; i++) {
-        const size_t first = i * (sizeof(Past) / sizeof(double));
+    for (size_t i = 0; i < self->prescribed.count; i++) {
+        const size_t first = i * PAST;
         if (number_at(SAVED(past), first + offsetof(Past, size) / sizeof(double)) < 0) return "the past of an input";
     }
     if (!finite_numbers(SAVED(history), HISTORY * model->coupled)) return "the past of a state";
@@ -149,12 +149,11 @@ static int event_exists(Instance *self, const Scalars *s, const char *state) {
     if (s->use == USE_CO_SIMULATION_WITH_EVENTS)
         return s->limit == s->time && (s->phase == STEP || s->phase == TERMINATED);
     if (s->use != USE_MODEL_EXCHANGE || (s->phase != CONTINUOUS && s->phase != TERMINATED)) return 0;
-    memcpy(self->dk, state + ((const char *)self->k - (const char *)self->s), self->model->parameters * sizeof *self->dk);
-    self->arguments[0] = self->dk;
-    self->results[0] = self->instant;
-    self->model->instants(self->arguments, self->results, self->integers, self->reals, 0);
+    const char *k = state + ((const char *)self->v.k - (const char *)self->s);
+    memcpy(self->d.k, k, self->model->parameters * sizeof *self->d.k);
+    const double *instant = core_instants(self, self->d.k);
     for (size_t i = 0; i < self->model->events; i++)
-        if (self->instant[i] == s->limit) return 1;
+        if (instant[i] == s->limit) return 1;
     return 0;
 }
 
@@ -182,10 +181,10 @@ Status core_restore(Instance *self, const void *bytes, size_t size) {
     memcpy(&scalars, state, sizeof scalars);
     if (scalars.use != (int32_t)self->options.use)
         return core_report(self, ERROR, "the saved state belongs to an instance for %s", USES[scalars.use]);
-    memcpy(self->s, state, self->state_size);
+    memcpy(self->s, state, self->layout.state_size);
     if (self->s->phase < EVENT) self->s->unstarted = 1; /* states and memory that were not checked are not used */
-    self->current = self->allowed = 0;
-    self->apart = 1;
-    self->discarded_from = NAN;
+    self->known.current = self->known.allowed = 0;
+    self->known.apart = 1;
+    self->step.discarded_from = NAN;
     return SUCCESS;
 }

@@ -1,3 +1,5 @@
+/* Collocation at Gauss's three points, of order 6: Hairer, Lubich, Wanner, Geometric Numerical Integration, Springer
+ * 2006, II.1.3; its stages by fixed-point iteration as in Antonana, Makazaga, Murua, Numer. Algorithms 76, 2017, 861. */
 #include "symplectic.h"
 
 #include <float.h>

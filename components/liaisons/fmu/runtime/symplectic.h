@@ -1,5 +1,4 @@
-/* Symplectic solver with fixed steps: collocation at Gauss's points, of order 6 (Hairer, Lubich, Wanner, Geometric
- * Numerical Integration, 2006, II.1.3). */
+/* Symplectic solver with fixed steps: Gauss, of order 6, see symplectic.c. */
 #ifndef LIAISONS_SYMPLECTIC_H
 #define LIAISONS_SYMPLECTIC_H
 

@@ -1,0 +1,140 @@
+/* The functions that FMI 2.0 and FMI 3.0 have alike, for the file of either, which defines FMI(name), STATUS, ... */
+
+/* An instance where this function may be called in its phase. */
+#define ENTER(name)                                                                              \
+    Fmu *fmu = face_enter(instance, (unsigned)PHASES_##name, (unsigned)USES_##name, __func__); \
+    if (fmu == NULL) return (STATUS)ERROR;                                                       \
+    Instance *core = fmu->face.core;                                                             \
+    (void)core
+
+#define NEED(argument) \
+    if ((argument) == NULL && !face_given(&fmu->face, argument, #argument, __func__)) return (STATUS)ERROR
+
+/* ---- life -------------------------------------------------------------------------------------------------- */
+
+STATUS FMI(SetDebugLogging)(INSTANCE instance, BOOLEAN logging, size_t n, const char *const categories[]) {
+    ENTER(SetDebugLogging);
+    if (n > 0) NEED(categories);
+    return (STATUS)face_set_logging(&fmu->face, logging, n, categories);
+}
+
+STATUS FMI(ExitInitializationMode)(INSTANCE instance) {
+    ENTER(ExitInitializationMode);
+    return (STATUS)core_exit_initialization(core);
+}
+
+STATUS FMI(EnterEventMode)(INSTANCE instance) {
+    ENTER(EnterEventMode);
+    core_enter_event_mode(core);
+    return (STATUS)SUCCESS;
+}
+
+STATUS FMI(Terminate)(INSTANCE instance) {
+    ENTER(Terminate);
+    core_terminate(core);
+    return (STATUS)SUCCESS;
+}
+
+void FMI(FreeInstance)(INSTANCE instance) { face_close(instance); }
+
+/* ---- saved states ------------------------------------------------------------------------------------------ */
+
+STATUS FMI(GetFMUState)(INSTANCE instance, void **state) {
+    ENTER(FMUState);
+    NEED(state);
+    return (STATUS)face_save(&fmu->face, state, __func__);
+}
+
+STATUS FMI(SetFMUState)(INSTANCE instance, void *state) {
+    ENTER(FMUState);
+    NEED(state);
+    return (STATUS)face_restore(&fmu->face, state);
+}
+
+STATUS FMI(FreeFMUState)(INSTANCE instance, void **state) {
+    ENTER(FMUState);
+    face_drop(state);
+    return (STATUS)SUCCESS;
+}
+
+STATUS FMI(SerializedFMUStateSize)(INSTANCE instance, void *state, size_t *size) {
+    ENTER(FMUState);
+    NEED(state);
+    NEED(size);
+    *size = face_size(state);
+    return (STATUS)SUCCESS;
+}
+
+STATUS FMI(SerializeFMUState)(INSTANCE instance, void *state, BYTE bytes[], size_t size) {
+    ENTER(FMUState);
+    NEED(state);
+    NEED(bytes);
+    return (STATUS)face_serialize(&fmu->face, state, bytes, size, __func__);
+}
+
+STATUS FMI(DeserializeFMUState)(INSTANCE instance, const BYTE bytes[], size_t size, void **state) {
+    ENTER(FMUState);
+    NEED(bytes);
+    NEED(state);
+    return (STATUS)face_deserialize(&fmu->face, bytes, size, state, __func__);
+}
+
+/* ---- model exchange ---------------------------------------------------------------------------------------- */
+
+STATUS FMI(EnterContinuousTimeMode)(INSTANCE instance) {
+    ENTER(EnterContinuousTimeMode);
+    core_enter_continuous_mode(core);
+    return (STATUS)SUCCESS;
+}
+
+STATUS FMI(CompletedIntegratorStep)(INSTANCE instance, BOOLEAN no_way_back, BOOLEAN *event, BOOLEAN *terminate) {
+    (void)no_way_back;
+    ENTER(CompletedIntegratorStep);
+    NEED(event);
+    NEED(terminate);
+    *event = 0;
+    *terminate = 0;
+    return (STATUS)SUCCESS;
+}
+
+STATUS FMI(SetTime)(INSTANCE instance, double time) {
+    ENTER(SetTime);
+    return (STATUS)core_set_time(core, time);
+}
+
+/* A vector of as many numbers as there are states. */
+#define STATES(numbers, what)                                                                         \
+    if (face_check_count(&fmu->face, n, model.states, what) != SUCCESS) return (STATUS)ERROR;         \
+    if (n == 0) return (STATUS)SUCCESS;                                                               \
+    NEED(numbers)
+
+STATUS FMI(SetContinuousStates)(INSTANCE instance, const double states[], size_t n) {
+    ENTER(SetContinuousStates);
+    STATES(states, "states");
+    return (STATUS)core_set_states(core, states);
+}
+
+STATUS FMI(GetContinuousStates)(INSTANCE instance, double states[], size_t n) {
+    ENTER(GetContinuousStates);
+    STATES(states, "states");
+    return (STATUS)core_get_states(core, states);
+}
+
+STATUS FMI(GetContinuousStateDerivatives)(INSTANCE instance, double derivatives[], size_t n) {
+    ENTER(GetContinuousStateDerivatives);
+    STATES(derivatives, "derivatives of states");
+    return (STATUS)core_get_derivatives(core, derivatives);
+}
+
+STATUS FMI(GetNominalsOfContinuousStates)(INSTANCE instance, double nominals[], size_t n) {
+    ENTER(GetNominalsOfContinuousStates);
+    STATES(nominals, "nominal values of states");
+    core_get_nominals(core, nominals);
+    return (STATUS)SUCCESS;
+}
+
+STATUS FMI(GetEventIndicators)(INSTANCE instance, double indicators[], size_t n) {
+    (void)indicators;
+    ENTER(GetEventIndicators);
+    return (STATUS)face_check_count(&fmu->face, n, 0, "event indicators");
+}

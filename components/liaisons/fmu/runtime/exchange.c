@@ -1,0 +1,90 @@
+/* Model exchange, where the importer solves the equations, and events. */
+#include <string.h>
+
+#include "instance.h"
+
+Status core_set_time(Instance *self, double time) {
+    if (!isfinite(time)) return core_report(self, DISCARD, "time = %s: set a finite number", core_spelled(time));
+    self->s->time = time;
+    self->known.current = 0;
+    return SUCCESS;
+}
+
+Status core_set_states(Instance *self, const double y[]) {
+    for (size_t i = 0; i < self->model->states; i++)
+        if (!isfinite(y[i]))
+            return core_report(self, DISCARD, "%s = %s: set a finite number",
+                               core_name(self, core_place_of_state(self->model, i, 0)), core_spelled(y[i]));
+    memcpy(self->v.y, y, self->model->states * sizeof *y);
+    self->known.current = 0;
+    return SUCCESS;
+}
+
+Status core_get_states(Instance *self, double y[]) {
+    core_start(self);
+    if (!core_check_finite(self, self->v.y, 0, self->s->time)) return core_report(self, DISCARD, "%s", self->words.text);
+    memcpy(y, self->v.y, self->model->states * sizeof *y);
+    return SUCCESS;
+}
+
+Status core_get_derivatives(Instance *self, double f[]) {
+    const double t = self->s->time;
+    core_start(self);
+    evaluate(self, derivatives_of(self->model), t, self->v.y, self->d.y);
+    if (!core_check_domains(self, t) || !core_check_conditions(self, t, self->v.y, self->model->conditions)
+        || !core_check_finite(self, self->d.y, 1, t))
+        return core_report(self, DISCARD, "%s", self->words.text);
+    memcpy(f, self->d.y, self->model->states * sizeof *f);
+    return SUCCESS;
+}
+
+void core_get_nominals(Instance *self, double sizes[]) {
+    if (self->s->phase < EVENT) {
+        core_start(self);
+        core_measure(self);
+    }
+    memcpy(sizes, self->v.size, self->model->states * sizeof *sizes);
+}
+
+void core_enter_event_mode(Instance *self) {
+    if (self->s->phase == CONTINUOUS) {
+        core_remember(self);
+        core_follow(self);
+    }
+    self->s->jumped |= self->s->time >= self->s->limit; /* functions of time inside the component may */
+    self->s->phase = EVENT;
+    self->s->limit = INFINITY;
+    self->known.current = 0;
+}
+
+Status core_update_discrete_states(Instance *self, int *changed, double *next) {
+    const char *before = (const char *)self->step.backup + ((const char *)self->v.y - (const char *)self->s);
+    *changed = 0;
+    if (self->s->jumped) {
+        memcpy(self->step.backup, self->s, self->layout.moving_size);
+        core_compare(self);
+        core_jump(self);
+        if (!core_check_finite(self, self->v.y, 0, self->s->time)
+            || (!core_remember(self) && !core_because_infinite(self))) {
+            memcpy(self->s, self->step.backup, self->layout.moving_size);
+            self->known.current = 0;
+            return core_report(self, DISCARD, "%s; set other inputs or states", self->words.text);
+        }
+        core_follow(self);
+        *changed = memcmp(before, self->v.y, self->model->states * sizeof *self->v.y) != 0;
+        self->known.current = 0;
+    }
+    *next = core_next_instant(self, self->s->time);
+    return SUCCESS;
+}
+
+void core_enter_continuous_mode(Instance *self) {
+    self->s->phase = CONTINUOUS;
+    self->s->limit = core_next_instant(self, self->s->time);
+    self->known.current = 0;
+}
+
+void core_enter_step_mode(Instance *self) {
+    self->s->phase = STEP;
+    self->known.current = 0;
+}

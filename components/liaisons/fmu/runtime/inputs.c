@@ -1,0 +1,174 @@
+#include "inputs.h"
+
+#include <string.h>
+
+/* ---- derivatives of inputs, given for one step ------------------------------------------------------------- */
+
+static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
+    if (core_check_references(self, &reference, 1, 1) != SUCCESS) return ERROR;
+    const size_t place = span_of(self, reference).first;
+    const char *name = core_name(self, place);
+    if (core_variable_at(self->model, place)->kind != INPUT)
+        return core_report(self, ERROR, "%s is no input", name);
+    if (order < 1 || order > ORDER)
+        return core_report(self, ERROR, "derivative of order %d of %s: the order must be 1 to %d", order, name, ORDER);
+    if (isfinite(value)) return SUCCESS;
+    return core_report(self, DISCARD, "derivative of order %d of %s = %s: set a finite number", order, name,
+                       core_spelled(value));
+}
+
+Status core_set_input_derivatives(Instance *self, const unsigned references[], size_t n, const int orders[],
+                                  const double values[]) {
+    for (size_t i = 0; i < n; i++) {
+        const Status status = check_input_derivative(self, references[i], orders[i], values[i]);
+        if (status != SUCCESS) return status;
+    }
+    for (size_t i = 0; i < n; i++) {
+        double *taylor = &self->v.taylor[(span_of(self, references[i]).first - self->model->parameters) * COEFFICIENTS];
+        taylor[0] = 1;
+        taylor[orders[i]] = values[i];
+    }
+    self->s->expanded = 1;
+    return SUCCESS;
+}
+
+/* ---- polynomials ------------------------------------------------------------------------------------------- */
+
+/* Derivative with respect to time of a polynomial in the fraction of a step of size H. */
+static void differentiate(const double *c, double H, double *derivative) {
+    for (int j = 0; j < ORDER; j++) derivative[j] = (j + 1) * c[j + 1] / H;
+    derivative[ORDER] = 0;
+}
+
+/* Quintic Hermite polynomial: value, rate and acceleration at both ends of the step. */
+static void interpolate(const double *u, const double *set, Active at, double H, double *c) {
+    c[0] = u[at.value];
+    c[1] = H * u[at.rate];
+    c[2] = H * H * u[at.acceleration] / 2;
+    /* what this parabola misses at the end */
+    const double value = set[at.value] - (c[0] + c[1] + c[2]);
+    const double rate = H * set[at.rate] - (c[1] + 2 * c[2]);
+    const double acceleration = H * H * set[at.acceleration] - 2 * c[2];
+    c[3] = 10 * value - 4 * rate + acceleration / 2;
+    c[4] = -15 * value + 7 * rate - acceleration;
+    c[5] = 6 * value - 3 * rate + acceleration / 2;
+}
+
+static int rests(const Instance *self, Active at) {
+    const double *u = self->v.u, *set = self->v.set;
+    if (u[at.rate] != 0 || u[at.acceleration] != 0) return 0;
+    return self->s->reconstruction == EXTRAPOLATE
+           || (set[at.value] == u[at.value] && set[at.rate] == 0 && set[at.acceleration] == 0);
+}
+
+/* The polynomial of an input, which is constant so far. */
+static double *polynomial(Instance *self, size_t place) {
+    const size_t found = self->movers.of_input[place];
+    if (found < self->movers.count && self->movers.list[found].place == place) return self->movers.list[found].c;
+    const Variable *variable = core_variable_at(self->model, self->model->parameters + place);
+    self->movers.of_input[place] = self->movers.count;
+    self->movers.list[self->movers.count] = (Mover){.place = place, .variable = variable, .c = {self->v.u[place]}};
+    return self->movers.list[self->movers.count++].c;
+}
+
+/* A coordinate that an operator prescribes, with its rate and its acceleration. */
+static void reconstruct_active(Instance *self, Active at, double H) {
+    if (rests(self, at)) return;
+    double *value = polynomial(self, at.value), *rate = polynomial(self, at.rate);
+    if (self->s->reconstruction == INTERPOLATE) {
+        interpolate(self->v.u, self->v.set, at, H, value);
+    } else {
+        value[1] = H * self->v.u[at.rate];
+        value[2] = H * H * self->v.u[at.acceleration] / 2;
+    }
+    differentiate(value, H, rate);
+    differentiate(rate, H, polynomial(self, at.acceleration));
+}
+
+void core_reconstruct(Instance *self, double H) {
+    const Model *model = self->model;
+    const int mode = self->s->reconstruction;
+    const double *u = self->v.u, *set = self->v.set;
+    self->movers.count = 0;
+    for (size_t i = 0; i < model->inputs && mode == INTERPOLATE; i++)
+        if (set[i] != u[i]) polynomial(self, i)[1] = set[i] - u[i];
+    for (const Active *at = model->active; at < model->active + model->active_rows && mode != HOLD; at++)
+        for (size_t i = 0; i < at->count; i++)
+            reconstruct_active(self, (Active){at->value + i, at->rate + i, at->acceleration + i, 1, NO_MISMATCH},
+                               H);
+    for (size_t i = 0; i < model->inputs && mode != INTERPOLATE && self->s->expanded; i++) {
+        const double *taylor = &self->v.taylor[i * COEFFICIENTS];
+        if (taylor[0] == 0) continue;
+        double *c = polynomial(self, i), factor = 1;
+        for (int j = 1; j <= ORDER; j++) c[j] = taylor[j] * (factor *= H / j);
+        c[0] = u[i];
+    }
+}
+
+void core_settle_movers(Instance *self) {
+    size_t kept = 0;
+    for (size_t i = 0; i < self->movers.count; i++) {
+        Mover mover = self->movers.list[i];
+        mover.degree = ORDER;
+        while (mover.degree > 0 && mover.c[mover.degree] == 0) mover.degree--;
+        if (mover.degree == 0) continue;
+        self->movers.of_input[mover.place] = kept;
+        self->movers.list[kept++] = mover;
+    }
+    self->movers.count = kept;
+}
+
+int core_activity(const Instance *self) {
+    const Model *model = self->model;
+    const size_t first = model->parameters, end = first + model->inputs;
+    int found = model->motions[0].all == derivatives_of(model) ? ACTIVITIES - 1 : 0; /* where nothing would be saved */
+    for (size_t i = 0; i < self->movers.count; i++) found |= self->movers.list[i].variable->activity;
+    for (const Variable *input = core_variable_at(model, first); found < ACTIVITIES - 1 && input->first < end; input++)
+        for (size_t i = 0; i < input->count; i++)
+            if (self->v.u[input->first - first + i] != 0) found |= input->activity;
+    return found;
+}
+
+/* ---- inputs that are asked for ----------------------------------------------------------------------------- */
+
+/* The powers 1 to 5 of a polynomial that is 0 at 0, from its values at 1/5, 2/5 ... 1. */
+static const double POWERS[ORDER][ORDER] = {
+    {25, -25, 50 / 3.0, -25 / 4.0, 1},
+    {-1925 / 12.0, 2675 / 12.0, -325 / 2.0, 1525 / 24.0, -125 / 12.0},
+    {8875 / 24.0, -7375 / 12.0, 6125 / 12.0, -5125 / 24.0, 875 / 24.0},
+    {-4375 / 12.0, 8125 / 12.0, -625, 6875 / 24.0, -625 / 12.0},
+    {3125 / 24.0, -3125 / 12.0, 3125 / 12.0, -3125 / 24.0, 625 / 24.0},
+};
+
+Status core_give(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
+    const size_t first = self->model->parameters, end = first + self->model->inputs;
+    if (core_check_references(self, references, n, count) != SUCCESS) return ERROR;
+    for (size_t i = 0; i < n; i++) {
+        const Span span = span_of(self, references[i]);
+        if (span.first < first || span.first >= end)
+            return core_report(self, ERROR, "%s is no input", core_name(self, span.first));
+        for (size_t k = 0; k < span.count; k++)
+            self->movers.given[(span.first - first + k) * ORDER + self->movers.asked] = *values++;
+    }
+    return SUCCESS;
+}
+
+void core_ask(Instance *self, double time, double H) {
+    for (size_t i = 0; i < self->model->inputs * ORDER; i++) self->movers.given[i] = NAN;
+    self->s->phase = ASKING;
+    for (self->movers.asked = 0; self->movers.asked < ORDER; self->movers.asked++)
+        self->options.ask(self->options.owner, time + H * (double)(self->movers.asked + 1) / ORDER);
+    self->s->phase = STEP;
+    for (size_t i = 0; i < self->model->inputs; i++) {
+        const double *given = &self->movers.given[i * ORDER];
+        double sum = 0;
+        for (int k = 0; k < ORDER; k++) sum += given[k];
+        if (!isfinite(sum)) continue;
+        double *c = polynomial(self, i);
+        for (int j = 0; j < ORDER; j++) {
+            c[j + 1] = 0;
+            for (int k = 0; k < ORDER; k++) c[j + 1] += POWERS[j][k] * (given[k] - self->v.u[i]);
+        }
+        c[0] = self->v.u[i];
+    }
+}

@@ -1,0 +1,35 @@
+/* How inputs move inside a communication step: as polynomials in the fraction of it that has passed. */
+#ifndef LIAISONS_INPUTS_H
+#define LIAISONS_INPUTS_H
+
+#include "instance.h"
+
+/* The polynomials of all inputs that move in a step of size H, from u and what was set. */
+void core_reconstruct(Instance *, double H);
+/* Ask the importer how inputs move in a step of size H. */
+void core_ask(Instance *, double time, double H);
+/* Find the degrees of the polynomials, and leave out those of inputs that do not move after all. */
+void core_settle_movers(Instance *);
+/* What the inputs do in this step: LOADS, MOVES. */
+int core_activity(const Instance *);
+
+/* What an input is when the part x of the step has passed. */
+static inline double input_at(const Mover *mover, double x) {
+    double value = mover->c[mover->degree];
+    for (int j = mover->degree - 1; j >= 0; j--) value = mover->c[j] + x * value;
+    return value;
+}
+
+/* u at a time inside the step; 0 if one leaves its domain. */
+static inline int move_inputs(Instance *self, double t) {
+    const double x = t / self->step.size;
+    for (const Mover *mover = self->movers.list; mover < self->movers.list + self->movers.count; mover++) {
+        const double value = input_at(mover, x);
+        self->v.u[mover->place] = value;
+        if (!allows(mover->variable, value))
+            return core_outside(self, self->model->parameters + mover->place, value, self->step.start + t);
+    }
+    return 1;
+}
+
+#endif

@@ -1,0 +1,242 @@
+/* An instance from its memory to its end, and calls of the component's functions. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "instance.h"
+#include "solver.h"
+#include "symplectic.h"
+
+/* ---- life -------------------------------------------------------------------------------------------------- */
+
+static size_t count_prescribed(const Model *model) {
+    size_t count = 0;
+    for (size_t i = 0; i < model->active_rows; i++) count += model->active[i].count;
+    return count;
+}
+
+/* The next n numbers of a block. */
+static double *cut(double **rest, size_t n) {
+    double *part = *rest;
+    *rest += n;
+    return part;
+}
+
+static Directions cut_directions(double **rest, const Model *model, size_t outputs) {
+    double *y = cut(rest, model->states), *u = cut(rest, model->inputs), *k = cut(rest, model->parameters);
+    double *m = cut(rest, model->memory);
+    return (Directions){0, y, u, k, m, cut(rest, outputs)};
+}
+
+/* Where everything is in the two blocks that are there; which have this order for what is copied or cleared at once. */
+static void lay_out(Instance *self) {
+    const Model *model = self->model;
+    double *rest = (double *)(self->s + 1);
+    self->v.u = cut(&rest, model->inputs);
+    self->v.y = cut(&rest, model->states);
+    self->v.low = cut(&rest, model->states);
+    self->v.m = cut(&rest, model->memory);
+    self->v.past = (Past *)cut(&rest, self->prescribed.count * PAST);
+    self->v.history = cut(&rest, HISTORY * model->coupled);
+    self->v.taylor = cut(&rest, COEFFICIENTS * model->inputs);
+    self->v.size = cut(&rest, model->states);
+    self->v.k = cut(&rest, model->parameters);
+    self->v.set = cut(&rest, model->inputs);
+    self->v.z = cut(&rest, model->outputs);
+    self->v.t = rest;
+    rest = self->d.y;
+    self->d = cut_directions(&rest, model, model->outputs);
+    self->e = cut_directions(&rest, model, 0);
+    self->scratch.work = cut(&rest, SOLVER_COLUMNS * model->states);
+    self->scratch.condition = cut(&rest, model->start_conditions);
+    self->scratch.instant = cut(&rest, model->events);
+    self->call.reals = cut(&rest, model->reals);
+    self->movers.given = rest;
+}
+
+Instance *core_new(const Model *model, const Options *options) {
+    const size_t n = model->states, settable = model->parameters + model->inputs;
+    const size_t prescribed = count_prescribed(model), past = prescribed * PAST;
+    const size_t moving = model->inputs + 2 * n + model->memory + past + HISTORY * model->coupled;
+    const size_t resting = model->inputs * COEFFICIENTS + n + settable;
+    const size_t scratch = 2 * (n + settable + model->memory) + model->outputs + SOLVER_COLUMNS * n
+                           + model->start_conditions + model->events + model->reals + ORDER * model->inputs;
+    Instance *self = calloc(1, sizeof *self);
+    if (self == NULL) return NULL;
+    self->model = model;
+    self->options = *options;
+    self->layout.places = settable + model->outputs;
+    self->layout.by_variable = options->whole && model->variable_rows < self->layout.places;
+    self->layout.references = options->whole ? model->variable_rows + 1 : self->layout.places;
+    self->layout.first = first_reference(model);
+    self->layout.moving_size = sizeof(Scalars) + moving * sizeof(double);
+    self->layout.state_size = self->layout.moving_size + resting * sizeof(double);
+    self->s = calloc(1, self->layout.state_size + (model->outputs + 1) * sizeof(double));
+    self->step.backup = malloc(self->layout.moving_size);
+    self->movers.list = calloc(model->inputs + 1, sizeof *self->movers.list);
+    self->movers.of_input = calloc(model->inputs + 1, sizeof *self->movers.of_input);
+    self->prescribed.count = prescribed;
+    self->prescribed.list = calloc(prescribed + 1, sizeof *self->prescribed.list);
+    self->prescribed.warned = calloc(model->active_rows + 1, sizeof *self->prescribed.warned);
+    self->d.y = calloc(scratch + 1, sizeof *self->d.y);
+    self->call.arguments = calloc(model->most_arguments, sizeof *self->call.arguments);
+    self->call.results = calloc(model->most_results, sizeof *self->call.results);
+    self->call.integers = calloc(model->integers + 1, sizeof *self->call.integers);
+    self->words.name = calloc(NAME, sizeof *self->words.name);
+    if (!self->s || !self->step.backup || !self->movers.list || !self->movers.of_input || !self->prescribed.list
+        || !self->prescribed.warned || !self->d.y || !self->call.arguments || !self->call.results
+        || !self->call.integers || !self->words.name) {
+        core_free(self);
+        return NULL;
+    }
+    lay_out(self);
+    core_find_prescribed(self);
+    core_reset(self);
+    return self;
+}
+
+void core_free(Instance *self) {
+    if (self == NULL) return;
+    free(self->s);
+    free(self->step.backup);
+    free(self->movers.list);
+    free(self->movers.of_input);
+    free(self->prescribed.list);
+    free(self->prescribed.warned);
+    free(self->d.y);
+    free(self->call.arguments);
+    free(self->call.results);
+    free(self->call.integers);
+    free(self->words.name);
+    free(self);
+}
+
+void core_reset(Instance *self) {
+    const Model *model = self->model;
+    const Variable *variable = model->variables;
+    memset(self->s, 0, self->layout.state_size);
+    self->s->use = self->options.use;
+    self->s->phase = INSTANTIATED;
+    self->s->reconstruction = EXTRAPOLATE;
+    self->s->limit = INFINITY;
+    self->s->tolerance = model->tolerance;
+    self->s->unstarted = 1;
+    for (; variable->first < model->parameters + model->inputs; variable++)
+        for (size_t i = 0; i < variable->count; i++) self->v.k[variable->first + i] = variable->start;
+    for (size_t i = 0; i < model->start_rows; i++) self->v.k[model->starts[i].place] = model->starts[i].value;
+    memcpy(self->v.u, self->v.set, model->inputs * sizeof *self->v.u);
+    memset(self->prescribed.warned, 0, model->active_rows);
+    self->known.current = self->known.apart = self->known.allowed = 0;
+    self->step.discarded_from = NAN;
+}
+
+Phase core_phase(const Instance *self) { return (Phase)self->s->phase; }
+
+Use core_use(const Instance *self) { return self->options.use; }
+
+double core_time(const Instance *self) { return self->s->time; }
+
+Status core_setup(Instance *self, double start_time, const double *stop_time, double tolerance) {
+    if (!isfinite(start_time))
+        return core_report(self, ERROR, "start time = %s: it must be finite", core_spelled(start_time));
+    if (stop_time != NULL && !isfinite(*stop_time))
+        return core_report(self, ERROR, "stop time = %s: it must be finite", core_spelled(*stop_time));
+    if (stop_time != NULL && *stop_time < start_time)
+        return core_report(self, ERROR, "stop time = %g lies before start time = %g", *stop_time, start_time);
+    if (!(tolerance >= 0 && isfinite(tolerance)))
+        return core_report(self, ERROR, "tolerance = %g: it must be > 0 and finite", tolerance);
+    self->s->time = start_time;
+    self->s->unstarted = 1;
+    self->known.current = 0;
+    if (tolerance == 0) return SUCCESS;
+    self->s->tolerance = fmin(fmax(tolerance, TIGHTEST), LOOSEST);
+    if (self->s->tolerance == tolerance) return SUCCESS;
+    core_report(self, WARNING, "tolerance = %g is out of range, %g is used", tolerance, self->s->tolerance);
+    return SUCCESS;
+}
+
+void core_enter_configuration(Instance *self) { self->s->phase = CONFIGURATION; }
+
+void core_exit_configuration(Instance *self) { self->s->phase = INSTANTIATED; }
+
+void core_enter_initialization(Instance *self) { self->s->phase = INITIALIZATION; }
+
+Status core_exit_initialization(Instance *self) {
+    core_start(self);
+    const double t = self->s->time;
+    if (!core_check_domains(self, t) || !core_check_finite(self, self->v.y, 0, t)
+        || !core_check_conditions(self, t, self->v.y, self->model->start_conditions)
+        || (!all_finite(self->v.m, self->model->memory) && !core_because_infinite(self)))
+        return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
+    core_measure(self);
+    core_follow(self);
+    self->s->phase = self->options.use == USE_CO_SIMULATION ? STEP : EVENT;
+    self->s->jumped = 0;
+    return SUCCESS;
+}
+
+void core_terminate(Instance *self) {
+    core_warn(self);
+    self->s->phase = TERMINATED;
+}
+
+/* ---- generated functions ----------------------------------------------------------------------------------- */
+
+int core_evaluate_at_limit(Instance *self, Function *function, const double *y, double *result) {
+    self->call.now = before_limit(self, self->s->limit);
+    return evaluate_now(self, function, y, result);
+}
+
+void core_start(Instance *self) {
+    if (!self->s->unstarted) return;
+    self->call.arguments[0] = &self->s->time;
+    self->call.arguments[1] = self->v.u;
+    self->call.arguments[2] = self->v.k;
+    self->call.results[0] = self->v.y;
+    self->call.results[1] = self->v.m;
+    self->model->start(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
+    self->s->unstarted = 0;
+}
+
+int core_remember(Instance *self) {
+    evaluate(self, self->model->remember, self->s->time, self->v.y, self->d.m);
+    if (!all_finite(self->d.m, self->model->memory)) return 0;
+    memcpy(self->v.m, self->d.m, self->model->memory * sizeof *self->v.m);
+    self->s->jumped = 0;
+    return 1;
+}
+
+void core_jump(Instance *self) {
+    core_leap(self);
+    evaluate(self, self->model->jump, self->s->time, self->v.y, self->d.y);
+    memcpy(self->v.y, self->d.y, self->model->states * sizeof *self->v.y);
+    self->s->jumped = 0;
+}
+
+void core_update(Instance *self) {
+    if (self->known.current) return;
+    core_start(self);
+    if (self->s->phase == CONTINUOUS || self->s->phase == INTERMEDIATE) core_remember(self); /* nothing jumps there */
+    evaluate(self, self->model->calculate, self->s->time, self->v.y, self->v.z);
+    self->known.current = 1;
+}
+
+void core_measure(Instance *self) {
+    evaluate(self, self->model->nominals, self->s->time, self->v.y, self->v.size);
+    for (size_t i = 0; i < self->model->states; i++)
+        if (!(self->v.size[i] > 0 && isfinite(self->v.size[i]))) self->v.size[i] = 1;
+}
+
+const double *core_instants(Instance *self, const double *k) {
+    self->call.arguments[0] = k;
+    self->call.results[0] = self->scratch.instant;
+    self->model->instants(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
+    return self->scratch.instant;
+}
+
+double core_next_instant(Instance *self, double t) {
+    double next = INFINITY;
+    const double *instant = self->model->events == 0 ? NULL : core_instants(self, self->v.k);
+    for (size_t i = 0; i < self->model->events; i++)
+        if (instant[i] > t && instant[i] < next) next = instant[i];
+    return next;
+}

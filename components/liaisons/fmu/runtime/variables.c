@@ -1,0 +1,283 @@
+/* Variables by their references: getting and setting them, settings, structural sizes. */
+#include <stdio.h>
+#include <string.h>
+
+#include "instance.h"
+
+/* ---- names and references ---------------------------------------------------------------------------------- */
+
+const Variable *core_variable_at(const Model *model, size_t place) {
+    const size_t calculated = model->parameters + model->inputs;
+    if (model->variable_rows == calculated + model->outputs) return &model->variables[place]; /* numbers only */
+    size_t low = 0, high = model->variable_rows;
+    while (high > low) {
+        const size_t middle = low + (high - low + 1) / 2;
+        if (model->variables[middle].first <= place) low = middle;
+        else high = middle - 1;
+    }
+    return &model->variables[low];
+}
+
+const char *core_name(const Instance *self, size_t place) {
+    const Variable *variable = core_variable_at(self->model, place);
+    if (!variable->array) return variable->name;
+    snprintf(self->words.name, NAME, "%s[%lu]", variable->name, (unsigned long)(place - variable->first + 1));
+    return self->words.name;
+}
+
+size_t core_place_of_state(const Model *model, size_t i, int derivative) {
+    const State *state = model->state;
+    while (i >= model->variables[state->variable].count) i -= model->variables[state++->variable].count;
+    return model->variables[derivative ? state->derivative : state->variable].first + i;
+}
+
+Status core_check_references(const Instance *self, const unsigned references[], size_t n, size_t count) {
+    size_t numbers = n;
+    for (size_t i = 0; i < n; i++) {
+        if (references[i] - self->layout.first >= self->layout.references)
+            return core_report(self, ERROR,
+                               "value reference %u belongs to no floating-point variable; they are %u to %lu",
+                               references[i], self->layout.first,
+                               (unsigned long)(self->layout.first + self->layout.references - 1));
+        numbers += span_of(self, references[i]).count - 1;
+    }
+    if (numbers == count) return SUCCESS;
+    return core_report(self, ERROR, "%lu values for variables that hold %lu", (unsigned long)count,
+                       (unsigned long)numbers);
+}
+
+typedef struct { /* what is left of references and of values for them */
+    const unsigned *references;
+    size_t n, count;
+} Rest;
+
+/* The places of the next reference and of those that follow it one by one; 0 if there are none or too few values. */
+static int next_run(const Instance *self, Rest *rest, Span *run) {
+    const unsigned reference = *rest->references;
+    size_t n = 1;
+    while (n < rest->n && rest->references[n] == reference + n) n++;
+    const size_t index = reference - self->layout.first;
+    if (index >= self->layout.references || n > self->layout.references - index) return 0;
+    const Span first = span_of(self, reference), last = span_of(self, reference + (unsigned)(n - 1));
+    *run = (Span){first.first, last.first + last.count - first.first};
+    if (run->count > rest->count) return 0;
+    rest->references += n;
+    rest->n -= n;
+    rest->count -= run->count;
+    return 1;
+}
+
+static void copy(double *to, const double *from, size_t n) {
+    if (n == 1) *to = *from; /* less than a call */
+    else memcpy(to, from, n * sizeof *to);
+}
+
+Status core_get(Instance *self, const unsigned references[], size_t n, double values[], size_t count) {
+    const size_t calculated = self->model->parameters + self->model->inputs;
+    Rest rest = {references, n, count};
+    Span run;
+    *self->v.t = self->s->time;
+    if (self->known.current && !self->layout.by_variable) { /* nothing is as fast as to take them one by one */
+        for (size_t i = 0; i < n; i++) {
+            const size_t place = references[i] - self->layout.first;
+            if (place >= self->layout.references) return core_check_references(self, references, n, count);
+            if (i < count) values[i] = self->v.k[place];
+        }
+        if (n != count) return core_check_references(self, references, n, count);
+        return all_finite(values, n) ? SUCCESS : core_refuse_infinite(self, references, values, n, "");
+    }
+    for (double *value = values; rest.n > 0; value += run.count) {
+        if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
+        if (run.first + run.count > calculated) core_update(self);
+        copy(value, &self->v.k[run.first], run.count);
+    }
+    if (rest.count > 0) return core_check_references(self, references, n, count);
+    return all_finite(values, count) ? SUCCESS : core_refuse_infinite(self, references, values, count, "");
+}
+
+static const char FIXED[] = "it is a fixed parameter; set it before initialization ends";
+
+static int settable(const Instance *self, const Variable *variable) {
+    switch (variable->kind) {
+    case INPUT: return 1;
+    case FIXED_PARAMETER: return self->s->phase < EVENT;
+    case TUNABLE_PARAMETER: return self->s->phase != CONTINUOUS;
+    default:
+        return variable->state != NO_STATE && self->options.use == USE_MODEL_EXCHANGE && self->s->phase >= EVENT;
+    }
+}
+
+static Status refuse(const Instance *self, size_t place, Kind kind, double value) {
+    return core_report(self, ERROR, "%s = %.9g: %s", core_name(self, place), value,
+                       kind == FIXED_PARAMETER     ? FIXED
+                       : kind == TUNABLE_PARAMETER ? "it is a parameter; set it in event mode"
+                       : kind == INDEPENDENT       ? "the time is not a variable that can be set"
+                                                   : "it is calculated; set parameters and inputs");
+}
+
+static size_t larger(size_t a, size_t b) { return a > b ? a : b; }
+
+static size_t smaller(size_t a, size_t b) { return a < b ? a : b; }
+
+static Status check_setting(Instance *self, Span run, const double values[]) {
+    const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
+    const size_t end = run.first + run.count;
+    if (end > calculated || (run.first < inputs && self->s->phase >= EVENT)) { /* else all can be set */
+        const Variable *variable = core_variable_at(self->model, run.first);
+        for (; variable->kind != INDEPENDENT && variable->first < end; variable++) {
+            const size_t place = larger(variable->first, run.first);
+            if (!settable(self, variable)) return refuse(self, place, variable->kind, values[place - run.first]);
+        }
+        const size_t time = self->layout.places;
+        if (end > time) return refuse(self, time, INDEPENDENT, values[time - run.first]);
+    }
+    if (all_finite(values, run.count)) return SUCCESS;
+    for (size_t i = 0; i < run.count; i++)
+        if (!isfinite(values[i])) {
+            if (run.first + i >= calculated) core_update(self);
+            return core_report(self, DISCARD, "%s = %s: set a finite number; it stays %.9g",
+                               core_name(self, run.first + i), core_spelled(values[i]), self->v.k[run.first + i]);
+        }
+    return SUCCESS;
+}
+
+/* Put numbers somewhere; returns whether they are new there. */
+static int replace(double *to, const double *from, size_t n) {
+    if (n == 1) { /* less than two calls */
+        const int differs = memcmp(to, from, sizeof *to) != 0;
+        *to = *from;
+        return differs;
+    }
+    if (n == 0 || memcmp(to, from, n * sizeof *to) == 0) return 0;
+    memcpy(to, from, n * sizeof *to);
+    return 1;
+}
+
+/* Take parameters, inputs, states; returns whether parameters or the present inputs are new. */
+static int take(Instance *self, Span run, const double values[], int present) {
+    const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
+    const size_t end = run.first + run.count;
+    int fresh = 0;
+    if (run.first < inputs) fresh |= replace(&self->v.k[run.first], values, smaller(end, inputs) - run.first);
+    const size_t first = larger(run.first, inputs), last = smaller(end, calculated);
+    if (first < last) {
+        copy(&self->v.k[first], values + (first - run.first), last - first);
+        if (present) fresh |= replace(&self->v.u[first - inputs], values + (first - run.first), last - first);
+    }
+    for (size_t place = larger(run.first, calculated); place < end;) {
+        const Variable *variable = core_variable_at(self->model, place);
+        const size_t next = smaller(end, variable->first + variable->count);
+        copy(&self->v.y[(size_t)variable->state + place - variable->first], values + (place - run.first), next - place);
+        self->known.current = 0;
+        place = next;
+    }
+    return fresh;
+}
+
+/* Set inputs to finite numbers, one by one; returns 0 if that is not all that is asked for, and sets nothing. */
+static int set_inputs(Instance *self, const unsigned references[], size_t n, const double values[], int present,
+                      int *fresh) {
+    const size_t first = self->layout.first + self->model->parameters, inputs = self->model->inputs;
+    uint64_t differences = 0, before, after;
+    for (size_t i = 0; i < n; i++)
+        if (references[i] - first >= inputs || values[i] - values[i] != 0) return 0;
+    for (size_t i = 0; i < n; i++) {
+        const size_t place = references[i] - first;
+        self->v.set[place] = values[i];
+        if (!present) continue;
+        memcpy(&before, &self->v.u[place], sizeof before);
+        memcpy(&after, &values[i], sizeof after);
+        differences |= before ^ after;
+        self->v.u[place] = values[i];
+    }
+    *fresh = differences != 0;
+    return 1;
+}
+
+/* Set anything, run by run. */
+static Status set_runs(Instance *self, const unsigned references[], size_t n, const double values[], size_t count,
+                       int present, int *fresh) {
+    Rest rest = {references, n, count};
+    Span run;
+    for (const double *value = values; rest.n > 0; value += run.count) {
+        if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
+        const Status status = check_setting(self, run, value);
+        if (status != SUCCESS) return status;
+    }
+    if (rest.count != 0) return core_check_references(self, references, n, count);
+    rest = (Rest){references, n, count};
+    for (const double *value = values; rest.n > 0; value += run.count) {
+        next_run(self, &rest, &run);
+        *fresh |= take(self, run, value, present);
+    }
+    return SUCCESS;
+}
+
+Status core_set(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
+    /* The values belong to the present time, but in interpolation: there to the end of the step to come. */
+    const int interpolating = self->s->reconstruction == INTERPOLATE;
+    const int present = !(self->s->phase == STEP && interpolating);
+    int fresh = 0;
+    if (self->layout.by_variable || n != count || !set_inputs(self, references, n, values, present, &fresh)) {
+        const Status status = set_runs(self, references, n, values, count, present, &fresh);
+        if (status != SUCCESS) return status;
+    }
+    if (present && !interpolating && self->known.apart) { /* so do those that were set before */
+        fresh |= replace(self->v.u, self->v.set, self->model->inputs);
+        self->known.apart = 0;
+    }
+    self->known.allowed = 0;
+    if (self->s->phase < EVENT) self->s->unstarted = 1;
+    if (fresh) {
+        self->s->jumped = 1;
+        self->known.current = 0;
+    }
+    return SUCCESS;
+}
+
+enum { RECONSTRUCTION, SYMPLECTIC_STEPS, SETTINGS };
+
+static const struct {
+    const char *name, *values;
+    int most;
+} SETTING[SETTINGS] = {
+    {"input_reconstruction", "0 (hold), 1 (extrapolate) or 2 (interpolate)", INTERPOLATE},
+    {"symplectic_steps", "0 (the error is controlled) to 100000 in a communication step", MOST_SYMPLECTIC_STEPS},
+};
+
+/* Which setting a reference stands for; SETTINGS, and a report, if there is none. */
+static size_t setting(const Instance *self, unsigned reference) {
+    size_t next = self->layout.first + self->layout.references;
+    if (self->model->inputs > 0 && reference == next++) return RECONSTRUCTION;
+    if (self->model->states > 0 && reference == next) return SYMPLECTIC_STEPS;
+    core_report(self, ERROR, "value reference %u belongs to no integer variable", reference);
+    return SETTINGS;
+}
+
+static int32_t *value_of(const Instance *self, size_t which) {
+    return which == RECONSTRUCTION ? &self->s->reconstruction : &self->s->symplectic_steps;
+}
+
+Status core_get_setting(const Instance *self, unsigned reference, int *value) {
+    const size_t which = setting(self, reference);
+    if (which == SETTINGS) return ERROR;
+    *value = *value_of(self, which);
+    return SUCCESS;
+}
+
+Status core_set_settings(Instance *self, const unsigned references[], size_t n, const int values[]) {
+    for (size_t i = 0; i < n; i++) {
+        const size_t which = setting(self, references[i]);
+        if (which == SETTINGS) return ERROR;
+        if (values[i] < 0 || values[i] > SETTING[which].most)
+            return core_report(self, ERROR, "%s = %d: set %s", SETTING[which].name, values[i], SETTING[which].values);
+        if (self->s->phase >= EVENT)
+            return core_report(self, ERROR, "%s = %d: %s", SETTING[which].name, values[i], FIXED);
+    }
+    for (size_t i = 0; i < n; i++) *value_of(self, setting(self, references[i])) = values[i];
+    return SUCCESS;
+}
+
+const Dimension *core_dimension(const Instance *self, unsigned reference) {
+    return reference - 1 < self->model->dimension_rows ? &self->model->dimensions[reference - 1] : NULL;
+}
