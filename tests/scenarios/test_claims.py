@@ -102,7 +102,7 @@ def test_each_panel_has_its_labels_and_a_legend_below(tmp_path: Path) -> None:
     right.plot([0, 1], [1, 0], label="FMU")
     save(tmp_path / "figure.png")
     assert (left.get_title(), right.get_xlabel(), left.get_ylabel(), space.get_zlabel()) == ("l", "t [s]", "y [m]", "z")
-    assert len(left.lines[1].get_xdata()) == 34  # every third
+    assert len(left.lines[1].get_xdata()) == 50  # every second
     assert legends() == [["FMU", "exact"], ["FMU"]]
     assert all(axis.get_legend().get_window_extent().y1 < axis.bbox.y0 for axis in (left, right))
     assert (tmp_path / "figure.png").is_file()
