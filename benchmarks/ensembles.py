@@ -24,7 +24,7 @@ from _measure import Row, command
 
 from liaisons.compiler import compile_library, host
 from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat, right_hand_side, signal
+from liaisons.ensembles.right_hand_sides import INTEGRALS, RightHandSide, flat_model, operator_model, right_hand_side
 from liaisons.ensembles.steps import LANES, compiled
 from liaisons.language import Component
 from liaisons.models import CircularHoop, EllipticHoop, Pendulum, Ramp, Sinusoid
@@ -50,10 +50,10 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
 
 def _measured(title: str, rounds: int, steps: int) -> list[Row]:
     component, operators, values = CASES[title]
-    model = flat(component)
-    signals = {name: signal(model, name, operator) for name, operator in operators.items()}
+    model = flat_model(component)
+    moving = {name: operator_model(model, name, operator) for name, operator in operators.items()}
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
-    found = right_hand_side(model, signals, lanes=values, shared=[], record=moved)
+    found = right_hand_side(model, moving, lanes=values, shared=[], record=moved)
     count = steps * MEMBERS
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         runs = {"scalar": _scalar(found, values, steps, Path(folder))}

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from liaisons import System, compiler, ensemble, max_error, slope
 from liaisons.ensembles import integrating
 from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import flat, right_hand_side
+from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
 from liaisons.ensembles.steps import source
 from liaisons.errors import ComponentError, SimulationError
 from liaisons.models import CartesianPendulum, CircularHoop, Oscillator, Pendulum, PendulumChain, Ramp, Sinusoid
@@ -134,7 +134,7 @@ def test_constraints_hold() -> None:
 
 def test_a_chain_agrees_with_another_integrator() -> None:
     found = ensemble(PendulumChain, {"gravity": [5.0, 9.0]}, stop_time=1.0, step_size=0.01)
-    model = flat(PendulumChain)
+    model = flat_model(PendulumChain)
     k = [9.0 if v.name == "gravity" else v.starts[0] for v in model.parameters]
     u = [v.starts[0] for v in model.inputs]
     start = np.array(model.start(0.0, u, k)[0]).reshape(-1)
@@ -173,13 +173,13 @@ def test_without_a_compiler(monkeypatch) -> None:
 
 def test_integrals_are_left_out_unless_they_are_wanted() -> None:
     for value, output, states in (("theta_0", "theta", 2), ("friction", "dissipated", 3)):
-        equations = right_hand_side(flat(Pendulum), {}, lanes=[value], shared=[], record=[output])
+        equations = right_hand_side(flat_model(Pendulum), {}, lanes=[value], shared=[], record=[output])
         assert equations.start.numel() == states
 
 
 @pytest.mark.parametrize("component", [Pendulum, CartesianPendulum])
 def test_the_generated_code_is_clean(component, monkeypatch) -> None:
-    found = right_hand_side(flat(component), {}, lanes=["gravity"], shared=[], record=["energy"])
+    found = right_hand_side(flat_model(component), {}, lanes=["gravity"], shared=[], record=["energy"])
     strict = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-fopenmp-simd")
     monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, *strict))
     assert compiler.compile_library({"ensemble.c": source(found, METHODS["rk4"]).encode()}, compiler.host())

@@ -126,6 +126,13 @@ def test_extreme_doubles_survive_csv(tmp_path: Path) -> None:
     assert Result.from_csv(tmp_path / "x.csv").values.tobytes() == values.tobytes()
 
 
+def test_a_signal_may_be_called_failure(tmp_path: Path) -> None:
+    names, units = ("x", "failure"), {"x": "m", "failure": ""}
+    result = Result("failing", np.arange(3.0), names, np.arange(6.0).reshape(2, 3), units)
+    result.to_csv(tmp_path / "x.csv")
+    assert alike(result, Result.from_csv(tmp_path / "x.csv"))
+
+
 def test_csv_of_another_tool(tmp_path: Path) -> None:
     path = tmp_path / "reference.csv"
     path.write_text('"time","h","v"\n0,1,0\n0.5,0.5,-4.9\n')

@@ -10,21 +10,19 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from liaisons.arguments import chosen, finite, listed, named, numbers, whole
 from liaisons.compiler import system_compiler, zig_compiler
 from liaisons.ensembles.methods import METHODS
-from liaisons.ensembles.right_hand_sides import INTEGRALS, flat, right_hand_side, settable, signal
-from liaisons.ensembles.steps import LANES, Advance, by_numpy, compiled
+from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
+from liaisons.ensembles.steps import LANES, Advance, Floats, by_numpy, compiled
 from liaisons.errors import ComponentError, SimulationError, suggestion
 from liaisons.expressions import program
 from liaisons.language import Variable
 from liaisons.library import Target
 from liaisons.library import component as found_component
 from liaisons.results import Result
-
-Floats = NDArray[np.float64]
 
 _CHUNK = 16  # blocks that a thread takes at once
 
@@ -70,10 +68,10 @@ def ensemble(
     :raises SimulationError: for a bad number, or arrays that differ in length.
     :raises BuildError: if the compiler fails.
     """
-    model = flat(found_component(component))
+    model = flat_model(found_component(component))
     moving = named("operators", {} if operators is None else operators)
-    signals = {name: signal(model, name, found_component(operator)) for name, operator in moving.items()}
-    variables = settable(model, signals)
+    moving = {name: operator_model(model, name, found_component(operator)) for name, operator in moving.items()}
+    variables = settable(model, moving)
     for name in named("values", values):
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
@@ -89,7 +87,7 @@ def ensemble(
 
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
     names = tuple(moved if record is None else listed("record", record))
-    equations = right_hand_side(model, signals, lanes=lanes, shared=shared, record=names, start_time=start_time)
+    equations = right_hand_side(model, moving, lanes=lanes, shared=shared, record=names, start_time=start_time)
     native = backend == "native" or (backend == "auto" and bool(system_compiler() or zig_compiler()))
     each, once = np.array([*lanes.values()]), np.array([float(array) for array in shared.values()])
     advance = (compiled if native else by_numpy)(equations, METHODS[method], once)

@@ -48,12 +48,12 @@ class RightHandSide:
 
 
 @lru_cache(maxsize=32)
-def flat(component: type[Component]) -> Model:
+def flat_model(component: type[Component]) -> Model:
     """The model of a component, its arrays element by element."""
     return assemble(component).flat()
 
 
-def signal(model: Model, name: str, operator: type[Component]) -> Model:
+def operator_model(model: Model, name: str, operator: type[Component]) -> Model:
     """The model of an operator that moves an active coordinate.
 
     :raises ComponentError: if it is no function of time, or what it is put onto is not active.
@@ -63,7 +63,7 @@ def signal(model: Model, name: str, operator: type[Component]) -> Model:
         raise ComponentError(f"operators: {model.name} has no active coordinate {name!r}{suggestion(name, active)}")
     if not (isinstance(operator, type) and issubclass(operator, Operator)):
         raise ComponentError(f"operators: {name} = {operator!r} is no Operator; give the class, e.g. Sinusoid")
-    found = flat(operator)
+    found = flat_model(operator)
     if found.states or found.inputs:
         raise ComponentError(
             f"operators: {operator.__name__} on {name} closes a loop; in an ensemble an operator is a function of time"
@@ -71,16 +71,16 @@ def signal(model: Model, name: str, operator: type[Component]) -> Model:
     return found
 
 
-def settable(model: Model, signals: Mapping[str, Model]) -> dict[str, Variable]:
+def settable(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
     """What can be given values, by name; ``length.amplitude`` is an operator's."""
-    driven = {name for a in model.active if a.value in signals for name in (a.value, a.rate, a.acceleration)}
+    driven = {name for a in model.active if a.value in moving for name in (a.value, a.rate, a.acceleration)}
     own = {v.name: v for v in (*model.parameters, *model.inputs) if v.name not in driven}
-    return own | {f"{name}.{p.name}": p for name, operator in signals.items() for p in operator.parameters}
+    return own | {f"{name}.{p.name}": p for name, operator in moving.items() for p in operator.parameters}
 
 
 def right_hand_side(
     model: Model,
-    signals: Mapping[str, Model],
+    moving: Mapping[str, Model],
     *,
     lanes: Iterable[str],
     shared: Iterable[str],
@@ -89,7 +89,7 @@ def right_hand_side(
 ) -> RightHandSide:
     """Put the expressions together.
 
-    :param signals: active coordinate -> model of the operator that moves it.
+    :param moving: active coordinate -> model of the operator that moves it.
     :param lanes: names of the values that differ between the cases, in the order of their column.
     :param shared: likewise of those that are given once for all.
     :param record: names of outputs.
@@ -114,8 +114,8 @@ def right_hand_side(
     constants = symbols("lanes", list(lanes)), symbols("shared", list(shared))
     inputs = values(model.inputs)
     for triple in model.active:
-        if triple.value in signals:
-            operator = signals[triple.value]
+        if triple.value in moving:
+            operator = moving[triple.value]
             parameters = _column(values(operator.parameters, f"{triple.value}.").values())
             z = _scalar(operator.outputs_function, t, [], [], parameters, [])[0]
             inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}

@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
-from numpy.lib.recfunctions import unstructured_to_structured
 from numpy.typing import NDArray
 
 from liaisons.arguments import as_path, listed, shown
@@ -130,7 +129,10 @@ class Result:
     @property
     def rows(self) -> NDArray[Any]:
         """The signals as a structured array with a field of doubles each."""
-        return unstructured_to_structured(self.values.T, np.dtype([(name, float) for name in self.names]))
+        rows = np.empty(self.values.shape[1:], dtype=[(name, float) for name in self.names])
+        for name, values in zip(self.names, self.values, strict=True):
+            rows[name] = values
+        return rows
 
     def __contains__(self, name: object) -> bool:
         return name in self._rows or name in self._arrays if isinstance(name, str) else False
@@ -256,8 +258,8 @@ class Result:
 
         :raises ValueError: if it has not, with the reason.
         """
-        last = len(names) - (names[-1:] == [_FAILURE])
-        first = 1 if last == len(names) else 2 if names[:2] == ["time", "case"] else 0
+        first = 1 if names[-1:] != [_FAILURE] else 2 if names[:2] == ["time", "case"] else int(names[0] == "time")
+        last = len(names) - (first != 1)  # of results over time alone, any name may be a signal's
         numbers = np.array(contents[:last], dtype=float)
         if len(set(names)) < len(names) or not numbers.size:
             raise ValueError("it has a name twice, or no numbers")
@@ -265,7 +267,7 @@ class Result:
         if first == 2:
             time = np.unique(time)
             values = values.reshape(len(values), len(time), -1)
-        failures = [] if last == len(names) else list(contents[last])[: values.shape[-1]]
+        failures = [] if first == 1 else contents[last][: values.shape[-1]]
         return cls(
             title,
             time,
