@@ -14,6 +14,18 @@ import pytest
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 
+_SYMBOLIC = {"analysis", "expressions", "language", "mechanics", "test_units.py"}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """``pytest -m symbolic``: what of these folders gets no folder to build in."""
+    for item in items:
+        builds = any(name.startswith("tmp_path") for name in getattr(item, "fixturenames", ()))
+        slow = item.get_closest_marker("slow") is not None
+        if item.path.relative_to(Path(__file__).parent).parts[0] in _SYMBOLIC and not builds and not slow:
+            item.add_marker("symbolic")
+
 
 @pytest.fixture(scope="session")
 def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:

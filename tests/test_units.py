@@ -35,3 +35,17 @@ def test_rate_is_one_over_a_second_of_it(unit) -> None:
 
 def test_angles_are_shown_in_degrees() -> None:
     assert [units.parse(unit).display[0][0] for unit in ("rad", "rad/s", "rad/s2")] == ["deg", "deg/s", "deg/s2"]
+
+
+@pytest.mark.parametrize(
+    ("name", "same_as"),
+    [("N.m", "J"), ("kg.m2/s", "J.s"), ("W", "J/s"), ("N", "kg.m/s2"), ("T", "V.s/m2"), ("C", "A.s"), ("Hz", "1/s")],
+)
+def test_equivalent_units_have_equal_exponents(name, same_as) -> None:
+    assert units.parse(name).exponents == units.parse(same_as).exponents
+
+
+@pytest.mark.parametrize("bad", ["", "lb", "m^2", "kg/", "m/s/s"])
+def test_unknown_units_are_refused_with_the_reason(bad) -> None:
+    with pytest.raises(ValueError, match="is not understood"):
+        units.parse(bad)

@@ -7,12 +7,7 @@ from numpy.typing import NDArray
 
 from liaisons import analysis
 from liaisons.errors import ComponentError
-from liaisons.models.cartesian_pendulum import CartesianPendulum
-from liaisons.models.circular_hoop import CircularHoop
-from liaisons.models.kepler_orbit import KeplerOrbit
-from liaisons.models.pendulum import Pendulum
-from liaisons.models.planar_cat import PlanarCat
-from liaisons.models.swing import Swing
+from liaisons.models import CartesianPendulum, CircularHoop, KeplerOrbit, Pendulum, PlanarCat, Swing
 
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1
 HOOP = {"xi": 0.7, "beta": 0.2, "p_xi": 1.3, "beta_dot": 0.9, "mass": 0.8, "hoop_inertia": 0.3}

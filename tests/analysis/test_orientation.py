@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.language import Mechanism, Orientation, Parameter
-from liaisons.models.satellite import Satellite
-from liaisons.models.spatial_cat import SpatialCat
+from liaisons.models import Satellite, SpatialCat
 
 QUATERNION, RATES, MOMENTA = (list(names) for names in (Orientation.quaternion, Orientation.rates, Orientation.momenta))
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1

@@ -9,16 +9,18 @@ import pytest
 from liaisons import analysis
 from liaisons.errors import ComponentError
 from liaisons.mechanics import derive
-from liaisons.models.cartesian_pendulum import CartesianPendulum
-from liaisons.models.charged_particle import ChargedParticle
-from liaisons.models.double_pendulum import DoublePendulum
-from liaisons.models.free_particle import FreeParticle
-from liaisons.models.kepler_orbit import KeplerOrbit
-from liaisons.models.nose_hoover_oscillator import NoseHooverOscillator
-from liaisons.models.oscillator import Oscillator
-from liaisons.models.pendulum import Pendulum
-from liaisons.models.planar_oscillator import PlanarOscillator
-from liaisons.models.swing import Swing
+from liaisons.models import (
+    CartesianPendulum,
+    ChargedParticle,
+    DoublePendulum,
+    FreeParticle,
+    KeplerOrbit,
+    NoseHooverOscillator,
+    Oscillator,
+    Pendulum,
+    PlanarOscillator,
+    Swing,
+)
 
 ROUNDING = 1e-12  # algebra in doubles: a few hundred operations on numbers of order 1 to 10
 FLOW = 1e-9  # integration at tolerance 1e-11, amplification below 10, and determinants of entries below 10

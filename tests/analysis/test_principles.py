@@ -8,11 +8,7 @@ import pytest
 from liaisons import analysis
 from liaisons.check import slope
 from liaisons.errors import ComponentError
-from liaisons.models.cartesian_pendulum import CartesianPendulum
-from liaisons.models.free_particle import FreeParticle
-from liaisons.models.oscillator import Oscillator
-from liaisons.models.pendulum import Pendulum
-from liaisons.models.satellite import Satellite
+from liaisons.models import CartesianPendulum, FreeParticle, Oscillator, Pendulum, Satellite
 
 MASS, STIFFNESS = 0.5, 2.0  # ω = 2 rad/s: conjugate points every π/2 s
 BODY: dict[str, Any] = {"mass": MASS, "stiffness": STIFFNESS}

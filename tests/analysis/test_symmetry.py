@@ -8,17 +8,19 @@ import pytest
 
 from liaisons import analysis
 from liaisons.errors import ComponentError
-from liaisons.models.charged_particle import ChargedParticle
-from liaisons.models.circular_hoop import CircularHoop
-from liaisons.models.free_particle import FreeParticle
-from liaisons.models.kepler_orbit import KeplerOrbit
-from liaisons.models.linear_molecule import LinearMolecule
-from liaisons.models.oscillator import Oscillator
-from liaisons.models.pendulum import Pendulum
-from liaisons.models.planar_cat import PlanarCat
-from liaisons.models.planar_oscillator import PlanarOscillator
-from liaisons.models.polar_oscillator import PolarOscillator
-from liaisons.models.satellite import Satellite
+from liaisons.models import (
+    ChargedParticle,
+    CircularHoop,
+    FreeParticle,
+    KeplerOrbit,
+    LinearMolecule,
+    Oscillator,
+    Pendulum,
+    PlanarCat,
+    PlanarOscillator,
+    PolarOscillator,
+    Satellite,
+)
 
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1 to 10
 

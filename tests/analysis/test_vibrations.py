@@ -5,14 +5,16 @@ import pytest
 
 from liaisons import analysis
 from liaisons.errors import ComponentError
-from liaisons.models.cartesian_pendulum import CartesianPendulum
-from liaisons.models.double_pendulum import DoublePendulum
-from liaisons.models.flywheel import Flywheel
-from liaisons.models.free_particle import FreeParticle
-from liaisons.models.linear_molecule import LinearMolecule
-from liaisons.models.oscillator import Oscillator
-from liaisons.models.pendulum import Pendulum
-from liaisons.models.swing import Swing
+from liaisons.models import (
+    CartesianPendulum,
+    DoublePendulum,
+    Flywheel,
+    FreeParticle,
+    LinearMolecule,
+    Oscillator,
+    Pendulum,
+    Swing,
+)
 
 ROUNDING = 1e-12  # diagonalisation of matrices of order 3 and condition below 100
 

@@ -9,16 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from trial import (
-    HEADERS,
-    compile_library,
-    every_component,
-    every_version,
-    reals,
-    rows,
-    run,
-    some_components,
-)
+from trial import HEADERS, compile_library, every_component, every_version, reals, rows, run, some_components
 
 CALLS = 20_000  # at random, a run; some hundred times as many by hand
 # Functions that are there because the standard asks for them, and that are refused wherever they are called.

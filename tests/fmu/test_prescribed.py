@@ -23,14 +23,7 @@ from liaisons.flattening import flatten
 from liaisons.fmu import build
 from liaisons.language import Component
 from liaisons.mechanics import assemble
-from liaisons.models import (
-    Pendulum,
-    PlanarCat,
-    Ramp,
-    Satellite,
-    SpatialCat,
-    Swing,
-)
+from liaisons.models import Pendulum, PlanarCat, Ramp, Satellite, SpatialCat, Swing
 
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 WITH_EVENTS = {"events": True}

@@ -12,9 +12,20 @@ import pytest
 
 from liaisons.analysis.unrolling import unrolled
 from liaisons.errors import ComponentError
-from liaisons.language import ActiveCoordinate, Chain, Coordinate, Joint, Parameter, Size, point
+from liaisons.language import (
+    ActiveCoordinate,
+    Chain,
+    Component,
+    Coordinate,
+    Friction,
+    Joint,
+    Parameter,
+    Size,
+    output,
+    point,
+)
 from liaisons.mechanics import Model, assemble
-from liaisons.models import DrivenChain, OscillatorChain, PendulumChain
+from liaisons.models import DrivenChain, OscillatorChain, Pendulum, PendulumChain
 
 ROUNDING = 1e-12
 """Of sums of some hundred terms of order 1 to 10, solved with matrices of condition < 1e2."""
@@ -183,33 +194,49 @@ def test_declared_size_is_the_default() -> None:
     assert [v.start for v in assemble(Short).flat().parameters][3:6] == [1.0, 0.0, 0.0]
 
 
-def test_a_free_end_has_no_joint() -> None:
-    with pytest.raises(ComponentError, match=r"Loose: .*need the joint.*define base\(\)"):
+REFUSED: dict[str, tuple[type[Component], dict[str, Any], str]] = {
+    "a free end without joint": (PendulumChain, {"base": lambda _: None}, r"Odd: .*need the joint.*define base\(\)"),
+    "a coordinate that moves no mass": (
+        OscillatorChain,
+        {"angle": Coordinate("rad", "of nothing")},
+        "Odd: angle moves no mass",
+    ),
+    "axes that the joint has not": (
+        PendulumChain,
+        {"base": lambda m: {"x": m.pivot_x, "y": m.pivot_z}},
+        r"Odd\.base returns \['x', 'y'\]; it must give \['x', 'z'\]",
+    ),
+    "a kinetic energy that is not quadratic": (
+        OscillatorChain,
+        {
+            "speed": Parameter(3.0, "m/s", "of sound", above=0),
+            "kinetic_energy": lambda m: m.mass * m.dot(m.u) ** 4 / m.speed**2,
+        },
+        r"Odd\.kinetic_energy must be quadratic",
+    ),
+    "an unknown symbol": (
+        OscillatorChain,
+        {"kinetic_energy": lambda m: m.massive * m.dot(m.u) ** 2},
+        r"unknown symbol self\.massive.*mass",
+    ),
+    "what a mechanism has": (
+        OscillatorChain,
+        {"speed": output("m/s", "of a mass")(lambda m: m.dot(m.u))},
+        "Odd.speed: a Chain has no output; write a Mechanism",
+    ),
+    "several starts without links": (
+        Pendulum,
+        {"theta": Coordinate("rad", "angle", start=(0.1, 0.2))},
+        "only a Chain starts by links",
+    ),
+}
 
-        class Loose(PendulumChain):
-            """Nothing to hang on."""
 
-            def base(self) -> None:  # type: ignore[override]
-                return None
-
-
-def test_a_coordinate_has_to_move_a_mass() -> None:
-    with pytest.raises(ComponentError, match="Massless: angle moves no mass"):
-
-        class Massless(OscillatorChain):
-            """A coordinate too many."""
-
-            angle = Coordinate("rad", "of nothing")
-
-
-def test_axes_of_base_and_tip_are_those_of_the_joint() -> None:
-    with pytest.raises(ComponentError, match=r"Bent\.base returns \['x', 'y'\]; it must give \['x', 'z'\]"):
-
-        class Bent(PendulumChain):
-            """A wrong axis."""
-
-            def base(self) -> dict[str, ca.SX]:
-                return {"x": self.pivot_x, "y": self.pivot_z}
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_wrong_about_a_link_is_refused_by_name(case: str) -> None:
+    base, namespace, words = REFUSED[case]
+    with pytest.raises(ComponentError, match=words):
+        type("Odd", (base,), namespace | {"__module__": __name__})
 
 
 def test_more_start_values_than_links() -> None:
@@ -222,34 +249,21 @@ def test_more_start_values_than_links() -> None:
         assemble(Row, n=2)
 
 
-def test_kinetic_energy_is_quadratic() -> None:
-    with pytest.raises(ComponentError, match=r"Quartic\.kinetic_energy must be quadratic"):
-
-        class Quartic(OscillatorChain):
-            """Not a kinetic energy."""
-
-            speed = Parameter(3.0, "m/s", "of sound", above=0)
-
-            def kinetic_energy(self) -> ca.SX:
-                return self.mass * self.dot(self.u) ** 4 / self.speed**2
+def test_only_chains_have_a_size() -> None:
+    with pytest.raises(ComponentError, match="Pendulum: n = 3: only a Chain has links"):
+        assemble(Pendulum, 3)
 
 
-def test_unknown_symbols_are_named() -> None:
-    with pytest.raises(ComponentError, match=r"unknown symbol self\.massive.*mass"):
+def test_declared_friction_brakes_each_link() -> None:
+    """Q = -η ∂T/∂q̇ (K eq. 66): the momenta of a row that nothing else holds die out together."""
 
-        class Typo(OscillatorChain):
-            """A misspelt parameter."""
+    class Braked(OscillatorChain):
+        """Masses in a row, in oil."""
 
-            def kinetic_energy(self) -> ca.SX:
-                return self.massive * self.dot(self.u) ** 2
+        oil = Friction("of the oil")
 
-
-def test_only_chains_start_link_by_link() -> None:
-    from liaisons.models import Pendulum
-
-    with pytest.raises(ComponentError, match="only a Chain starts by links"):
-
-        class Odd(Pendulum):
-            """A pendulum with several starts."""
-
-            theta = Coordinate("rad", "angle", start=(0.1, 0.2))
+    model = assemble(Braked, 3).flat()
+    k = [{"oil": 0.25, "stiffness": 0.0}.get(v.name, v.starts[0]) for v in model.parameters]
+    p, u = [1.0, -2.0, 0.5], [0.0] * len(model.inputs)
+    rates = model.derivatives(0, [0.0, 0.0, 0.0, *p, 0.0, 0.0], u, k).full().ravel()
+    np.testing.assert_allclose(rates[3:6], -0.25 * np.array(p), rtol=ROUNDING)

@@ -21,7 +21,6 @@ from liaisons.analysis.quantity import (
     Source,
     equations_of,
     largest,
-    name_of,
     require_coordinates,
     require_independent,
     turning_part,
@@ -83,7 +82,7 @@ def curvature(source: Source) -> Quantity:
     m, connection = equations.mechanism, kinetic_connection(source).expression
     count = len(m.actives)
     if count < 2:
-        raise ComponentError(f"{name_of(equations)}: a curvature needs two active coordinates; it has {count}")
+        raise ComponentError(f"{equations.name}: a curvature needs two active coordinates; it has {count}")
 
     def along(alpha: int, column: ca.SX) -> ca.SX:
         """Derivative along the horizontal lift of ∂_α."""
@@ -149,7 +148,7 @@ def holonomy(source: Source, loop: Loop, *, tolerance: float = 1e-12, **values: 
     rate = ca.substitute(connection, m.active.s, sigma) @ ca.jacobian(sigma, a)
     start = np.atleast_1d(Quantity(equations, x).evaluate(**values))
     rate = frozen(equations, rate, values, x)
-    end = integrate(rate, x, start, t=a, duration=_TURN, tolerance=tolerance, owner=name_of(equations))
+    end = integrate(rate, x, start, t=a, duration=_TURN, tolerance=tolerance, owner=equations.name)
     end[: len(m.coordinates)] -= start[: len(m.coordinates)]
     return dict(zip(map(str, ca.vertsplit(x)), end.tolist(), strict=True))
 
@@ -170,7 +169,7 @@ def curvature_integral(source: Source, loop: Loop, **values: float) -> dict[str,
     size = ca.norm_fro(connection) + ca.norm_fro(ca.jacobian(connection, m.free.q))
     if largest(equations, ca.norm_fro(ca.jacobian(connection, m.free.q)), size, values) != 0:
         names = ", ".join(item.name for item in m.coordinates)
-        raise ComponentError(f"{name_of(equations)}: the connection depends on {names}: use holonomy()")
+        raise ComponentError(f"{equations.name}: the connection depends on {names}: use holonomy()")
     sigma = _shapes(equations, loop, a, values)
     angles = np.arange(_ANGLES) * (_TURN / _ANGLES)
     centre = np.asarray(ca.Function("loop", [a], [ca.densify(sigma)])(angles[None, :])).mean(axis=1)
@@ -191,13 +190,13 @@ def _adapted(source: Source) -> Equations:
     equations = equations_of(source)
     require_independent(equations, "the geometry of active constraints")
     if not equations.mechanism.actives:
-        raise ComponentError(f"{name_of(equations)}: it has no active coordinate; declare one as ActiveCoordinate")
+        raise ComponentError(f"{equations.name}: it has no active coordinate; declare one as ActiveCoordinate")
     return equations
 
 
 def _shapes(equations: Equations, loop: Loop, a: ca.SX, values: Mapping[str, float]) -> ca.SX:
     """σ(a) of all active coordinates, checked to be closed; (a,)."""
-    m, owner = equations.mechanism, name_of(equations)
+    m, owner = equations.mechanism, equations.name
     given, names = dict(loop(a)), [item.name for item in m.actives]
     for name in given:
         if name not in names:

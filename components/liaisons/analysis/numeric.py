@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.analysis.quantity import name_of, numbers_of
+from liaisons.analysis.quantity import numbers_of
 from liaisons.errors import ComponentError
 from liaisons.mechanics.equations import Equations
 
@@ -56,10 +56,10 @@ def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> N
     """The instants of samples of the given shape, checked."""
     t = np.asarray(time, dtype=float)
     if t.ndim != 1 or t.size < 2 or not np.all(np.diff(t) > 0):
-        raise ComponentError(f"{name_of(equations)}: time of shape {t.shape} must hold increasing instants, 2 at least")
+        raise ComponentError(f"{equations.name}: time of shape {t.shape} must hold increasing instants, 2 at least")
     if shape != t.shape:
         raise ComponentError(
-            f"{name_of(equations)}: {t.size} instants for samples of shape {shape}; give one sample an instant"
+            f"{equations.name}: {t.size} instants for samples of shape {shape}; give one sample an instant"
         )
     return t
 

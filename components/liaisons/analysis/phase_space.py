@@ -16,7 +16,6 @@ from liaisons.analysis.quantity import (
     Source,
     equations_of,
     generators,
-    name_of,
     require_independent,
     turning_part,
 )
@@ -71,7 +70,7 @@ def poisson_bracket(u: Quantity, v: Quantity) -> Quantity:
     equations = u.equations
     if v.equations is not equations:
         raise ComponentError(
-            f"poisson_bracket: quantities of {name_of(equations)} and {name_of(v.equations)} share no phase space; "
+            f"poisson_bracket: quantities of {equations.name} and {v.equations.name} share no phase space; "
             "make both from one class"
         )
     require_independent(equations, "a Poisson bracket")
@@ -128,7 +127,7 @@ def flow(source: Source, duration: float, *, tolerance: float = 1e-11, **values:
         that cannot be continued.
     """
     V = phase_velocity(source)
-    equations, owner = V.equations, name_of(V.equations)
+    equations, owner = V.equations, V.equations.name
     if not (duration > 0 and np.isfinite(duration)):
         raise ComponentError(f"{owner}: duration = {duration} must be finite and > 0")
     t, X = ca.SX.sym("t"), _phase(equations)
@@ -162,7 +161,7 @@ def _drive(equations: Equations, name: str, drive: Formula, t: ca.SX) -> tuple[c
     names = [item.name for item in equations.mechanism.actives]
     if name not in names:
         raise ComponentError(
-            f"{name_of(equations)}: only an active coordinate can be a function of time, not {name!r}"
+            f"{equations.name}: only an active coordinate can be a function of time, not {name!r}"
             f"{suggestion(name, names)}"
         )
     sigma = ca.SX(drive(t))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.analysis.numeric import eigenproblem, frozen, instants
-from liaisons.analysis.quantity import Quantity, Source, equations_of, name_of, require_coordinates
+from liaisons.analysis.quantity import Quantity, Source, equations_of, require_coordinates
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.equations import Equations
@@ -58,7 +58,7 @@ def action(
         _, given = _samples(equations, time, variation, varied)
         eta[[names.index(name) for name in varied]] = given
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
-            raise ComponentError(f"{name_of(equations)}: the variation must vanish at both ends (K 3.1)")
+            raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
     epsilon = ca.SX.sym("epsilon")
     q, q_dot, dq, dq_dot = (ca.SX.sym(name, len(names)) for name in ("q", "q_dot", "dq", "dq_dot"))
     symbols = _columns(equations, names)
@@ -109,7 +109,7 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
         smallest = np.min(np.abs(curvatures)) * (t[-1] - t[0]) ** 2
         if smallest < 1e-6:  # the path answers a shift of its ends by 1/smallest
             raise ComponentError(
-                f"{name_of(equations)}: the ends are conjugate points: no path or infinitely many take T = "
+                f"{equations.name}: the ends are conjugate points: no path or infinitely many take T = "
                 f"{t[-1] - t[0]:g} s (ω T = k π for an oscillator); choose another time"
             )
         step = np.zeros(z.size)
@@ -118,7 +118,7 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
         if np.max(np.abs(step)) <= 1e-11 * (1 + np.max(np.abs(z))):
             columns = {f"{name}{end}": z[k, d] for k, name in enumerate(names) for d, end in enumerate(("", "_dot"))}
             return StationaryPath(columns, S, int(np.count_nonzero(curvatures < 0)))
-    raise ComponentError(f"{name_of(equations)}: no path of stationary action found; start nearer to one")
+    raise ComponentError(f"{equations.name}: no path of stationary action found; start nearer to one")
 
 
 def gauss_function(source: Source) -> Quantity:
@@ -140,7 +140,7 @@ def _moving(equations: Equations, path: Mapping[str, ArrayLike], among: list[str
     known = among or [*free, *active]
     for name in path:
         if name.removesuffix("_dot") not in known:
-            raise ComponentError(f"{name_of(equations)}: no coordinate of a path is {name!r}{suggestion(name, known)}")
+            raise ComponentError(f"{equations.name}: no coordinate of a path is {name!r}{suggestion(name, known)}")
     return [name for name in known if name in path or f"{name}_dot" in path or (among is None and name in free)]
 
 
@@ -152,10 +152,10 @@ def _samples(
     needed = [f"{name}{end}" for name in names for end in ("", "_dot")]
     for name in needed:
         if name not in path:
-            raise ComponentError(f"{name_of(equations)}: the path lacks {name}; give coordinates and rates")
+            raise ComponentError(f"{equations.name}: the path lacks {name}; give coordinates and rates")
         t = instants(equations, time, np.shape(path[name]))
         if not np.all(np.isfinite(path[name])):
-            raise ComponentError(f"{name_of(equations)}: {name} must be finite at all instants")
+            raise ComponentError(f"{equations.name}: {name} must be finite at all instants")
     return t, np.array([path[name] for name in needed], dtype=float).reshape(len(names), 2, -1)
 
 

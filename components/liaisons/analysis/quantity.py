@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.errors import ComponentError, suggestion
+from liaisons.errors import ComponentError
 from liaisons.language.checks import scalar
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.equations import Equations, derive
@@ -79,25 +79,17 @@ def _derived(component: type[Mechanism]) -> Equations:
 
 def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
     """A number or array for each symbol, in the order of ``equations.symbols``; see :meth:`Quantity.evaluate`."""
-    m, symbols = equations.mechanism, equations.symbols
+    m, numbers = equations.mechanism, equations.numbers(values)
     for name, value in values.items():
-        if name not in symbols:
-            raise ComponentError(f"{name_of(equations)}: unknown symbol {name!r}{suggestion(name, symbols)}")
         if not np.all(np.isfinite(value)):
-            raise ComponentError(f"{name_of(equations)}: {name} = {value} must be finite")
+            raise ComponentError(f"{equations.name}: {name} = {value} must be finite")
     for item in (*m.parameters, *m.coordinates, *m.actives):
         variable = item.variable("parameter", "fixed")
         for extreme in (np.min, np.max):
             value = float(extreme(values.get(item.name, item.start)))
             if not variable.allows(value):
-                raise ComponentError(f"{name_of(equations)}: {item.name} = {value:g} must be {variable.domain()}")
-    numbers = dict.fromkeys(symbols, 0.0) | m.start_values() | dict(values)
-    return {name: np.asarray(numbers[name], dtype=float) for name in symbols}
-
-
-def name_of(equations: Equations) -> str:
-    """Name of the component, for messages."""
-    return type(equations.mechanism).__name__
+                raise ComponentError(f"{equations.name}: {item.name} = {value:g} must be {variable.domain()}")
+    return {name: np.asarray(number, dtype=float) for name, number in numbers.items()}
 
 
 def require_coordinates(equations: Equations, purpose: str) -> None:
@@ -105,7 +97,7 @@ def require_coordinates(equations: Equations, purpose: str) -> None:
     require_independent(equations, purpose)
     if turns := [turn.name for turn in equations.mechanism.orientations]:
         raise ComponentError(
-            f"{name_of(equations)}: {purpose} needs coordinates; describe the mechanism by angles instead of the "
+            f"{equations.name}: {purpose} needs coordinates; describe the mechanism by angles instead of the "
             f"orientation {', '.join(turns)}"
         )
 
@@ -115,7 +107,7 @@ def require_independent(equations: Equations, purpose: str) -> None:
     m = equations.mechanism
     if kept := [item.name for item in (*m.constraints, *m.non_holonomic, *m.submersions)]:
         raise ComponentError(
-            f"{name_of(equations)}: {purpose} needs independent coordinates; describe the mechanism without "
+            f"{equations.name}: {purpose} needs independent coordinates; describe the mechanism without "
             f"the constraint {', '.join(kept)}"
         )
 
@@ -158,5 +150,5 @@ def largest(equations: Equations, expression: ca.SX, scale: ca.SX, values: Mappi
     pair = Quantity(equations, ca.vertcat(expression, scale)).evaluate(**states)
     size, reference = np.max(np.abs(pair[0])), np.max(np.abs(pair[1]))
     if not np.isfinite(size + reference):
-        raise ComponentError(f"{name_of(equations)}: not finite near its start; give values for its coordinates")
+        raise ComponentError(f"{equations.name}: not finite near its start; give values for its coordinates")
     return 0.0 if size <= _ROUNDING * reference else float(size / reference)

@@ -17,7 +17,6 @@ from liaisons.analysis.quantity import (
     equations_of,
     generators,
     largest,
-    name_of,
     require_coordinates,
     sample_states,
 )
@@ -57,7 +56,7 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
     :raises ComponentError: if δL = Σ (ξ^k ∂L/∂q_k + ξ̇^k ∂L/∂q̇_k) is not zero, or for an unknown coordinate.
     """
     equations = equations_of(source)
-    m, owner = equations.mechanism, name_of(equations)
+    m, owner = equations.mechanism, equations.name
     given = dict(field(m))
     sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {turn.name: 3 for turn in m.orientations}
     for name in given:
@@ -120,7 +119,7 @@ def similarity(source: Source, **values: float) -> Similarity:
     :raises ComponentError: if T is not of degree 2 in the lengths, V vanishes or is not homogeneous.
     """
     equations = equations_of(source)
-    m, owner = equations.mechanism, name_of(equations)
+    m, owner = equations.mechanism, equations.name
     names = [item.name for item in (*m.coordinates, *m.actives) if item.unit == "m" and item.name not in values]
     _require_lengths(equations, names, values)
     V, lengths = equations.potential_energy, stack(m.symbols[name] for name in names)
@@ -193,9 +192,9 @@ def _require_lengths(equations: Equations, names: list[str], values: Mapping[str
     if largest(equations, excess, T, values) != 0:
         lengths = ", ".join(names) or "(none)"
         raise ComponentError(
-            f"{name_of(equations)}: the kinetic energy is not of degree 2 in the lengths {lengths}; "
+            f"{equations.name}: the kinetic energy is not of degree 2 in the lengths {lengths}; "
             "set the parameters that are lengths to 0, or use coordinates in metres"
         )
     magnetic = equations.lagrangian - T + equations.potential_energy
     if largest(equations, magnetic, T, values) != 0:
-        raise ComponentError(f"{name_of(equations)}: L is not T - V; forces that depend on velocities have no degree")
+        raise ComponentError(f"{equations.name}: L is not T - V; forces that depend on velocities have no degree")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.analysis.numeric import eigenproblem, frozen
-from liaisons.analysis.quantity import Source, equations_of, name_of, numbers_of, require_coordinates
+from liaisons.analysis.quantity import Source, equations_of, numbers_of, require_coordinates
 from liaisons.errors import ComponentError
 
 _ROUNDS = 50  # Newton doubles the digits each round; what has not converged by then does not
@@ -91,7 +91,7 @@ def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], 
             force, K, M = np.split(np.asarray(function(q)), [1, 1 + q.size], axis=1)
             return dict(zip(names, q.tolist(), strict=True)), M, (K + K.T) / 2
     guess = ", ".join(f"{name} = {numbers[name]:g}" for name in names)
-    raise ComponentError(f"{name_of(equations)}: no equilibrium found from the guess {guess}; start nearer to one")
+    raise ComponentError(f"{equations.name}: no equilibrium found from the guess {guess}; start nearer to one")
 
 
 def _balanced(K: NDArray, force: NDArray, step: NDArray) -> bool:

@@ -16,6 +16,7 @@ import casadi as ca
 
 from liaisons import units
 from liaisons.errors import ComponentError
+from liaisons.expressions.operations import instructions
 from liaisons.units import NUMBER, Powers, product, written
 
 _READABLE = 90
@@ -78,12 +79,7 @@ class _Graph:
         """Read a scalar program of one input; the nodes of its results."""
         work: dict[int, int] = {}
         results = [0] * function.numel_out(0)
-        for k in range(function.n_instructions()):
-            code, read, write = (
-                function.instruction_id(k),
-                function.instruction_input(k),
-                function.instruction_output(k),
-            )
+        for code, read, write, value in instructions(function):
             if code == ca.OP_OUTPUT:
                 results[write[1]] = work[read[0]]
                 continue
@@ -94,7 +90,7 @@ class _Graph:
                 self.names[node], unit = symbols[read[1]]
             elif code == ca.OP_CONST:
                 self.operands.append(())
-                value = self.constants[node] = function.instruction_constant(k)
+                self.constants[node] = value
                 unit = None if value == 0 or math.isinf(value) else NUMBER
                 if math.isnan(value):
                     self.wrong[node] = "nan is in it: float() and Python's math know no symbols; use ca.sin and so on"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -17,6 +17,14 @@ class Operation:
 
     c: str
     numpy: Callable[..., Any]
+
+
+def instructions(function: ca.Function) -> Iterator[tuple[int, list[int], list[int], float]]:
+    """Of each instruction of a scalar function its code, where it reads and writes, and the value of a constant."""
+    for k in range(function.n_instructions()):
+        code = function.instruction_id(k)
+        constant = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
+        yield code, function.instruction_input(k), function.instruction_output(k), constant
 
 
 def _call(name: str, function: Callable[..., Any], arguments: int = 1) -> Operation:

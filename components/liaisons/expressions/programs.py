@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.errors import ComponentError
 from liaisons.expressions.heights import Reordering
 from liaisons.expressions.nodes import Node, Scaled
-from liaisons.expressions.operations import OPERATIONS
+from liaisons.expressions.operations import OPERATIONS, instructions
 from liaisons.expressions.rewriting import Builder
 
 _PASSES = 2  # what was used twice may be used once when factors have been put in front of sums
@@ -71,18 +71,13 @@ def program(
     builder = Builder()
     work: dict[int, Scaled] = {}
     found = [[(1.0, 0)] * function.numel_out(k) for k in range(function.n_out())]
-    for k in range(function.n_instructions()):
-        code, sources, targets = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
+    for code, sources, targets, constant in instructions(function):
         if code == ca.OP_OUTPUT:
             found[targets[0]][targets[1]] = work[sources[0]]
         elif code == ca.OP_INPUT:
             work[targets[0]] = builder.entry(sources)
         elif code == ca.OP_CONST:
-            work[targets[0]] = builder.constant(function.instruction_constant(k))
+            work[targets[0]] = builder.constant(constant)
         elif code in OPERATIONS:
             work[targets[0]] = builder.perform(code, [work[source] for source in sources])
         else:

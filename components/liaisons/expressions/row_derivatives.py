@@ -33,9 +33,9 @@ def forward(original: RowProgram) -> RowProgram:
                 carried = Carry(symbols, of(step.start), of(step.following), direction(step.last), step.inward)
                 steps += [step, carried]
             case Each():
-                steps += [step, Each(symbols, of(step.expressions))]
+                steps += [step, Each(symbols, of(step.read))]
             case Sum():
-                steps += [step, Sum(symbols, of(step.terms))]
+                steps += [step, Sum(symbols, of(step.read))]
     return row_program(
         f"{original.name}_forward",
         original.n,
@@ -102,9 +102,9 @@ class _Back:
         count = step.symbols.shape[0]
         match step:
             case Each():
-                self.add(step.expressions, self._named(self.singles(step.symbols, [True] * count)), single=False)
+                self.add(step.read, self._named(self.singles(step.symbols, [True] * count)), single=False)
             case Sum():
-                self.add(step.terms, self.singles(step.symbols, [False] * count), single=False)
+                self.add(step.read, self.singles(step.symbols, [False] * count), single=False)
             case Carry():
                 own = self.singles(step.symbols, [True] * count)
                 start = self.singles(step.last, [False] * count)

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import casadi as ca
 
+from liaisons.expressions.operations import instructions
 from liaisons.expressions.rows import Carry, Each, RowProgram, Sum, Vector, key, keys, scalars
 
 _BRANCHES = 10
@@ -30,9 +31,9 @@ def graph(program: RowProgram) -> ca.Function:
     for step in program.steps:
         match step:
             case Each():
-                row.define(scalars(step.symbols), row.at_links(step.expressions))
+                row.define(scalars(step.symbols), row.at_links(step.read))
             case Sum():
-                row.define(scalars(step.symbols), [ca.sum1(terms) for terms in row.at_links(step.terms)])
+                row.define(scalars(step.symbols), [ca.sum1(terms) for terms in row.at_links(step.read)])
             case Carry():
                 row.carry(step)
     return ca.Function(program.name, arguments, [row.column(result) for result in program.results])
@@ -54,19 +55,14 @@ class _Row:
         function = ca.Function("expressions", symbols, [ca.cse(expressions)])
         work: dict[int, ca.MX] = {}
         found = [ca.MX()] * expressions.numel()
-        for k in range(function.n_instructions()):
-            code, read, write = (
-                function.instruction_id(k),
-                function.instruction_input(k),
-                function.instruction_output(k),
-            )
+        for code, read, write, constant in instructions(function):
             match code:
                 case ca.OP_OUTPUT:
                     found[write[1]] = work[read[0]]
                 case ca.OP_INPUT:
                     work[write[0]] = self._known[key(symbols[read[0]])]
                 case ca.OP_CONST:
-                    work[write[0]] = ca.MX(function.instruction_constant(k))
+                    work[write[0]] = ca.MX(constant)
                 case _ if len(read) == 1:
                     work[write[0]] = ca.MX.unary(code, work[read[0]])
                 case _:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
+from typing import Self, final
 
 import casadi as ca
 
@@ -18,43 +19,28 @@ Rewrite = Callable[[ca.SX], ca.SX]
 
 
 @dataclass(frozen=True, eq=False)
-class Each:
+class _Named:
+    """Names for expressions of one link; abstract."""
+
+    symbols: ca.SX  # (r, 1)
+    read: ca.SX  # (r, 1): the expressions that it evaluates
+
+    def rewritten(self, rewrite: Rewrite) -> Self:
+        return replace(self, read=rewrite(self.read))
+
+    def picked(self, wanted: set[int]) -> Self:
+        places = _places(self.symbols, wanted)
+        return replace(self, symbols=self.symbols[places], read=self.read[places])
+
+
+@final
+class Each(_Named):
     """Names for what is the same expression at each link."""
 
-    symbols: ca.SX  # (r, 1)
-    expressions: ca.SX  # (r, 1)
 
-    @property
-    def read(self) -> ca.SX:
-        """The expressions that it evaluates."""
-        return self.expressions
-
-    def rewritten(self, rewrite: Rewrite) -> Each:
-        return Each(self.symbols, rewrite(self.expressions))
-
-    def picked(self, wanted: set[int]) -> Each:
-        places = _places(self.symbols, wanted)
-        return Each(self.symbols[places], self.expressions[places])
-
-
-@dataclass(frozen=True, eq=False)
-class Sum:
-    """Single numbers: sums over all links."""
-
-    symbols: ca.SX  # (r, 1)
-    terms: ca.SX  # (r, 1) of one link
-
-    @property
-    def read(self) -> ca.SX:
-        """The expressions that it evaluates."""
-        return self.terms
-
-    def rewritten(self, rewrite: Rewrite) -> Sum:
-        return Sum(self.symbols, rewrite(self.terms))
-
-    def picked(self, wanted: set[int]) -> Sum:
-        places = _places(self.symbols, wanted)
-        return Sum(self.symbols[places], self.terms[places])
+@final
+class Sum(_Named):
+    """Single numbers: sums of the expressions over all links."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from liaisons.fmu.description import (
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
-from liaisons.language import Dimension, Variable
+from liaisons.language.variables import Dimension, Variable
 from liaisons.mechanics.model import Model
 from liaisons.version import __version__
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.markup import document, element
-from liaisons.language import Port, PortMember
+from liaisons.language.variables import Port, PortMember
 from liaisons.mechanics.model import Model
 
 MOST_ELEMENTS = 100

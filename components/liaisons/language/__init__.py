@@ -28,24 +28,13 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
-from liaisons.language.variables import (
-    Causality,
-    Dimension,
-    Experiment,
-    Port,
-    PortKind,
-    PortMember,
-    Variability,
-    Variable,
-)
+from liaisons.language.variables import Experiment, Port, Variable
 
 __all__ = [
     "ActiveCoordinate",
-    "Causality",
     "Chain",
     "Component",
     "Coordinate",
-    "Dimension",
     "Experiment",
     "Friction",
     "Gravity",
@@ -57,11 +46,8 @@ __all__ = [
     "Orientation",
     "Parameter",
     "Port",
-    "PortKind",
-    "PortMember",
     "Size",
     "Values",
-    "Variability",
     "Variable",
     "calculated",
     "closed_form",

@@ -16,16 +16,7 @@ from liaisons.language.declarations import (
     calculated,
     point,
 )
-from liaisons.language.variables import (
-    ActiveInput,
-    Causality,
-    Dimension,
-    Port,
-    PortKind,
-    PortMember,
-    State,
-    Variable,
-)
+from liaisons.language.variables import ActiveInput, Causality, Dimension, Port, PortKind, PortMember, State, Variable
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force.
 _TRANSLATION = ("s", "v", "a", "f")

@@ -62,7 +62,7 @@ def compose(
         states=tuple(State(f"{p}.{s.name}", f"{p}.{s.derivative}") for p, m in flat.items() for s in m.states),
         memory=tuple(f"{p}.{memory}" for p, m in flat.items() for memory in m.memory),
         **joined.functions(),
-        condition_texts=tuple(joined.condition_texts()),
+        condition_texts=tuple(text for text, _ in joined.conditions()),
         start_only=sum(model.start_only for model in flat.values()),
         active=tuple(
             ActiveInput(f"{p}.{a.value}", f"{p}.{a.rate}", f"{p}.{a.acceleration}")
@@ -147,7 +147,7 @@ class _Joined:
         whole = {
             "start": function("start", [self.t, self.u, self.k], connected(y_0, v_0), connected(m_0, v_0)),
             "outputs_function": function("outputs", booked, connected(self._stack([z, self.v]))),
-            "conditions": function("conditions", motion, connected(self._conditions())),
+            "conditions": function("conditions", motion, connected(self._stack(row for _, row in self.conditions()))),
             "events": function("events", [self.k], self._all("events")),
         }
         for group, arguments in (("derivatives", motion), ("nominals", motion), ("jump", booked), ("remember", booked)):
@@ -157,32 +157,24 @@ class _Joined:
             whole["project"] = function("project", motion, connected(self._stack(rows)))
         return whole
 
-    def condition_texts(self) -> Iterator[str]:
-        """Domains of the connected inputs, conditions that last, then those of the start."""
-        yield from self._domains()
-        for first in (True, False):
-            for part in self.parts:
-                texts, count = part.model.condition_texts, len(part.model.condition_texts) - part.model.start_only
-                yield from (f"{part.name}: {text}" for text in (texts[:count] if first else texts[count:]))
+    def conditions(self) -> list[tuple[str, Any]]:
+        """By the message to give: domains of the connected inputs, conditions that last, then those of the start."""
+        lasting, at_start = [*self._domains()], []
+        for part in self.parts:
+            rows = ca.vertsplit(part.at("conditions", self.t)[0]) if part.model.condition_texts else []
+            found = [(f"{part.name}: {text}", row) for text, row in zip(part.model.condition_texts, rows, strict=True)]
+            count = len(found) - part.model.start_only
+            lasting, at_start = lasting + found[:count], at_start + found[count:]
+        return lasting + at_start
 
-    def _conditions(self) -> Any:
-        values = [part.at("conditions", self.t)[0] for part in self.parts]
-        counts = [len(part.model.condition_texts) - part.model.start_only for part in self.parts]
-        lasting = (value[:count] for value, count in zip(values, counts, strict=True))
-        at_start = (value[count:] for value, count in zip(values, counts, strict=True))
-        return self._stack([*self._domains().values(), *lasting, *at_start])
-
-    def _domains(self) -> dict[str, Any]:
-        """What keeps the connected inputs in their domains, by the message to give when it does not."""
-        found: dict[str, Any] = {}
+    def _domains(self) -> Iterator[tuple[str, Any]]:
         variables = {v.name: v for part in self.parts for v in _named(part.name, part.model, "inputs")}
         for i, name in enumerate(self.inner):
-            low, high = variables[name].minimum, variables[name].maximum
+            low, high, unit = variables[name].minimum, variables[name].maximum, variables[name].unit
             if low is not None:
-                found[f"{name} must stay > {low:g} {variables[name].unit}"] = self.v[i] - low
+                yield f"{name} must stay > {low:g} {unit}", self.v[i] - low
             if high is not None:
-                found[f"{name} must stay < {high:g} {variables[name].unit}"] = high - self.v[i]
-        return found
+                yield f"{name} must stay < {high:g} {unit}", high - self.v[i]
 
     def _all(self, group: str) -> Any:
         return self._stack(part.at(group, self.t)[0] for part in self.parts)

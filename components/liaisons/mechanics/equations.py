@@ -22,7 +22,9 @@ An orientation has the angular velocity ω in the body frame for ẋ, and its mo
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -87,6 +89,11 @@ class Equations:
     projection: ca.SX | None  # (x, p) put back onto the constraints and unit quaternions, if there are any
 
     @property
+    def name(self) -> str:
+        """Name of the component, for messages."""
+        return type(self.mechanism).__name__
+
+    @property
     def symbols(self) -> dict[str, ca.SX]:
         """All symbols by name: those of the mechanism, drives and loads."""
         forces = ca.vertsplit(ca.vertcat(self.drives, self.loads, self.point_loads))
@@ -123,18 +130,24 @@ class Equations:
         :returns: array with the shape of the quantity, columns as 1-d.
         :raises ComponentError: for an unknown quantity or symbol.
         """
-        name = type(self.mechanism).__name__
         if quantity not in QUANTITIES:
-            raise ComponentError(f"{name}: unknown quantity {quantity!r}{suggestion(quantity, QUANTITIES)}")
+            raise ComponentError(f"{self.name}: unknown quantity {quantity!r}{suggestion(quantity, QUANTITIES)}")
+        numbers = self.numbers(values)
+        expression = self.in_motion(getattr(self, quantity))
+        function = ca.Function("evaluate", [ca.vertcat(*self.symbols.values())], [ca.densify(expression)])
+        result = np.asarray(function([*numbers.values()]))
+        return result[:, 0] if result.shape[1] == 1 else result
+
+    def numbers(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """A value for each symbol, in their order: the given ones, else defaults or 0.
+
+        :raises ComponentError: for an unknown symbol.
+        """
         symbols = self.symbols
         for symbol in values:
             if symbol not in symbols:
-                raise ComponentError(f"{name}: unknown symbol {symbol!r}{suggestion(symbol, symbols)}")
-        numbers = dict.fromkeys(symbols, 0.0) | self.mechanism.start_values() | values
-        expression = self.in_motion(getattr(self, quantity))
-        function = ca.Function("evaluate", list(symbols.values()), [ca.densify(expression)])
-        result = np.asarray(function(*(numbers[symbol] for symbol in symbols)))
-        return result[:, 0] if result.shape[1] == 1 else result
+                raise ComponentError(f"{self.name}: unknown symbol {symbol!r}{suggestion(symbol, symbols)}")
+        return dict.fromkeys(symbols, 0.0) | self.mechanism.start_values() | dict(values)
 
 
 def derive(component: type[Mechanism]) -> Equations:

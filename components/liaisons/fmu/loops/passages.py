@@ -36,9 +36,9 @@ class Passages:
             inlined = step.rewritten(self.inlined)
             match inlined:
                 case Each():
-                    self.definitions.append((inlined.symbols, inlined.expressions))
+                    self.definitions.append((inlined.symbols, inlined.read))
                 case Sum():
-                    for symbol, term in zip(scalars(inlined.symbols), scalars(inlined.terms), strict=True):
+                    for symbol, term in zip(scalars(inlined.symbols), scalars(inlined.read), strict=True):
                         passage = self.at_links(term)
                         passage.sums.append((symbol, term))
                         self._first[key(symbol)] = self.found.index(passage) + 1
