@@ -1,5 +1,8 @@
 """The command line as a function: words in, exit status and text out."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -54,11 +57,12 @@ def liaisons(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     """Run ``liaisons WORDS`` in a directory of its own, where FMUs land too."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LIAISONS_FMUS", str(tmp_path / "fmus"))
+    monkeypatch.setenv("LIAISONS_UNPACKED_LIMIT", str(2**30))  # what an option makes of it ends with the test
 
     def run(*words: str | Path) -> Reply:
         try:
             status = main([str(word) for word in words])
-        except SystemExit as leave:  # how argparse ends
+        except SystemExit as leave:  # how completion ends
             status = int(leave.code or 0)
         captured = capsys.readouterr()
         return Reply(status, captured.out, captured.err)
@@ -84,6 +88,17 @@ def bead(tmp_path: Path) -> Path:
     path = tmp_path / "bead.py"
     path.write_text(BEAD)
     return path
+
+
+COMMAND = [sys.executable, "-c", "from liaisons.cli import main; raise SystemExit(main())"]
+"""``liaisons`` as a process of its own."""
+
+
+def begun(*words: str, folder: Path, **environment: str) -> subprocess.Popen[bytes]:
+    """It has begun, in a folder; who waits for it reads what it says."""
+    return subprocess.Popen(
+        [*COMMAND, *words], cwd=folder, env=os.environ | environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
 
 
 def is_misuse(reply: Reply, *words: str) -> bool:

@@ -11,7 +11,7 @@ from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Oscillator
 
-from .conftest import Cli, is_misuse
+from .conftest import Cli
 
 DECAY = '''\
 from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Real
@@ -91,8 +91,3 @@ def test_default_experiment_that_cannot_be_simulated_is_named(liaisons: Cli, tmp
     assert reply.status == 1
     assert "DefaultExperiment: stepSize = 0: it must be a number > 0" in reply.out
     assert {claim for claim, word in verdicts(reply.out).items() if word == "FAIL"} == {"fmpy's validator"}
-
-
-def test_a_file_that_is_no_fmu(liaisons: Cli, tmp_path: Path) -> None:
-    (tmp_path / "text.fmu").write_text("no archive")
-    assert is_misuse(liaisons("check", "text.fmu"), "text.fmu", "no archive at all")

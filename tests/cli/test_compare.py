@@ -7,7 +7,7 @@ import pytest
 
 from liaisons.cosim import Result
 
-from .conftest import Cli, is_misuse
+from .conftest import Cli
 
 
 def _write(path: Path, offset: float) -> None:
@@ -23,20 +23,6 @@ def test_two_files(liaisons: Cli, tmp_path: Path, tolerance: str | None, status:
     assert reply.status == status, reply.err  # 0.25 beside the largest value, 2: 0.125
     assert "one and two at 5 points" in reply.out
     assert reply.out.splitlines()[-1].split()[:3] == ["x", "m", "0.25"]
-
-
-def test_files_that_will_not_do(liaisons: Cli, tmp_path: Path) -> None:
-    _write(tmp_path / "one.csv", 0.0)
-    (tmp_path / "text.csv").write_text("no table")
-    assert is_misuse(liaisons("compare", "one.csv", "none.csv"), "none.csv", "No such file")
-    assert is_misuse(liaisons("compare", "one.csv", "text.csv"), "text.csv", "not a result")
-    assert is_misuse(liaisons("compare", "one.csv", "none.parquet"), "none.parquet")
-
-
-@pytest.mark.parametrize("tolerance", ["-1", "nan", "inf", "little"])
-def test_a_tolerance_that_nothing_or_everything_fits(liaisons: Cli, tmp_path: Path, tolerance: str) -> None:
-    _write(tmp_path / "one.csv", 0.0)
-    assert is_misuse(liaisons("compare", "one.csv", "one.csv", "--tolerance", tolerance), "--tolerance", tolerance)
 
 
 def test_a_value_that_is_no_number_fits_no_tolerance(liaisons: Cli, tmp_path: Path) -> None:

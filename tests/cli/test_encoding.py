@@ -10,16 +10,12 @@ import pytest
 
 from liaisons.cli._encoding import in_ascii
 
-from .conftest import Cli
+from .conftest import COMMAND, Cli
 from .test_run import write
-
-MAIN = "from liaisons.cli import main; raise SystemExit(main())"
 
 
 def spoken(*words: str | Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run(
-        [sys.executable, "-c", MAIN, *map(str, words)], env=os.environ | environment, capture_output=True, check=False
-    )
+    return subprocess.run([*COMMAND, *map(str, words)], env=os.environ | environment, capture_output=True, check=False)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import os
 import signal
 import stat
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -20,7 +19,7 @@ from liaisons.cosim.simulation import communication_points
 from liaisons.errors import SimulationError
 from liaisons.library import fmu_path
 
-from .conftest import Cli, is_misuse
+from .conftest import COMMAND, Cli, begun, is_misuse
 
 pytestmark = pytest.mark.usefixtures("shared_fmus")
 
@@ -29,15 +28,6 @@ TEXT = "time,x\n# s,m\n0.0,0.0\n1.0,1.0\n2.0,2.0\n"
 
 # Links to devices: without what is tested here, the link would be replaced, not the device of this machine.
 needs_devices = pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-
-
-def is_quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let no simulation begin."""
-
-    def run(*_: object, **__: object) -> Result:
-        raise AssertionError("the simulation has begun")
-
-    monkeypatch.setattr(System, "simulate", run)
 
 
 @needs_devices
@@ -84,10 +74,8 @@ def test_a_pipe_is_written_into(tmp_path: Path, write: Callable[[Path], object])
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="this system has no /dev/stdout")
 def test_the_standard_output(tmp_path: Path, fmus: Path) -> None:
     """Into a file as into a pipe: after what was printed, before what comes."""
-    command = "from liaisons.cli import main; raise SystemExit(main())"
-    words = [sys.executable, "-c", command, "simulate", "Pendulum", "--stop", "0.02", "--record", "theta"]
+    words = [*COMMAND, "simulate", "Pendulum", "--stop", "0.02", "--record", "theta", "--csv", "/dev/stdout"]
     environment = os.environ | {"LIAISONS_FMUS": str(fmus)}
-    words += ["--csv", "/dev/stdout"]
     piped = subprocess.run(words, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path).stdout
     with (tmp_path / "out.txt").open("w") as file:
         subprocess.run(words, env=environment, stdout=file, check=True, cwd=tmp_path)
@@ -105,39 +93,6 @@ def test_a_file_in_a_locked_folder_is_written_into(tmp_path: Path, monkeypatch: 
     assert (path.read_text(), path.stat().st_ino) == (TEXT, same)
 
 
-@pytest.mark.parametrize("option", ["--csv", "--parquet", "--plot"])
-def test_what_cannot_be_written_is_noticed_before_the_run(
-    liaisons: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str
-) -> None:
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "file").touch()
-    is_quick(monkeypatch)
-    for path, words in {
-        "no/such/folder.png": "No such file",
-        "folder": "Is a directory",
-        "file/in.png": "Not a directory",
-    }.items():
-        assert is_misuse(liaisons("simulate", "Pendulum", option, path), path, words, "choose another path")
-
-
-def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
-    liaisons: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    is_quick(monkeypatch)
-    assert is_misuse(liaisons("simulate", "Pendulum", "--plot", "figure.doc"), "figure.doc", "png")
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert is_misuse(liaisons("simulate", "Pendulum", "--parquet", "table.parquet"), "liaisons[parquet]")
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    "words", [("--step", "1e-10"), ("--stop", "1e9"), ("--stop=1e308", "--start=-1e308", "--step=1e296")]
-)
-def test_what_does_not_fit_into_the_memory_is_said_before_the_run(liaisons: Cli, words: tuple[str, ...]) -> None:
-    reply = liaisons("simulate", "Pendulum", *words)
-    assert is_misuse(reply, "points", " signals at each", "of memory are free", "larger steps"), reply.err
-
-
 def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPatch, fmus: Path) -> None:
     monkeypatch.setenv("LIAISONS_FMUS", str(fmus))
     monkeypatch.setattr(memory, "_free", lambda: 2e8)
@@ -152,11 +107,6 @@ def test_memory_is_estimated_from_what_is_recorded(monkeypatch: pytest.MonkeyPat
         system.simulate(1e6, 1.0)
     # the size of a first attempt is no number of points
     assert len(system.simulate(10.0, 1e-8, error_tolerance=1e-6).time) < 1e4
-
-
-@pytest.mark.parametrize("words", [("--stop", "1e300"), ("--step", "1e-300")])
-def test_steps_that_are_none(liaisons: Cli, words: tuple[str, str]) -> None:
-    assert is_misuse(liaisons("simulate", "Pendulum", *words), "step_size = ", "smaller than the rounding of times")
 
 
 def test_a_step_smaller_than_the_rounding_of_time() -> None:
@@ -197,15 +147,9 @@ def test_an_archive_that_says_nothing_of_its_experiment(liaisons: Cli, tmp_path:
 @pytest.mark.skipif(os.name != "posix", reason="interrupts of other processes are POSIX's")
 @pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_keeps_what_there_is(tmp_path: Path, fmus: Path) -> None:
-    code = "from liaisons.cli import main; raise SystemExit(main())"
     words = ["simulate", "Pendulum", "--stop", "1e4", "--step", "1e-3", "--tolerance", "1e-10", "--record", "theta"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, *words, "--csv", "out.csv"],
-        cwd=tmp_path,
-        env=os.environ | {"LIAISONS_FMUS": str(fmus), "TTY_COMPATIBLE": "1", "TERM": "xterm"},  # a progress bar
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
+    terminal = {"LIAISONS_FMUS": str(fmus), "TTY_COMPATIBLE": "1", "TERM": "xterm"}  # with a progress bar
+    process = begun(*words, "--csv", "out.csv", folder=tmp_path, **terminal)
     assert process.stderr is not None
     while b"t = " not in os.read(process.stderr.fileno(), 4096):  # the run has begun
         assert process.poll() is None

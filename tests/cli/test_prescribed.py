@@ -12,7 +12,7 @@ from liaisons import System
 from liaisons.cosim import Result
 from liaisons.library import fmu_path
 
-from .conftest import Cli, is_misuse
+from .conftest import Cli
 
 pytestmark = pytest.mark.usefixtures("shared_fmus")
 
@@ -144,40 +144,3 @@ def test_a_file_of_a_user(liaisons: Cli, bead: Path, tmp_path: Path) -> None:
     assert reply.status == 0, reply.err
     result = Result.from_csv(tmp_path / "out.csv")
     np.testing.assert_allclose(result["x"], result.time + result.time**3, rtol=0, atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("words", "hints"),
-    [
-        (["lenght=1"], ["no input 'lenght'", "did you mean 'length'"]),
-        (["length=1 + sn(t)"], ["--input length: ", "at character 5", "did you mean 'sin'"]),
-        (["theta=t"], ["Pendulum.theta", "'output'"]),
-        (["theta_0=t"], ["theta_0", "'parameter'", "--set"]),
-        (["length=1", "length=2"], ["length is given twice"]),
-        (["length=1+t", "length_dot=1"], ["length_dot", "driven twice"]),
-        (["length=1-t", "--stop", "3", "--step", "0.5"], ["length"]),
-        (["length=sqrt(t-1)"], ["'length'", "t = 0 s", "has no value there"]),
-        (["length=sqrt(t)"], ["'length'", "inf", "finite"]),
-        (["nowhere.csv"], ["nowhere.csv", "No such file"]),
-        (["length=motion.csv"], ["--input motion.csv"]),
-        (["short.csv"], ["short.csv", "from 0 to 1 s", "0 to 10 s", "--stop"]),
-        (["wrong.csv"], ["no input 'lenght'", "did you mean 'length'"]),
-    ],
-    ids=" ".join,
-)
-def test_misuse(liaisons: Cli, tmp_path: Path, words: list[str], hints: list[str]) -> None:
-    (tmp_path / "short.csv").write_text("t,length\n0,1\n1,1\n")
-    (tmp_path / "wrong.csv").write_text("t,lenght\n0,1\n10,1\n")
-    given = [w for word in words for w in ((word,) if word[0] in "-0123456789" else ("--input", word))]
-    reply = liaisons("simulate", "Pendulum", *given)
-    assert is_misuse(reply, *hints), reply.err
-
-
-def test_misuse_of_a_system(liaisons: Cli, tmp_path: Path) -> None:
-    pair = System("pair")
-    motor, swing = pair.add("motor", fmu_path("Sinusoid"), offset=1.0), pair.add("swing", fmu_path("Pendulum"))
-    pair.connect(motor["y"], swing["length"])
-    pair.write_ssp(tmp_path / "pair.ssp", stop_time=1.0, step_size=0.1)
-    assert is_misuse(liaisons("simulate", "pair.ssp", "--input", "swin.pivot_x=t"), "'swin'", "did you mean 'swing'")
-    assert is_misuse(liaisons("simulate", "pair.ssp", "--input", "pivot_x=t"), "'pivot_x'", "COMPONENT.NAME")
-    assert is_misuse(liaisons("simulate", "pair.ssp", "--input", "swing.length=t"), "swing.length", "motor.y already")

@@ -9,7 +9,7 @@ import pytest
 
 from liaisons.scenarios import names
 
-from .conftest import Cli, is_misuse
+from .conftest import COMMAND, Cli, begun, is_misuse
 
 SCENARIO = '''\
 """Twice two is four.
@@ -114,15 +114,8 @@ def test_a_job_in_the_background_of_a_shell_is_not_interrupted(tmp_path: Path) -
     path = write(tmp_path / "arithmetic.py", "0")
     signalling = "    import signal; signal.raise_signal(signal.SIGINT)\n    panels"
     path.write_text(path.read_text().replace("    panels", signalling))
-    command = "from liaisons.cli import main; raise SystemExit(main())"
-    ignoring = ["sh", "-c", 'trap "" INT; exec "$@"', "sh"]
-    done = subprocess.run(
-        [*ignoring, sys.executable, "-c", command, "run", path.name],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ignoring = ["sh", "-c", 'trap "" INT; exec "$@"', "sh", *COMMAND, "run", path.name]
+    done = subprocess.run(ignoring, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -132,19 +125,12 @@ def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path) -> None:
     path.write_text(
         SCENARIO.replace("    panels", "    import time; print('here', flush=True); time.sleep(60)\n    panels")
     )
-    command = "from liaisons.cli import main; raise SystemExit(main())"
-    process = subprocess.Popen(
-        [sys.executable, "-c", command, "run", path.name],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = begun("run", path.name, folder=tmp_path)
     assert process.stdout is not None
-    while process.stdout.readline() != "here\n":  # the scenario has begun
+    while process.stdout.readline() != b"here\n":  # the scenario has begun
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert err == "liaisons: interrupted\n"
+    assert err == b"liaisons: interrupted\n"
     assert not (tmp_path / "figures" / "slow.png").exists()

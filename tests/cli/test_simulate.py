@@ -64,36 +64,6 @@ def test_an_archive(liaisons: Cli, fmus: Path, tmp_path: Path) -> None:
     assert list(rows(reply.out))[:2] == ["swing.theta", "swing.length"]
     result = Result.from_csv(tmp_path / "pumped.csv")
     assert (result["swing.theta"][0], result.time[-1], len(result.time)) == (0.25, 1.0, 11)
-    unknown = liaisons("simulate", "pumped.ssp", "--set", "swin.theta_0=1")
-    assert is_misuse(unknown, "swin.theta_0", "did you mean 'swing'")
-    assert is_misuse(liaisons("simulate", "nowhere.ssp"), "nowhere.ssp", "no such file")
-
-
-@pytest.mark.parametrize(
-    ("words", "hints"),
-    [
-        (("Pendlum",), ["'Pendlum'", "did you mean 'Pendulum'"]),
-        (("nowhere.fmu",), ["nowhere.fmu", "no such file"]),
-        (("Pendulum", "--set", "theta_0"), ["'theta_0'", "NAME=VALUE"]),
-        (("Pendulum", "--set", "thta_0=1"), ["'thta_0'", "did you mean 'theta_0'"]),
-        (("Pendulum", "--set", "theta_0=much"), ["theta_0", "'much'", "number"]),
-        (("Pendulum", "--set", "theta_0=nan"), ["theta_0", "nan", "finite"]),
-        (("Pendulum", "--set", "energy=1"), ["energy", "cannot be set"]),
-        (("Pendulum", "--set", "mass=-1"), ["mass", "-1", "> 0"]),
-        (("Pendulum", "--set", "length_dot=-1", "--stop", "3", "--step", "3"), ["length"]),
-        (("Pendulum", "--step", "0"), ["step_size = 0", "> 0"]),
-        (("Pendulum", "--stop", "-1"), ["stop_time = -1"]),
-        (("Pendulum", "--step", "small"), ["'small'", "--help"]),
-        (("Pendulum", "--record", "thta"), ["'thta'", "did you mean 'theta'"]),
-        (("Pendulum", "--stop", "0.1", "--csv", "no/such/directory.csv"), ["no/such/directory.csv"]),
-        (("Pendulum", "--stop", "0.1", "--plot", "no/such/directory.png"), ["no/such/directory.png"]),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
-)
-def test_misuse(liaisons: Cli, tmp_path: Path, words: tuple[str, ...], hints: list[str]) -> None:
-    reply = liaisons("simulate", *words)
-    assert is_misuse(reply, *hints), reply.err
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_truncated_fmu(liaisons: Cli, fmus: Path, tmp_path: Path) -> None:
