@@ -35,7 +35,7 @@ from liaisons.folders import passing_folder
 from liaisons.progress import progress_bar
 from liaisons.results import IncompleteError, Interrupted, Result
 
-_PORTION = 0.02  # [s] between two looks at the keyboard, about
+_PORTION = 0.02  # [s] between two looks, about
 
 
 @final
@@ -55,7 +55,6 @@ class Run:
         self._simulation = simulation
         self._instances: dict[str, Instance] = {}
         self._coupled: Coupled | None = None
-        self._many = 1  # steps between two looks at the keyboard
         parts, times = simulation.parts, simulation.times
         self.repeats = again and all(part.fmu.restores for part in parts.values())
         with ExitStack() as stack:
@@ -72,7 +71,8 @@ class Run:
             self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
             self._rows = np.empty((len(times), self._bus.values.size))
-            self._times: list[float] = []
+            self._points = np.array(times)
+            self._times: list[float] | NDArray[np.float64] = []
             self._loop = Loop(self._step, self._bus, times, self._rows)
             self._back = self._saved() if self.repeats else []
             self._stack = stack.pop_all()
@@ -113,29 +113,29 @@ class Run:
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._settle)
-        self._record(begin, bus.values)
+        self._record(0, bus.values)
+        self._times = self._points[:1]
 
-    def finish(self, *, progress: bool = False) -> None:
+    def finish(self, look: Callable[[float], None] | None = None) -> None:
         """Go to the end, from the begin.
 
+        :param look: is told now and then how far it came [s].
         :raises SimulationError: if an FMU refuses something.
-        :raises KeyboardInterrupt: if it is asked for, at the end of the communication step.
         """
-        simulation = self._simulation
-        title, span = simulation.title if progress else "", (simulation.times[0], simulation.times[-1])
-        with progress_bar(title, "t = {:.6g} of {:.6g} s", *span) as show, deferred_interrupts() as interrupts:
-            advance = self._advance if simulation.error_tolerance is None else self._adapt
-            advance(show, interrupts)
+        if self._simulation.error_tolerance is None:
+            self._advance(look)
+        else:
+            self._adapt(look)
 
     def result(self) -> Result:
         """What was recorded so far."""
         simulation = self._simulation
         values = np.ascontiguousarray(self._rows[: len(self._times)].T[self._columns])
-        return Result(simulation.title, np.array(self._times), tuple(simulation.recorded), values, simulation.units)
+        return Result(simulation.title, np.asarray(self._times), tuple(simulation.recorded), values, simulation.units)
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the begin."""
-        return self._times[-1] if self._times else None
+        return float(self._times[-1]) if len(self._times) else None
 
     def _prepared(self) -> tuple[list[Call], list[Call], list[Call]]:
         """Calls for initialization, for what is after it, and for a communication step."""
@@ -158,35 +158,34 @@ class Run:
         self._bus.perform(save for save, _ in states)
         return [restore for _, restore in states]
 
-    def _advance(self, show: Callable[[float], None], interrupts: list[int]) -> None:
+    def _advance(self, look: Callable[[float], None] | None) -> None:
         """The steps from each communication point to the next one, so many at a time that nobody waits for long."""
         loop, times = self._loop, self._simulation.times
         loop.begin()
+        many = 1 if look else len(times)
         try:
             while loop.done < len(times):
                 begin = perf_counter()
-                loop.advance(min(loop.done + self._many, len(times)))
-                self._many = max(1, 2 * self._many if perf_counter() - begin < _PORTION else self._many // 2)
-                show(times[loop.done - 1])
-                if interrupts:
-                    raise KeyboardInterrupt
+                loop.advance(min(loop.done + many, len(times)))
+                many = max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2)
+                if look:
+                    look(times[loop.done - 1])
         finally:
-            self._times = list(times[: loop.done])
+            self._times = self._points[: loop.done]
 
-    def _adapt(self, show: Callable[[float], None], interrupts: list[int]) -> None:
+    def _adapt(self, look: Callable[[float], None] | None) -> None:
         """The same, with steps as long as their error allows."""
+        times = self._times = [self._simulation.times[0]]
         for time, values in adapted(self._simulation, self._instances, self._bus, self._step, self._coupled):
-            self._record(time, values)
-            show(time)
-            if interrupts:
-                raise KeyboardInterrupt
+            self._record(len(times), values)
+            times.append(time)
+            if look:
+                look(time)
 
-    def _record(self, time: float, values: NDArray[np.float64]) -> None:
-        count = len(self._times)
-        if count == len(self._rows):
+    def _record(self, row: int, values: NDArray[np.float64]) -> None:
+        if row == len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        self._rows[count] = values
-        self._times.append(time)
+        self._rows[row] = values
 
 
 def performed(simulation: Simulation, *, progress: bool = False) -> Result:
@@ -196,10 +195,18 @@ def performed(simulation: Simulation, *, progress: bool = False) -> Result:
         what was computed until then.
     :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
     """
+    title, span = simulation.title if progress else "", (simulation.times[0], simulation.times[-1])
     with Run(simulation) as run:
         try:
             run.start()
-            run.finish(progress=progress)
+            with progress_bar(title, "t = {:.6g} of {:.6g} s", *span) as show, deferred_interrupts() as interrupts:
+
+                def look(time: float) -> None:
+                    show(time)
+                    if interrupts:
+                        raise KeyboardInterrupt
+
+                run.finish(look)
         except (SimulationError, KeyboardInterrupt) as error:
             time = run.reached()
             if time is None:

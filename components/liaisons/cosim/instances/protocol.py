@@ -56,6 +56,7 @@ class Instance(ABC):
         self._said: deque[tuple[int, str]] = deque(maxlen=_REMEMBERED)
         self._initialized = False
         self._states: list[c_void_p] = []
+        self._functions: dict[str, Callable[..., int]] = {}
         self._pointer = c_void_p()
         try:
             self._library: CDLL | None = CDLL(str(directory / fmu.binary))
@@ -214,13 +215,15 @@ class Instance(ABC):
         return Call(self._function(self.functions[action]), self._pointer, *arguments).of(action, self.failure)
 
     def _function(self, name: str) -> Callable[..., int]:
-        assert self._library is not None
-        try:
-            return _shared(cast(self._library[name], c_void_p).value or 0)
-        except AttributeError:
-            raise SimulationError(
-                f"{self.name}: the library of {self._fmu.path.name} has no function {name}; export it again"
-            ) from None
+        if name not in self._functions:
+            assert self._library is not None
+            try:
+                self._functions[name] = _shared(cast(self._library[name], c_void_p).value or 0)
+            except AttributeError:
+                raise SimulationError(
+                    f"{self.name}: the library of {self._fmu.path.name} has no function {name}; export it again"
+                ) from None
+        return self._functions[name]
 
 
 @cache
