@@ -30,7 +30,7 @@ from fmpy.fmi2 import FMU2Slave
 
 from liaisons import System, fmu_path
 from liaisons.cosim.description import Fmu, read
-from liaisons.cosim.execution import Execution
+from liaisons.cosim.run import Run
 from liaisons.cosim.schedule import Coupling
 
 H = 0.001
@@ -103,18 +103,18 @@ def _growth(chains: Mapping[int, Times]) -> list[Row]:
 def _timed_loops() -> Iterator[list[float]]:
     """A list that gets the seconds of every loop over communication points, set-up and release left out."""
     seconds: list[float] = []
-    original = vars(Execution)["_advance"]
+    original = vars(Run)["_advance"]
 
-    def timed(self: Execution, *arguments: object) -> None:
+    def timed(self: Run, *arguments: object) -> None:
         begin = time.thread_time()
         original(self, *arguments)
         seconds.append(time.thread_time() - begin)
 
-    setattr(Execution, "_advance", timed)  # noqa: B010 - looks into the run on purpose
+    setattr(Run, "_advance", timed)  # noqa: B010 - looks into the run on purpose
     try:
         yield seconds
     finally:
-        setattr(Execution, "_advance", original)  # noqa: B010
+        setattr(Run, "_advance", original)  # noqa: B010
 
 
 def _run(

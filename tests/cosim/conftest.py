@@ -410,7 +410,7 @@ def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[
     """All calls that the FMUs have seen since the test began, as ``"instance call"``."""
     file = tmp_path / "trace.txt"
     monkeypatch.setenv("FMU_TRACE", str(file))
-    monkeypatch.setattr("liaisons.cosim.execution.try_to_start", lambda *_: None)  # the trial would be traced, too
+    monkeypatch.setattr("liaisons.cosim.run.try_to_start", lambda *_: None)  # the trial would be traced, too
     return lambda: file.read_text().splitlines() if file.exists() else []
 
 

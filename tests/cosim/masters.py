@@ -28,7 +28,7 @@ import fmpy
 import pytest
 
 from liaisons import System
-from liaisons.cosim.instances import AnyInstance, make
+from liaisons.cosim.instances import Instance, make
 
 _LIBCOSIM = """
 import json, sys
@@ -150,7 +150,7 @@ def jacobi(system: System, folder: Path, *, size: float, steps: int, sweeps: int
 
 
 @contextmanager
-def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mapping[str, AnyInstance]]:
+def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mapping[str, Instance]]:
     """In initialization, with their start values."""
     with ExitStack() as stack:
         instances = {}

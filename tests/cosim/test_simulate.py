@@ -32,7 +32,7 @@ def test_defaults_are_those_of_the_file(fmu: FmuPaths, trace: Callable[[], list[
 
 
 def test_missing_default_is_asked_for(fmu: FmuPaths) -> None:
-    with pytest.raises(SimulationError, match=r"Cubic\.fmu has no default stop_time: give simulate\(\) one"):
+    with pytest.raises(SimulationError, match=r"Cubic\.fmu has no default stop_time: give one"):
         simulate(fmu("Cubic"), step_size=H)
     with pytest.raises(SimulationError, match=r"Cubic\.fmu has no default step_size"):
         simulate(fmu("Cubic"), stop_time=1.0)

@@ -340,13 +340,13 @@ def test_refused_instantiation_says_why(fmu: FmuPaths, trace: Trace, extracted: 
 def test_interrupt_ends_at_a_communication_point(
     fmu: FmuPaths, trace: Trace, extracted: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from liaisons.cosim import execution
+    from liaisons.cosim import run
 
     def show(t: float) -> None:
         if t == 0.25:  # the first look: after one step
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(execution, "progress_bar", lambda *_: nullcontext(show))
+    monkeypatch.setattr(run, "progress_bar", lambda *_: nullcontext(show))
     usual = signal.getsignal(signal.SIGINT)
     with pytest.raises(Interrupted, match=r"driven: interrupted at t = 0\.25 of 1 s") as caught:
         _driven(fmu, 1).simulate(1.0, H, progress=True)

@@ -116,7 +116,7 @@ def test_what_one_worker_cannot_begin_is_for_the_others(client, pendulum) -> Non
             raise OSError(errno.ENOSPC, "No space left on device")
 
         if first in {dask_worker.address, "all"}:
-            cluster.extract_all = full
+            cluster.extracted = full
 
     here = sweep(pendulum, CASES, ["theta"], **SPAN)
     client.wait_for_workers(2, timeout=60)  # one has just been killed

@@ -13,12 +13,13 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from liaisons import Result, System, build, simulate
+from liaisons.cosim.schedule import Coupling
 from liaisons.errors import SimulationError
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
@@ -96,11 +97,12 @@ def double(pendulum) -> System:
     return system
 
 
-def test_a_system_that_is_coupled_implicitly(double) -> None:
-    system = double
-    table = sweep(system, {"lower.mass": [0.5, 1.0]}, ["lower.theta"], workers=1, **SPAN)
+@pytest.mark.parametrize("coupling", get_args(Coupling))
+def test_a_coupled_system_begins_anew_with_every_case(double, coupling: Coupling) -> None:
+    table = sweep(double, {"lower.mass": [0.5, 1.0, 2.0, 1.0]}, ["lower.theta"], workers=1, coupling=coupling, **SPAN)
     # mass 1 is what the FMU has by itself
-    assert table["lower.theta"][1] == system.simulate(1.0, 0.05)["lower.theta"][-1]
+    alone = double.simulate(1.0, 0.05, coupling=coupling)["lower.theta"][-1]
+    assert table["lower.theta"][1] == table["lower.theta"][3] == alone
 
 
 def test_cases_that_fail_are_recorded_and_the_others_go_on(pendulum, caplog) -> None:

@@ -16,14 +16,13 @@ from liaisons.cli._mismatch import mismatches
 from liaisons.cosim import simulate
 from liaisons.cosim.archive import Archive
 from liaisons.cosim.description import DESCRIPTION, read
-from liaisons.cosim.instances import extract, make
+from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
 from liaisons.folders import passing_folder
 
 if TYPE_CHECKING:
     from liaisons.cosim.calls import Call
     from liaisons.cosim.description import Fmu
-    from liaisons.cosim.messages import Action
     from liaisons.results import Result
 
 _MOST_VALIDATED = 2**23
@@ -117,27 +116,25 @@ def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     seen = (c_double * len(outputs))()
     time, size = c_double(0.0), c_double(step_size)
     results = []
-    with passing_folder() as folder:
-        extract(fmu.path, folder)
-        with make(fmu.path.stem, fmu, folder) as instance:
-            instance.setup(tolerance, 0.0, 3 * step_size)
-            instance.enter_initialization()
-            instance.exit_initialization()
-            save, restore = instance.states()
-            step, get = instance.stepper(time, size), instance.getter(outputs, seen)
+    with passing_folder() as folder, make(fmu.path.stem, fmu, extracted([fmu], folder)[fmu.path]) as instance:
+        instance.setup(tolerance, 0.0, 3 * step_size)
+        instance.enter_initialization()
+        instance.exit_initialization()
+        save, restore = instance.states()
+        step, get = instance.stepper(time, size), instance.getter(outputs, seen)
 
-            def perform(action: Action, call: Call) -> None:
+        def perform(*calls: Call) -> None:
+            for call in calls:
                 status = call()
                 if status and status > WARNING:
-                    raise instance.failure(action, status, " in the roll-back")
+                    raise instance.failure(call.action, status, " in the roll-back")
 
-            perform("step", step)  # the history of solver and inputs has to come back, too
-            perform("save", save)
-            for _ in range(2):
-                perform("restore", restore)
-                for place in (1, 2):
-                    time.value = place * step_size
-                    perform("step", step)
-                perform("get", get)
-                results.append(np.array(seen))
+        perform(step, save)  # the history of solver and inputs has to come back, too
+        for _ in range(2):
+            perform(restore)
+            for place in (1, 2):
+                time.value = place * step_size
+                perform(step)
+            perform(get)
+            results.append(np.array(seen))
     return float(np.max(np.abs(results[0] - results[1])))

@@ -1,8 +1,7 @@
 """FMU files in, system, result out: composition and simulation on fmpy; no symbols here."""
 
 from liaisons.cosim.parts import Part, Port
-from liaisons.cosim.simulation import simulate
-from liaisons.cosim.system import System
+from liaisons.cosim.system import System, simulate
 from liaisons.results import IncompleteError, Interrupted, Result
 
 __all__ = ["IncompleteError", "Interrupted", "Part", "Port", "Result", "System", "simulate"]

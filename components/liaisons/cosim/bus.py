@@ -1,4 +1,4 @@
-"""What all FMUs of a run share: the clock, and the values that go from one to another.
+"""What all FMUs of a run share: the values that go from one to another, and the clock.
 
 The values lie in one array, so that a row of a recording is one copy of it.
 """
@@ -7,48 +7,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from ctypes import Array, c_double
-from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import Call, Kind, Prepared
-from liaisons.cosim.messages import Action
+from liaisons.cosim.calls import COPY, Action, Call
+from liaisons.cosim.messages import WARNING
 from liaisons.cosim.schedule import Feeds, Place
 
 
 @final
-@dataclass
-class Clock:
-    """The communication step under way; begin and size [s] as foreign functions see them."""
-
-    end: float
-    start: c_double = field(default_factory=c_double)
-    size: c_double = field(default_factory=c_double)
-
-    def set(self, start: float, end: float) -> None:
-        """Turn to the step between two instants [s]."""
-        self.start.value, self.size.value, self.end = start, end - start, end
-
-    def when(self, action: Action) -> str:
-        """Where in time a call failed, for its message."""
-        since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
-        return f" {since} t = {self.end:.10g} s"
-
-
-@final
 class Bus:
-    """All connected and recorded reals, those of one call side by side.
+    """All connected and recorded reals, those of one call side by side, and the communication step under way.
 
     :param order: components, and what else has outputs.
     :param feeds: input -> output.
     :param watched: outputs that are read as if they were connected.
     :param recorded: further variables that are wanted.
+    :ivar start: begin and ``size`` of the step [s] as foreign functions see them, ``end`` as Python does.
     """
 
     def __init__(self, order: Sequence[str], feeds: Feeds, watched: Iterable[Place], recorded: Iterable[Place]) -> None:
         sources = dict.fromkeys([*feeds.values(), *watched])
+        self.order = order
         self._feeds = feeds
         self._connected = _by_component(order, sources)
         self._others = _by_component(order, [p for p in dict.fromkeys(recorded) if p not in feeds and p not in sources])
@@ -56,6 +38,33 @@ class Bus:
         places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
         self.index = {place: k for k, place in enumerate(places)}
         self.values = np.zeros(len(places))
+        self.start, self.size, self.end = c_double(), c_double(), 0.0
+
+    def turn(self, start: float, end: float) -> None:
+        """Turn the clock to the step between two instants [s]."""
+        self.start.value, self.size.value, self.end = start, end - start, end
+
+    def perform(self, calls: Iterable[Call]) -> None:
+        """Make calls, one after the other.
+
+        :raises SimulationError: if one is refused.
+        """
+        for call in calls:
+            if status := call():
+                self.judge(call, status)
+
+    def judge(self, call: Call, status: int) -> None:
+        """Look at what a call has returned, unless that was OK.
+
+        :raises SimulationError: unless it was a warning.
+        """
+        if status != WARNING:
+            assert call.failure is not None
+            raise call.failure(call.action, status, self._when(call.action))
+
+    def _when(self, action: Action) -> str:
+        since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
+        return f" {since} t = {self.end:.10g} s"
 
     def outputs(self, name: str, *, every: bool = True) -> list[Place]:
         """What is read from a component: what feeds something, and ``every`` other thing that is recorded."""
@@ -87,8 +96,8 @@ class Bus:
 
     def _copy(self, target: int, source: int, count: int) -> Call:
         bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
-        call = Prepared(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
-        return call.recorded(Kind.COPY, given=address + source * size, count=count, values=address + target * size)
+        call = Call(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
+        return call.recorded(COPY, given=address + source * size, count=count, values=address + target * size)
 
 
 def _by_component(names: Iterable[str], places: Iterable[Place]) -> dict[str, list[Place]]:

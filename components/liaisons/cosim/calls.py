@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from ctypes import Structure, c_int, c_size_t, c_void_p, cast
-from enum import IntEnum
 from functools import partial
-from typing import Any, final
+from typing import Any, Literal, final
 
-Call = Callable[[], int | None]
-"""A prepared call without arguments; returns an FMI status, or None where there can be none."""
+from liaisons.errors import SimulationError
 
+Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope"]
+"""What a call does; the last three: directional derivatives, derivatives of inputs and of outputs."""
 
-class Kind(IntEnum):
-    """What a call does, as ``loop.c`` numbers it."""
+Failure = Callable[[Action, int, str], SimulationError]
+"""Makes the error of a call: what it was to do, the status that it returned, and when that was."""
 
-    COPY = 0
-    TRANSFER_2 = 1
-    TRANSFER_3 = 2
-    STEP_2 = 3
-    STEP_3 = 4
+COPY, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3 = range(5)
+"""Kinds of calls, as ``loop.c`` numbers them."""
 
 
 @final
@@ -38,17 +35,28 @@ class Record(Structure):
 
 
 @final
-class Prepared(partial[Any]):
-    """A call that compiled code can make, too.
+class Call(partial[Any]):
+    """A call without arguments; it returns an FMI status, or None where there can be none.
 
-    :ivar record: how; its addresses are of what the call keeps alive.
+    A function of C is called by it as by ``functools.partial``, with nothing of Python between.
+
+    :ivar action: what it does.
+    :ivar failure: makes its error; None of what cannot be refused.
+    :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; None if only Python can.
     """
 
-    record: Record
+    action: Action = "copy"
+    failure: Failure | None = None
+    record: Record | None = None
+
+    def of(self, action: Action, failure: Failure) -> Call:
+        """The same, which knows what it does for whom."""
+        self.action, self.failure = action, failure
+        return self
 
     def recorded(
         self,
-        kind: Kind,
+        kind: int,
         *,
         function: Any = None,
         instance: int | None = None,
@@ -56,12 +64,11 @@ class Prepared(partial[Any]):
         count: int = 0,
         values: int | None = None,
         size: int = 0,
-    ) -> Prepared:
+    ) -> Call:
         """The same with its record.
 
         :param function: of a library.
         :param given: address of what is read; ``values`` of what is written.
         """
-        address = cast(function, c_void_p).value
-        self.record = Record(kind, address, instance, given, count, values, size)
+        self.record = Record(kind, cast(function, c_void_p).value, instance, given, count, values, size)
         return self

@@ -11,13 +11,13 @@ import numpy as np
 from liaisons.arguments import chosen
 from liaisons.cosim import schedule
 from liaisons.cosim.connections import Connection
-from liaisons.cosim.coupling.member import way
 from liaisons.cosim.messages import logger
 from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
 from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.errors import SimulationError
 
-_ITERATING = {"implicit", "waveform"}
+ITERATING = {"implicit", "waveform"}
+"""Couplings that repeat steps."""
 
 
 def coupling(parts: Mapping[str, Part], connections: Sequence[Connection], asked: Coupling | None) -> Coupling:
@@ -30,7 +30,7 @@ def coupling(parts: Mapping[str, Part], connections: Sequence[Connection], asked
     feeds = {connection.target.place: connection.source.place for connection in connections}
     cycles = [group for group in schedule.groups(parts, feeds) if len(group) > 1]
     stuck = [name for group in cycles for name in group if not parts[name].fmu.restores]
-    if asked in _ITERATING:
+    if asked in ITERATING:
         if stuck:
             raise SimulationError(
                 f"coupling = {asked!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
@@ -67,12 +67,12 @@ def prepared(parts: Mapping[str, Part], feeds: Feeds, chosen: Coupling) -> Mappi
 
     :raises SimulationError: if the user has said that such a one does something else.
     """
-    if chosen not in _ITERATING:
+    if chosen not in ITERATING:
         return parts
     fed = {name for name, _ in feeds}
     ready = dict(parts)
     for name, part in parts.items():
-        if name not in fed or part.reconstruction is None or way(part) != "mean":
+        if name not in fed or part.reconstruction is None or part.way != "mean":
             continue
         if INPUT_RECONSTRUCTION in part.starts:
             raise SimulationError(
@@ -102,7 +102,7 @@ def steps(parts: Mapping[str, Part], feeds: Feeds, times: Sequence[float], chose
                 f"{'.'.join(feeds[name, variable])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
             )
     if adaptive:
-        loops = [] if chosen in _ITERATING else _loops(parts, feeds)
+        loops = [] if chosen in ITERATING else _loops(parts, feeds)
         if loops:
             raise SimulationError(
                 f"error_tolerance cannot be kept by {chosen!r}, which solves this algebraic loop by one sweep a step "
@@ -134,8 +134,11 @@ def steps(parts: Mapping[str, Part], feeds: Feeds, times: Sequence[float], chose
 def inputs(parts: Mapping[str, Part], feeds: Feeds, driven: Collection[Place]) -> None:
     """Whether every input that needs a source has one, and whole ports are connected.
 
-    :raises SimulationError: for an input without connection and without start value.
+    :raises SimulationError: for an input without connection and without start value, or with two sources.
     """
+    for place in driven:
+        if place in feeds:
+            raise SimulationError(f"inputs: {'.'.join(place)} is connected with {'.'.join(feeds[place])} already")
     known = {*feeds, *driven}
     for name, part in parts.items():
         for variable in part.fmu.reals("input", longest=_LONGEST):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.arguments import shown
+from liaisons.cosim.parts import Part
 from liaisons.cosim.schedule import Place
 from liaisons.errors import LiaisonsError, SimulationError
 
@@ -45,6 +47,31 @@ class Drive:
                 f"expected {len(self.inputs)} finite number{'s' * (len(self.inputs) > 1)}"
             )
         return values.reshape(-1)
+
+
+def drives(functions: Mapping[Place, Function], parts: Mapping[str, Part], start_time: float) -> list[Drive]:
+    """The functions of time that drive inputs; one that returns several numbers drives a whole port.
+
+    :raises SimulationError: if there is no such input, it is driven twice, or what drives it is no function.
+    """
+    found: list[Drive] = []
+    for (owner, name), function in functions.items():
+        part = parts[owner]
+        variable = part.real(name)
+        if variable.causality != "input":
+            words = f"{owner}.{name} is of causality {variable.causality!r}"
+            raise SimulationError(f"inputs: {words}, so it cannot be driven")
+        if not callable(function):
+            words = f"{name} = {shown(function)} is no function of time"
+            raise SimulationError(f"inputs: {words}; give a constant as start value")
+        triple = part[name].triple()
+        whole = triple is not None and evaluate(function, name, start_time).ndim > 0
+        found.append(Drive(function, tuple(port.place for port in triple) if triple and whole else ((owner, name),)))
+    driven = [place for drive in found for place in drive.inputs]
+    for place in driven:
+        if driven.count(place) > 1:
+            raise SimulationError(f"inputs: {'.'.join(place)} is driven twice, by itself and by its port")
+    return found
 
 
 def evaluate(function: Function, name: str, t: float) -> NDArray[np.float64]:

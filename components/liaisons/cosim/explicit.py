@@ -2,82 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
-from typing import final
+from collections.abc import Iterable, Iterator, Mapping
 
 from numpy.typing import NDArray
 
 from liaisons.cosim import schedule
-from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
 from liaisons.cosim.drives import SIGNALS, Drive
-from liaisons.cosim.instances import AnyInstance
-from liaisons.cosim.messages import Action
-from liaisons.cosim.parts import Part
-from liaisons.cosim.schedule import Depends, Feeds, Operation
+from liaisons.cosim.instances import Instance
+from liaisons.cosim.schedule import Operation
+from liaisons.cosim.simulation import Simulation
+
+Calls = list[Call]
 
 
-@final
-class Explicit:
-    """Calls of all FMUs of a system, in the order that the coupling asks for.
+def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> tuple[Calls, Calls, Calls]:
+    """Calls that make everything fit in initialization, and after it, and those of a communication step."""
 
-    :param order: components, :data:`SIGNALS` among them, sources before what they feed.
-    :ivar owners: action and component of each call of an FMU.
-    """
+    def calls(program: Iterable[Operation], *, initial: bool = False) -> Calls:
+        return [c for operation in program for c in _lowered(simulation, instances, bus, operation, initial=initial)]
 
-    def __init__(
-        self,
-        parts: Mapping[str, Part],
-        instances: Mapping[str, AnyInstance],
-        feeds: Feeds,
-        bus: Bus,
-        *,
-        order: Sequence[str],
-        signals: Sequence[Drive],
-        clock: Clock,
-    ) -> None:
-        self.owners: dict[Call, tuple[Action, str]] = {}
-        self._parts = parts
-        self._instances = instances
-        self._feeds = feeds
-        self._bus = bus
-        self._order = order
-        self._signals = signals
-        self._clock = clock
+    order, feeds, depends = bus.order, simulation.feeds, simulation.depends
+    newest = {name for name, part in simulation.parts.items() if part.takes_newest}
+    return (
+        calls(schedule.consistent(order, feeds, simulation.depends_initially), initial=True),
+        calls(schedule.consistent(order, feeds, depends)),
+        calls(schedule.step(order, feeds, depends, simulation.coupling, newest)),
+    )
 
-    def consistent(self, depends: Depends, *, initial: bool) -> list[Call]:
-        """Make everything belong to the present instant; in initialization, only what is connected is read."""
-        return self._prepared(schedule.consistent(self._order, self._feeds, depends), initial=initial)
 
-    def step(self, depends: Depends, coupling: schedule.Coupling) -> list[Call]:
-        """One communication step."""
-        newest = {name for name, part in self._parts.items() if part.takes_newest}
-        return self._prepared(schedule.step(self._order, self._feeds, depends, coupling, newest), initial=False)
+def _lowered(
+    simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, operation: Operation, *, initial: bool
+) -> Iterator[Call]:
+    """The calls of one operation; in initialization, only what is connected is read."""
+    action, name = operation
+    if name == SIGNALS:
+        if action == "get":
+            yield from (Call(_evaluate, drive, bus, bus.view(drive.places)) for drive in simulation.drives)
+        return
+    instance, variables = instances[name], simulation.parts[name].fmu.variables
+    if action == "step":
+        yield instance.stepper(bus.start, bus.size)
+        return
+    places = bus.inputs[name] if action == "set" else bus.outputs(name, every=not initial)
+    if not places:
+        return
+    if action == "set":
+        yield from bus.copies(places)
+    prepare = instance.setter if action == "set" else instance.getter
+    yield prepare([variables[variable] for _, variable in places], bus.buffer(places))
 
-    def _prepared(self, program: Iterable[Operation], *, initial: bool) -> list[Call]:
-        return [call for operation in program for call in self._lowered(operation, initial)]
 
-    def _lowered(self, operation: Operation, initial: bool) -> Iterator[Call]:
-        action, name = operation
-        bus = self._bus
-        if name == SIGNALS:
-            if action == "get":
-                yield from (partial(self._evaluate, s, bus.view(s.places)) for s in self._signals)
-            return
-        instance, variables = self._instances[name], self._parts[name].fmu.variables
-        if action == "step":
-            call = instance.stepper(self._clock.start, self._clock.size)
-        else:
-            places = bus.inputs[name] if action == "set" else bus.outputs(name, every=not initial)
-            if not places:
-                return
-            if action == "set":
-                yield from bus.copies(places)
-            prepare = instance.setter if action == "set" else instance.getter
-            call = prepare([variables[variable] for _, variable in places], bus.buffer(places))
-        self.owners[call] = operation
-        yield call
-
-    def _evaluate(self, source: Drive, view: NDArray) -> None:
-        view[:] = source(self._clock.end)
+def _evaluate(drive: Drive, bus: Bus, values: NDArray) -> None:
+    values[:] = drive(bus.end)

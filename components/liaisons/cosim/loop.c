@@ -31,19 +31,6 @@ typedef struct {
     size_t size;       /* of values in FMI 3.0 */
 } Call;
 
-typedef struct {
-    const Call *calls;
-    size_t count;
-    double *start, *size; /* [s], of the step under way */
-    const double *bus;    /* what is recorded at its end */
-    size_t width;
-} Program;
-
-typedef struct {
-    size_t call;
-    int status;
-} Refusal;
-
 static int step_3(const Call *call, double time, double size) {
     bool *ended = call->values, event;
     double last_time;
@@ -63,18 +50,21 @@ static int perform(const Call *call, double time, double size) {
     }
 }
 
-/* Steps from each time to the next one, and a row for each.  Returns how many were done; if fewer, who refused. */
-EXPORT size_t advance(const Program *program, const double times[], size_t steps, double *rows, Refusal *refusal) {
+/* Steps from each time to the next one, and of each a row of what is on the bus then.  Returns how many were done; if
+   fewer, which call was refused, and with what status.  The caller sees begin and size [s] of the step under way. */
+EXPORT size_t advance(const Call calls[], size_t count, double *start, double *size, const double bus[], size_t width,
+                      const double times[], size_t steps, double *rows, ptrdiff_t refusal[2]) {
     for (size_t k = 0; k < steps; k++) {
-        *program->start = times[k];
-        *program->size = times[k + 1] - times[k];
-        for (size_t i = 0; i < program->count; i++) {
-            const int status = perform(&program->calls[i], *program->start, *program->size);
+        *start = times[k];
+        *size = times[k + 1] - times[k];
+        for (size_t i = 0; i < count; i++) {
+            const int status = perform(&calls[i], *start, *size);
             if (status == OK || status == WARNING) continue;
-            *refusal = (Refusal){i, status};
+            refusal[0] = (ptrdiff_t)i;
+            refusal[1] = status;
             return k;
         }
-        memcpy(rows + k * program->width, program->bus, program->width * sizeof(double));
+        memcpy(rows + k * width, bus, width * sizeof(double));
     }
     return steps;
 }

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import final
+from typing import Literal, final
 
 from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values
 from liaisons.cosim.variables import Scalar
-from liaisons.errors import ConnectError
+from liaisons.errors import ConnectError, SimulationError
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
+
+Way = Literal["polynomial", "asked", "interpolate", "mean"]
+"""How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
 
 
 @final
@@ -53,6 +56,25 @@ class Part:
             raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *points)}")
         return port
 
+    def reals(self, name: str) -> list[str]:
+        """Names of the real scalars that a name stands for: itself, or all elements of an array.
+
+        :raises SimulationError: if there is none of this name, or it is of another type.
+        """
+        return [self.real(element).name for element in self.fmu.variables.elements(name)]
+
+    def real(self, name: str) -> Scalar:
+        """The real scalar of this name.
+
+        :raises SimulationError: if there is none of this name, or it is of another type.
+        """
+        if name not in self.fmu.variables:
+            raise SimulationError(f"{self.name}: {self.fmu.unknown(name)}")
+        found = self.fmu.variables[name]
+        if found.type != "Real":
+            raise SimulationError(f"{self.name}.{name} is {found.type}; only Real variables can be recorded and driven")
+        return found
+
     @property
     def reconstruction(self) -> int | None:
         """What its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate; None for an FMU of another make."""
@@ -83,6 +105,15 @@ class Part:
     def takes_newest(self) -> bool:
         """Whether it is to be given the newest inputs before a step: it interpolates, or it is of another make."""
         return self.reconstruction in {None, 2}
+
+    @property
+    def way(self) -> Way:
+        """How its inputs can be made to move within a step."""
+        if self.interpolates:
+            return "interpolate"
+        if self.asks:
+            return "asked"
+        return "polynomial" if self.fmu.input_derivatives else "mean"
 
     def interpolating(self) -> Part:
         """The same, but that it interpolates its inputs."""

@@ -1,24 +1,24 @@
-"""The simulation of one FMU or of several: arguments are checked, the run is made, a result comes of it."""
+"""A simulation before it is run: what is simulated, when and how, checked before any FMU is touched."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, finite, listed, named, numbers, shown
+from liaisons.arguments import finite, listed, named, numbers
 from liaisons.cosim import checks
 from liaisons.cosim.connections import Connection
-from liaisons.cosim.drives import Drive, Function, evaluate
-from liaisons.cosim.execution import Execution, Settings
+from liaisons.cosim.drives import Drive, Function, drives
 from liaisons.cosim.memory import check_memory
 from liaisons.cosim.parts import Part
-from liaisons.cosim.schedule import Coupling, Place
-from liaisons.errors import SimulationError
-from liaisons.results import IncompleteError, Interrupted, Result
+from liaisons.cosim.schedule import Coupling, Feeds, Place
+from liaisons.errors import SimulationError, suggestion
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""
@@ -26,119 +26,151 @@ _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 """What FMUs hand each other has to fit within this part of the tolerance, but not better than rounding allows."""
 
 
-def simulate(
-    fmu: Path | str,
-    /,
-    *,
-    stop_time: float | None = None,
-    step_size: float | None = None,
-    start_time: float | None = None,
-    times: ArrayLike | None = None,
-    tolerance: float | None = None,
-    record: str | Iterable[str] | None = None,
-    inputs: Mapping[str, Function] | None = None,
-    **starts: ArrayLike,
-) -> Result:
-    """Simulate one FMU; what is not given is taken from its default experiment.
+@final
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """What is simulated, and how; made by :func:`checked`.
 
-    :param fmu: path of the file; :func:`liaisons.simulate` takes a component by its name, file or class, too.
-    :param stop_time: end [s].
-    :param step_size: distance of the communication points [s], as in :meth:`System.simulate`.
-    :param start_time: begin [s].  (A *parameter* of this name can be set in a :class:`System`.)
-    :param times: the communication points themselves [s], increasing, in place of the three above.
-    :param tolerance: relative tolerance of the FMU's solver.
-    :param record: a name of a real variable or several; all outputs and inputs if None.
-    :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
-        return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
-        from a connected source.
-    :param starts: values of parameters and inputs at the start, where they differ from the FMU's.
-    :returns: signals under their own names, ``result["theta"]``.
-    :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
+    :param parts: by name, in the order of addition, with the start values that the coupling needs.
+    :param recorded: name in the result -> variable.
+    :param times: communication points [s]; with steps of adapted size the begin, the end of the first step, the end.
+    :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
+    :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
     """
-    path = as_path("fmu", fmu)
-    single = Part.of(path.stem, path, starts)
-    experiment = single.fmu.experiment
-    if times is None:
-        start_time = experiment.start_time if start_time is None else start_time
-        stop_time = experiment.stop_time if stop_time is None else stop_time
-        step_size = experiment.step_size if step_size is None else step_size
-        if stop_time is None or step_size is None:
-            missing = "stop_time" if stop_time is None else "step_size"
-            raise SimulationError(f"{path.name} has no default {missing}: give simulate() one")
-    names = single.fmu.recorded() if record is None else listed("record", record)
-    recorded = {element: place for name in names for element, place in reals(single, name).items()}
-    points = communication_points(
-        0.0 if start_time is None else start_time, stop_time, step_size, times, signals=len(recorded)
-    )
-    given = named("inputs", {} if inputs is None else inputs)
-    driven = {(path.stem, name): function for name, function in given.items()}
-    return run(
-        path.stem,
-        {path.stem: single},
-        recorded=recorded,
-        times=points,
-        signals=signals({path.stem: single}, driven, points[0]),
-        tolerance=experiment.tolerance if tolerance is None else tolerance,
-    )
+
+    title: str
+    parts: Mapping[str, Part]
+    connections: Sequence[Connection]
+    drives: Sequence[Drive]
+    recorded: Mapping[str, Place]
+    times: Sequence[float]
+    tolerance: float | None
+    coupling: Coupling
+    error_tolerance: float | None
+
+    @cached_property
+    def feeds(self) -> Feeds:
+        """Input -> the output, or function of time, that feeds it."""
+        driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.places, strict=True)}
+        return driven | _feeds(self.connections)
+
+    @property
+    def iterates(self) -> bool:
+        """Whether steps are repeated."""
+        return self.coupling in checks.ITERATING
+
+    @property
+    def interface_tolerance(self) -> float:
+        """How well what FMUs hand each other has to fit, relative to its size."""
+        return max(_INTERFACE * (self.tolerance or _DEFAULT_TOLERANCE), _FINEST_INTERFACE)
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Name in the result -> unit; if the variable has none, that of what it is connected with."""
+        return {name: self._unit(place) for name, place in self.recorded.items()}
+
+    def depends(self, output: Place, input_: Place) -> bool:
+        """Whether an output depends directly on an input of the same part, while stepping."""
+        return self.parts[output[0]].fmu.depends(output[1], input_[1])
+
+    def depends_initially(self, output: Place, input_: Place) -> bool:
+        """The same in initialization."""
+        return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=True)
+
+    def _unit(self, place: Place) -> str:
+        own = self.parts[place[0]].fmu.variables[place[1]].unit
+        near = (port.variable.unit for c in self.connections for port in c.opposite(place) if port.variable.unit)
+        return own or next(near, "")
 
 
-def run(
+def checked(
     title: str,
     parts: Mapping[str, Part],
-    *,
-    recorded: Mapping[str, Place],
-    times: Sequence[float],
     connections: Sequence[Connection] = (),
-    signals: Sequence[Drive] = (),
+    *,
+    single: bool = False,
+    start_time: float | None = None,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    times: ArrayLike | None = None,
     tolerance: float | None = None,
     coupling: Coupling | None = None,
     error_tolerance: float | None = None,
-    progress: bool = False,
-) -> Result:
-    """Simulate what is connected; see :meth:`liaisons.cosim.System.simulate`.
+    record: str | Iterable[str] | None = None,
+    also: Iterable[str] = (),
+    inputs: Mapping[str, Function] | None = None,
+) -> Simulation:
+    """Whatever is asked of a simulation, checked; see :meth:`liaisons.cosim.System.simulate` for what it means.
 
-    :param recorded: name in the result -> variable.
+    :param single: it is of one FMU, whose variables go by their own names, and which says what is not given.
+    :param also: is recorded besides.
+    :raises SimulationError: for a bad argument.
     """
-    feeds = {connection.target.place: connection.source.place for connection in connections}
-    check_positive("tolerance", tolerance)
-    check_positive("error_tolerance", error_tolerance)
+    if single:
+        own = next(iter(parts.values())).fmu.experiment
+        tolerance = own.tolerance if tolerance is None else tolerance
+        if times is None:
+            start_time = own.start_time if start_time is None else start_time
+            stop_time = own.stop_time if stop_time is None else stop_time
+            step_size = own.step_size if step_size is None else step_size
+            if stop_time is None or step_size is None:
+                missing = "stop_time" if stop_time is None else "step_size"
+                raise SimulationError(f"{title}.fmu has no default {missing}: give one")
+    recorded = _recorded(title, parts, record, also, single=single)
+    start_time = 0.0 if start_time is None else start_time
+    if error_tolerance is None:
+        points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
+    elif times is None:
+        points = first_points(start_time, stop_time, step_size)
+    else:
+        raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
+    functions = named("inputs", {} if inputs is None else inputs)
+    driving = drives(
+        {owned(title, parts, "input", name, single=single): function for name, function in functions.items()},
+        parts,
+        points[0],
+    )
+    for name, value in (("tolerance", tolerance), ("error_tolerance", error_tolerance)):
+        if value is not None:
+            finite(name, value)
+            if value <= 0:
+                raise SimulationError(f"{name} = {value!r}: must be > 0")
+    feeds = _feeds(connections)
     chosen = checks.coupling(parts, connections, coupling)
     parts = checks.prepared(parts, feeds, chosen)
-    checks.steps(parts, feeds, times, chosen, adaptive=error_tolerance is not None)
-    driven = [place for s in signals for place in s.inputs]
-    for place in driven:
-        if place in feeds:
-            raise SimulationError(f"inputs: {'.'.join(place)} is connected with {'.'.join(feeds[place])} already")
-    checks.inputs(parts, feeds, driven)
-    execution = Execution(
-        parts,
-        feeds,
-        signals,
-        list(recorded.values()),
-        times=times,
-        settings=Settings(
-            tolerance=tolerance,
-            coupling=chosen,
-            interface_tolerance=max(_INTERFACE * (tolerance or _DEFAULT_TOLERANCE), _FINEST_INTERFACE),
-            error_tolerance=error_tolerance,
-            progress=title if progress else "",
-        ),
-    )
-    units = {name: _unit(parts, connections, place) for name, place in recorded.items()}
+    checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
+    checks.inputs(parts, feeds, [place for drive in driving for place in drive.inputs])
+    return Simulation(title, parts, connections, driving, recorded, points, tolerance, chosen, error_tolerance)
 
-    def result() -> Result:
-        return Result(title, execution.times, tuple(recorded), execution.values, units)
 
-    try:
-        execution.run()
-    except (SimulationError, KeyboardInterrupt) as error:
-        if not execution.times.size:
-            raise
-        if isinstance(error, SimulationError):
-            raise IncompleteError(str(error), result()) from error
-        reached = f"{title}: interrupted at t = {execution.times[-1]:.10g} of {times[-1]:.10g} s"
-        raise Interrupted(f"{reached}; .result of this exception has what there is", result()) from None
-    return result()
+def owned(title: str, parts: Mapping[str, Part], what: str, name: str, *, single: bool) -> Place:
+    """The variable that a name stands for: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
+
+    :param what: what it is named for.
+    :raises SimulationError: if there is no such part; whether there is such a variable is not looked at.
+    """
+    if single:
+        return next(iter(parts)), name
+    owner, _, variable = name.partition(".")
+    if owner not in parts:
+        raise SimulationError(f"{what} {name!r}: {title} has no component {owner!r}{suggestion(owner, parts)}")
+    return owner, variable
+
+
+def _recorded(
+    title: str, parts: Mapping[str, Part], record: str | Iterable[str] | None, also: Iterable[str], *, single: bool
+) -> dict[str, Place]:
+    """Name in the result -> what is recorded under it; of an array, all its elements."""
+    names = [] if record is None else listed("record", record)
+    places = [(name, v) for name, part in parts.items() for v in part.fmu.recorded()] if record is None else []
+    for full in (*names, *also):
+        owner, name = owned(title, parts, "record", full, single=single)
+        places += [(owner, scalar) for scalar in parts[owner].reals(name)]
+    return {place[1] if single else ".".join(place): place for place in places}
+
+
+def _feeds(connections: Iterable[Connection]) -> dict[Place, Place]:
+    return {connection.target.place: connection.source.place for connection in connections}
 
 
 def communication_points(
@@ -199,67 +231,3 @@ def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_si
         here, before = float(points[late[0] + 1]), float(points[late[0]])
         raise SimulationError(f"times[{late[0] + 1}] = {here!r}: must be greater than {before!r}, the one before")
     return points.tolist()
-
-
-def reals(owner: Part, name: str) -> dict[str, Place]:
-    """The places of a real variable, or of the elements of an array, by their names.
-
-    :raises SimulationError: if there is none of this name, or it is of another type.
-    """
-    names = owner.fmu.elements(name) if name in owner.fmu.arrays else [name]
-    return {element: real(owner, element) for element in names}
-
-
-def real(owner: Part, name: str) -> Place:
-    """The place of a real variable.
-
-    :raises SimulationError: if there is none of this name, or it is of another type.
-    """
-    if name not in owner.fmu.variables:
-        raise SimulationError(f"{owner.name}: {owner.fmu.unknown(name)}")
-    kind = owner.fmu.variables[name].type
-    if kind != "Real":
-        raise SimulationError(f"{owner.name}.{name} is {kind}; only Real variables can be recorded and driven")
-    return owner.name, name
-
-
-def signals(parts: Mapping[str, Part], inputs: Mapping[Place, Function], start_time: float) -> list[Drive]:
-    """The functions of time that drive inputs.
-
-    :raises SimulationError: if there is no such input, it is driven twice, or what drives it is no function.
-    """
-    found: list[Drive] = []
-    for (owner_name, name), function in inputs.items():
-        owner = parts[owner_name]
-        place = real(owner, name)
-        causality = owner.fmu.variables[name].causality
-        if causality != "input":
-            raise SimulationError(f"inputs: {owner.name}.{name} is of causality {causality!r}, so it cannot be driven")
-        if not callable(function):
-            raise SimulationError(
-                f"inputs: {name} = {shown(function)} is no function of time; give a constant as start value"
-            )
-        triple = owner[name].triple()
-        whole = triple is not None and evaluate(function, name, start_time).ndim > 0
-        found.append(Drive(function, tuple(end.place for end in triple) if triple and whole else (place,)))
-    driven = [place for source in found for place in source.inputs]
-    for place in driven:
-        if driven.count(place) > 1:
-            raise SimulationError(f"inputs: {'.'.join(place)} is driven twice, by itself and by its port")
-    return found
-
-
-def check_positive(name: str, value: float | None) -> None:
-    """Raise a SimulationError for what is given and no finite number > 0."""
-    if value is not None:
-        finite(name, value)
-        if value <= 0:
-            raise SimulationError(f"{name} = {value!r}: must be > 0")
-
-
-def _unit(parts: Mapping[str, Part], connections: Sequence[Connection], place: Place) -> str:
-    """Unit of a variable; if it has none, that of what it is connected with."""
-    name, variable = place
-    own = parts[name].fmu.variables[variable].unit
-    near = (end.variable.unit for connection in connections for end in connection.opposite(place) if end.variable.unit)
-    return own or next(near, "")

@@ -17,15 +17,16 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import listed, named, shown
+from liaisons.arguments import as_path, shown
 from liaisons.cosim.connections import Connection, connect
 from liaisons.cosim.description import DefaultExperiment
 from liaisons.cosim.diagram import diagram
 from liaisons.cosim.drives import Function
 from liaisons.cosim.parts import Part, Port
+from liaisons.cosim.run import performed
 from liaisons.cosim.schedule import Coupling, Place
-from liaisons.cosim.simulation import communication_points, first_points, reals, run, signals
-from liaisons.errors import ConnectError, SimulationError, suggestion
+from liaisons.cosim.simulation import checked
+from liaisons.errors import ConnectError, SimulationError
 from liaisons.results import Result
 
 
@@ -138,30 +139,23 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        self.filled()
-        recorded = self._recorded(record)
-        given = named("inputs", {} if inputs is None else inputs)
-        driven = {self._place("input", name): function for name, function in given.items()}
-        if error_tolerance is None:
-            points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
-        elif times is None:
-            points = first_points(start_time, stop_time, step_size)
-        else:
-            raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
-        step = points[1] - points[0] if step_size is None else step_size
-        self.experiment = DefaultExperiment(points[0], points[-1], step)
-        return run(
+        simulation = checked(
             self.name,
-            self._parts,
-            recorded=recorded,
-            times=points,
-            connections=list(self._connections.values()),
-            signals=signals(self._parts, driven, points[0]),
+            self.filled(),
+            self.connections,
+            start_time=start_time,
+            stop_time=stop_time,
+            step_size=step_size,
+            times=times,
             tolerance=tolerance,
             coupling=coupling,
             error_tolerance=error_tolerance,
-            progress=progress,
+            record=record,
+            inputs=inputs,
         )
+        begin, first, *_ = points = simulation.times
+        self.experiment = DefaultExperiment(begin, points[-1], first - begin if step_size is None else step_size)
+        return performed(simulation, progress=progress)
 
     @property
     def parts(self) -> Mapping[str, Part]:
@@ -191,20 +185,47 @@ class System:
     def _repr_html_(self) -> str:
         return diagram(self.name, self._parts, self.connections)
 
-    def _recorded(self, record: str | Iterable[str] | None) -> dict[str, Place]:
-        """Name in the result -> what is recorded under it."""
-        if record is None:
-            places = [(c.name, v) for c in self._parts.values() for v in c.fmu.recorded()]
-            return {f"{part}.{variable}": (part, variable) for part, variable in places}
-        return {full: place for name in listed("record", record) for full, place in self._places(name).items()}
 
-    def _places(self, name: str) -> dict[str, Place]:
-        owner, variable = self._place("record", name)
-        return {f"{owner}.{element}": place for element, place in reals(self._parts[owner], variable).items()}
+def simulate(
+    fmu: Path | str,
+    /,
+    *,
+    stop_time: float | None = None,
+    step_size: float | None = None,
+    start_time: float | None = None,
+    times: ArrayLike | None = None,
+    tolerance: float | None = None,
+    record: str | Iterable[str] | None = None,
+    inputs: Mapping[str, Function] | None = None,
+    **starts: ArrayLike,
+) -> Result:
+    """Simulate one FMU; what is not given is taken from its default experiment.
 
-    def _place(self, what: str, name: str) -> Place:
-        owner, _, variable = name.partition(".")
-        if owner not in self._parts:
-            hint = suggestion(owner, self._parts)
-            raise SimulationError(f"{what} {name!r}: {self.name} has no component {owner!r}{hint}")
-        return owner, variable
+    :param fmu: path of the file; :func:`liaisons.simulate` takes a component by its name, file or class, too.
+    :param stop_time: end [s].
+    :param step_size: distance of the communication points [s], as in :meth:`System.simulate`.
+    :param start_time: begin [s].  (A *parameter* of this name can be set in a :class:`System`.)
+    :param times: the communication points themselves [s], increasing, in place of the three above.
+    :param tolerance: relative tolerance of the FMU's solver.
+    :param record: a name of a real variable or several; all outputs and inputs if None.
+    :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
+        return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
+        from a connected source.
+    :param starts: values of parameters and inputs at the start, where they differ from the FMU's.
+    :returns: signals under their own names, ``result["theta"]``.
+    :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
+    """
+    path = as_path("fmu", fmu)
+    simulation = checked(
+        path.stem,
+        {path.stem: Part.of(path.stem, path, starts)},
+        single=True,
+        start_time=start_time,
+        stop_time=stop_time,
+        step_size=step_size,
+        times=times,
+        tolerance=tolerance,
+        record=record,
+        inputs=inputs,
+    )
+    return performed(simulation)

@@ -13,12 +13,12 @@ from typing import Any, final
 from uuid import uuid4
 
 from liaisons.arguments import shown
+from liaisons.cosim.instances import extracted
 from liaisons.folders import passing_folder
 from liaisons.sweeps.child import Child
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import Failure, Outcome, failure
-from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import extract_all
+from liaisons.sweeps.study import Study
 from liaisons.sweeps.workers import Deliver
 
 Client = Any
@@ -39,7 +39,7 @@ class _Unable:
 
 
 def simulate(
-    plan: Plan, cases: Iterable[int], client: Client, deliver: Deliver, *, time_limit: float | None = None
+    study: Study, cases: Iterable[int], client: Client, deliver: Deliver, *, time_limit: float | None = None
 ) -> None:
     """Simulate cases on the workers of a cluster, each of whose threads has a process for it.
 
@@ -52,7 +52,7 @@ def simulate(
     :raises SweepError: if the cluster goes away.
     """
     key = uuid4().hex  # of this run: workers keep nothing for the next one
-    shipment = client.scatter((key, plan, plan.files()), broadcast=True, hash=False)
+    shipment = client.scatter((key, study, study.files()), broadcast=True, hash=False)
     remaining = list(cases)
     size = max(1, min(256, len(remaining) // (8 * max(1, sum(client.nthreads().values())))))
     try:
@@ -179,13 +179,13 @@ def _chunks(cases: Sequence[int], size: int) -> Iterator[list[int]]:
 
 
 def _simulate(
-    task: tuple[tuple[str, Plan, Mapping[Path, bytes]], float | None], cases: Sequence[int]
+    task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
 ) -> dict[int, Outcome] | _Unable:
     """On a worker: the process of its thread is kept for the next cases of the same sweep."""
-    (key, plan, files), time_limit = task
+    (key, study, files), time_limit = task
     try:
         if (key, get_ident()) not in _mine:
-            _begin(key, plan, files)
+            _begin(key, study, files)
         child, _ = _mine[key, get_ident()]
         return {case: child.outcome(case, time_limit) for case in cases}
     except Exception as error:  # noqa: BLE001 - whatever it is, another worker may do it
@@ -194,7 +194,7 @@ def _simulate(
         return _Unable(get_worker().address, failure(error).reason)
 
 
-def _begin(key: str, plan: Plan, files: Mapping[Path, bytes]) -> None:
+def _begin(key: str, study: Study, files: Mapping[Path, bytes]) -> None:
     from cloudpickle import dumps  # comes with Dask; functions of scripts go by value
 
     for place in [place for place in _mine if place[1] == get_ident()]:  # of a sweep that could not say that it ended
@@ -204,8 +204,8 @@ def _begin(key: str, plan: Plan, files: Mapping[Path, bytes]) -> None:
         here = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
         for path, content in files.items():
             here[path].write_bytes(content)
-        moved = plan.moved(here)
-        child = Child(dumps((moved, extract_all(moved, folder), str(folder))))
+        moved = study.moved(here)
+        child = Child(dumps((moved, extracted(moved.fmus(), folder), str(folder))))
         stack.callback(child.close)
         _mine[key, get_ident()] = child, stack.pop_all()
 

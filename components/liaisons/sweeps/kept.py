@@ -48,13 +48,6 @@ def split(measure: str) -> tuple[str, str]:
     return signal, word or "final"
 
 
-def signals(keep: Mapping[str, Measure]) -> list[str] | None:
-    """The signals that have to be recorded; None if a function wants to see everything."""
-    if any(callable(measure) for measure in keep.values()):
-        return None
-    return list(dict.fromkeys(split(measure)[0] for measure in keep.values() if isinstance(measure, str)))
-
-
 def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
     """The numbers of a case, in the order of their names.
 

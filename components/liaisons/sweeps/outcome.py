@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
-from liaisons.cosim.messages import FATAL
-from liaisons.cosim.refusal import RefusedError, StatusError
+from liaisons.cosim.messages import RefusedError
 from liaisons.errors import LiaisonsError
 
 
@@ -54,11 +53,7 @@ def failure(error: Exception) -> Failure:
     Fatal is not: an FMU that is beyond repair may have run out of memory.
     """
     words = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
-    return Failure(" ".join(words.split()), any(map(_is_refusal, _causes(error))))
-
-
-def _is_refusal(error: BaseException) -> bool:
-    return isinstance(error, RefusedError) or (isinstance(error, StatusError) and error.status < FATAL)
+    return Failure(" ".join(words.split()), any(isinstance(cause, RefusedError) for cause in _causes(error)))
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:

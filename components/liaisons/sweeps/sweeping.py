@@ -13,21 +13,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, listed, named, whole
-from liaisons.cosim import System, checks
-from liaisons.cosim.connections import Connection
+from liaisons.arguments import as_path, named, whole
+from liaisons.cosim import System
 from liaisons.cosim.parts import Part
-from liaisons.cosim.schedule import Coupling
-from liaisons.cosim.simulation import check_positive, communication_points
+from liaisons.cosim.schedule import Coupling, Place
+from liaisons.cosim.simulation import checked, owned
+from liaisons.errors import SimulationError
 from liaisons.progress import progress_bar
 from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.journal import Journal
-from liaisons.sweeps.kept import Measure, measures, signals, split
+from liaisons.sweeps.kept import Measure, measures, split
 from liaisons.sweeps.outcome import Failure, Outcome
-from liaisons.sweeps.plan import Plan, places
+from liaisons.sweeps.study import Study
 from liaisons.sweeps.workers import Deliver
 from liaisons.sweeps.workers import simulate as simulate_here
 
@@ -89,23 +89,26 @@ def sweep(
     :raises JournalError: if the journal belongs to another sweep, is in use by one, or has a line that cannot be of it.
     """
     _check_settings(workers, client, time_limit, retry=retry, journal=journal)
-    plan = _plan(
+    study = _study(
         subject,
         Cases.of(cases),
         measures(keep),
-        span=(start_time, stop_time, step_size, times),
+        named("starts", {} if starts is None else starts, SweepError),
+        record,
+        start_time=start_time,
+        stop_time=stop_time,
+        step_size=step_size,
+        times=times,
         tolerance=tolerance,
         coupling=coupling,
-        starts=named("starts", {} if starts is None else starts, SweepError),
-        record=record,
     )
-    shape = plan.cases.count, len(plan.keep)
-    book = nullcontext() if journal is None else Journal(as_path("journal", journal), plan.key(), *shape, retry=retry)
+    shape = study.cases.count, len(study.keep)
+    book = nullcontext() if journal is None else Journal(as_path("journal", journal), study.key(), *shape, retry=retry)
     with book as written:
         outcomes: dict[int, Outcome] = {} if written is None else dict(written.done)
-        todo = [case for case in range(plan.cases.count) if case not in outcomes]
-        title = plan.title if progress and todo else ""
-        with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), plan.cases.count) as show:
+        todo = [case for case in range(study.cases.count) if case not in outcomes]
+        title = study.simulation.title if progress and todo else ""
+        with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), study.cases.count) as show:
 
             def deliver(found: Mapping[int, Outcome]) -> None:
                 outcomes.update(found)
@@ -114,18 +117,18 @@ def sweep(
                 show(len(outcomes))
 
             if todo:
-                _simulate(plan, todo, deliver, workers=workers, client=client, time_limit=time_limit)
-    return _result(plan, outcomes)
+                _simulate(study, todo, deliver, workers=workers, client=client, time_limit=time_limit)
+    return _result(study, outcomes)
 
 
 def _simulate(
-    plan: Plan, todo: list[int], deliver: Deliver, *, workers: int | None, client: Any, time_limit: float | None
+    study: Study, todo: list[int], deliver: Deliver, *, workers: int | None, client: Any, time_limit: float | None
 ) -> None:
     if client is None:
-        simulate_here(plan, todo, workers or os.cpu_count() or 1, deliver, time_limit=time_limit)
+        simulate_here(study, todo, workers or os.cpu_count() or 1, deliver, time_limit=time_limit)
         return
     with cluster.connected(client) as opened:
-        cluster.simulate(plan, todo, opened, deliver, time_limit=time_limit)
+        cluster.simulate(study, todo, opened, deliver, time_limit=time_limit)
 
 
 def _check_settings(
@@ -141,68 +144,39 @@ def _check_settings(
         raise SweepError("retry: there is no journal to find failures in; name that of the sweep to be done again")
 
 
-def _plan(
+def _study(
     subject: Path | str | System,
     cases: Cases,
     keep: Mapping[str, Measure],
-    *,
-    span: tuple[float | None, float | None, float | None, ArrayLike | None],
-    tolerance: float | None,
-    coupling: Coupling | None,
     starts: Mapping[str, float | bool | str],
     record: str | Iterable[str] | None,
-) -> Plan:
+    **settings: Any,
+) -> Study:
     _check_names(cases, keep, starts)
-    system = subject if isinstance(subject, System) else None
-    parts: dict[str, Part]
-    connections: list[Connection]
-    if isinstance(subject, System):
-        title = subject.name
-        parts, connections = dict(subject.parts), list(subject.connections)
-        if not parts:
-            raise SweepError(f"{title} is empty; add() an FMU first")
-        if starts:
-            raise SweepError(f"{title}: starts are for a single FMU; give them to add()")
+    single = not isinstance(subject, System)
+    if not isinstance(subject, System):
+        title, connections = Path(subject).stem, ()
+        parts = {title: Part.of(title, subject, starts)}
+    elif starts:
+        raise SweepError(f"{subject.name}: starts are for a single FMU; give them to add()")
     else:
-        title = Path(subject).stem
-        parts, connections = {title: Part.of(title, subject, starts)}, []
-    start_time, stop_time, step_size, times = span
-    if system is None:
-        experiment = parts[title].fmu.experiment
-        tolerance = experiment.tolerance if tolerance is None else tolerance
-        if times is None:
-            start_time = experiment.start_time if start_time is None else start_time
-            stop_time = experiment.stop_time if stop_time is None else stop_time
-            step_size = experiment.step_size if step_size is None else step_size
-    points = communication_points(0.0 if start_time is None else start_time, stop_time, step_size, times)
-    check_positive("tolerance", tolerance)
-    wanted = signals(keep) if record is None else listed("record", record)
-    if wanted is None:
-        wanted = [
-            variable if system is None else f"{name}.{variable}"
-            for name, owner in parts.items()
-            for variable in owner.fmu.recorded()
-        ]
-    wanted += [split(m)[0] for m in keep.values() if isinstance(m, str) and split(m)[0] not in wanted]
-    chosen = checks.coupling(parts, connections, coupling)
-    feeds = {connection.target.place: connection.source.place for connection in connections}
-    parts = dict(checks.prepared(parts, feeds, chosen))
-    checks.steps(parts, feeds, points, chosen, adaptive=False)
-    checks.inputs(parts, feeds, [])
-    plan = Plan(
-        title=title,
-        parts=parts,
-        connections=tuple(connections),
-        recorded=places(system, parts, wanted),
-        varied=places(system, parts, list(cases)),
-        cases=cases,
-        keep=keep,
-        times=tuple(points),
-        tolerance=tolerance,
-        coupling=chosen,
-    )
-    plan.starts(0)  # names that cannot be set are found before anything is simulated
-    return plan
+        title, parts, connections = subject.name, subject.filled(), subject.connections
+    kept = [split(measure)[0] for measure in keep.values() if isinstance(measure, str)]
+    if record is None and len(kept) == len(keep):  # else a function wants to see everything
+        record = ()
+    simulation = checked(title, parts, connections, single=single, record=record, also=kept, **settings)
+
+    def scalar(name: str) -> Place:
+        owner, variable = owned(title, parts, "the sweep of", name, single=single)
+        if variable not in parts[owner].fmu.variables:
+            raise SimulationError(f"{owner}: {parts[owner].fmu.unknown(variable)}")
+        return owner, variable
+
+    for name in kept:
+        scalar(name)
+    study = Study(simulation, {name: scalar(name) for name in cases}, cases, keep)
+    study.starts(0)  # names that cannot be set are found before anything is simulated
+    return study
 
 
 def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str, float | bool | str]) -> None:
@@ -213,19 +187,19 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
             raise SweepError(f"{name!r} is varied and kept; give what is kept another name, keep={{'...': {name!r}}}")
 
 
-def _result(plan: Plan, outcomes: Mapping[int, Outcome]) -> Result:
+def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
     finished = {case: outcome for case, outcome in outcomes.items() if not isinstance(outcome, Failure)}
-    kept = np.full((len(plan.keep), plan.cases.count), np.nan)
-    kept[:, list(finished)] = np.reshape(list(finished.values()), (-1, len(plan.keep))).T
-    units = {name: plan.unit(place) for name, place in plan.varied.items()}
-    for name, measure in plan.keep.items():
-        units[name] = plan.unit(plan.recorded[split(measure)[0]]) if isinstance(measure, str) else ""
+    kept = np.full((len(study.keep), study.cases.count), np.nan)
+    kept[:, list(finished)] = np.reshape(list(finished.values()), (-1, len(study.keep))).T
+    units = {name: study.unit(place) for name, place in study.varied.items()}
+    for name, measure in study.keep.items():
+        units[name] = study.simulation.units[split(measure)[0]] if isinstance(measure, str) else ""
     failures = {case: outcome for case, outcome in outcomes.items() if isinstance(outcome, Failure)}
     return Result(
-        plan.title,
+        study.simulation.title,
         np.empty(0),
-        (*plan.cases, *plan.keep),
-        np.vstack([*plan.cases.values(), kept]),
+        (*study.cases, *study.keep),
+        np.vstack([*study.cases.values(), kept]),
         units,
         failures={case: failure.reason for case, failure in failures.items()},
         unfinished=tuple(sorted(case for case, failure in failures.items() if not failure.refused)),

@@ -20,12 +20,13 @@ from multiprocessing.process import BaseProcess
 from typing import final
 
 from liaisons.cosim import loop
+from liaisons.cosim.instances import extracted
 from liaisons.folders import passing_folder
 from liaisons.processes import die_with_parent
 from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
-from liaisons.sweeps.plan import Plan
-from liaisons.sweeps.session import Task, extract_all, session_of
+from liaisons.sweeps.session import Task, session_of
+from liaisons.sweeps.study import Study
 
 Deliver = Callable[[Mapping[int, Outcome]], None]
 
@@ -37,7 +38,7 @@ _MOST = 256  # cases that a process is given at a time
 _LONG = 60.0  # [s] after which one is told that a case still runs
 
 
-def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver, time_limit: float | None = None) -> None:
+def simulate(study: Study, cases: Iterable[int], count: int, deliver: Deliver, time_limit: float | None = None) -> None:
     """Simulate cases in processes of their own.
 
     A process that dies, by a crash of an FMU or by the hand of the user, is replaced, and what it had not reported is
@@ -49,7 +50,7 @@ def simulate(plan: Plan, cases: Iterable[int], count: int, deliver: Deliver, tim
     """
     loop.compiled()  # before there are processes, each of which would compile it
     with passing_folder() as folder:
-        task = plan, extract_all(plan, folder), str(folder)
+        task = study, extracted(study.fmus(), folder), str(folder)
         pool = _Pool(task, deque(cases), count, deliver, time_limit=time_limit)
         try:
             pool.run()
@@ -65,7 +66,7 @@ class _Worker:
     """
 
     def __init__(self, task: Task) -> None:
-        # A forked process has the plan already, so that functions in it need not be importable; safe on Linux only.
+        # A forked process has the study already, so that functions in it need not be importable; safe on Linux only.
         context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
         self.pipe, far = context.Pipe()
         self.at = context.RawArray("d", [math.inf, 0.0])

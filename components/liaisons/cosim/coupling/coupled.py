@@ -2,79 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim import schedule
-from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.bus import Bus
 from liaisons.cosim.coupling.group import Group
-from liaisons.cosim.coupling.member import Judge, Member
+from liaisons.cosim.coupling.member import Member
 from liaisons.cosim.coupling.signals import Signals
-from liaisons.cosim.drives import SIGNALS, Drive
-from liaisons.cosim.instances import AnyInstance
-from liaisons.cosim.parts import Part
-from liaisons.cosim.schedule import Depends, Feeds
+from liaisons.cosim.drives import SIGNALS
+from liaisons.cosim.instances import Instance
+from liaisons.cosim.simulation import Simulation
 
 
 @final
 class Coupled:
-    """All groups of a system.
+    """All groups of a system, each step of which is repeated until everything fits."""
 
-    :param drives: functions of time that feed further inputs.
-    :param tolerance: how well signals have to fit, relative to their size.
-    """
-
-    def __init__(
-        self,
-        parts: Mapping[str, Part],
-        instances: Mapping[str, AnyInstance],
-        feeds: Feeds,
-        bus: Bus,
-        *,
-        drives: Sequence[Drive],
-        newton: bool,
-        depends: Depends,
-        depends_initially: Depends,
-        tolerance: float,
-        judge: Judge,
-        clock: Clock,
-    ) -> None:
-        self._clock = clock
+    def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
+        self._bus = bus
+        self._following = simulation.times[1]
+        parts, feeds = simulation.parts, simulation.feeds
         places = [place for name in (SIGNALS, *parts) for place in bus.outputs(name, every=False)]
-        self.signals = Signals(parts, feeds, places)
-        self._drives = [(drive, [self.signals.index[place] for place in drive.places]) for drive in drives]
+        self.signals = signals = Signals(parts, feeds, places)
+        self._drives = [(drive, [signals.index[place] for place in drive.places]) for drive in simulation.drives]
         self._groups: list[Group] = []
         feeds = {target: source for target, source in feeds.items() if source[0] != SIGNALS}
         own = {target for (target, _), (source, _) in feeds.items() if target == source}
         for names in schedule.groups(parts, feeds):
             cyclic = len(names) > 1 or names[0] in own
-            members = [
-                Member(parts[name], instances[name], bus, self.signals, judge=judge, clock=clock, repeated=cyclic)
-                for name in names
-            ]
-            self._groups.append(
-                Group(
-                    members,
-                    self.signals,
-                    cyclic=cyclic,
-                    newton=newton,
-                    depends=depends,
-                    depends_initially=depends_initially,
-                    tolerance=tolerance,
-                )
-            )
+            members = [Member(parts[name], instances[name], bus, signals, repeated=cyclic) for name in names]
+            self._groups.append(Group(members, signals, simulation, cyclic=cyclic))
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self.signals.begin_anew()
+        for group in self._groups:
+            group.begin_anew()
 
     @property
     def order(self) -> int:
         """Order of the error in H: that of the coarsest polynomial."""
         return min((group.order for group in self._groups), default=6)
 
-    def settle(self, time: float, following: float, *, initial: bool) -> None:
-        """Make everything fit at the begin [s]; ``following`` is the end of the first step."""
-        self._drive(time, following)
+    def settle(self, *, initial: bool) -> None:
+        """Make everything fit at the begin, which the clock shows."""
+        time = self._bus.end
+        self._drive(time, self._following)
         for group in self._groups:
             group.settle(time, initial=initial)
             self.signals.measure()
@@ -82,7 +59,7 @@ class Coupled:
 
     def step(self) -> None:
         """One step, of the size and from the instant that the clock shows."""
-        end, size = self._clock.end, self._clock.size.value
+        end, size = self._bus.end, self._bus.size.value
         self.signals.predict(size)
         self._drive(end, end - size)
         for group in self._groups:

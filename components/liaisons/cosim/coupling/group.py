@@ -9,10 +9,11 @@ import numpy as np
 from scipy.sparse import coo_array, eye_array
 from scipy.sparse.linalg import splu
 
-from liaisons.cosim.coupling.member import Derivatives, Member
+from liaisons.cosim.coupling.member import Member
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
-from liaisons.cosim.refusal import RefusedError
+from liaisons.cosim.messages import RefusedError
 from liaisons.cosim.schedule import Depends
+from liaisons.cosim.simulation import Simulation
 from liaisons.errors import SimulationError
 
 MOST_ITERATIONS = 100
@@ -24,38 +25,46 @@ _SLOW = 3
 _NOISE = 1e4
 """An iteration that has stopped to contract is good enough within this multiple of the tolerance: FMUs round, too."""
 
+Solve = Callable[[Vector], Vector]
+Factorize = Callable[[float], Solve]
+
 
 @final
 class Group:
     """Members that are solved together.
 
-    :param newton: solve by Newton's method, else by repetition, one member after the other.
-    :param depends: which outputs depend directly on which inputs, while stepping and in initialization.
+    Implicit coupling solves by Newton's method, else it is repeated, one member after the other.
+
+    :param cyclic: they feed each other, or one feeds itself.
     """
 
     def __init__(
         self,
         members: Sequence[Member],
         signals: Signals,
+        simulation: Simulation,
         *,
         cyclic: bool,
-        newton: bool,
-        depends: Depends,
-        depends_initially: Depends,
-        tolerance: float,
     ) -> None:
         self._members = members
         self._signals = signals
         self._cyclic = cyclic
-        self._newton = newton and cyclic
-        self._tolerance = tolerance
+        self._newton = cyclic and simulation.coupling == "implicit"
+        self._tolerance = simulation.interface_tolerance
         self._result = np.zeros_like(signals.now)
         fed = {i for member in members for curve in member.curves for i in (*curve.data, curve.rate)} - {signals.zero}
         own = {i for m in members for part in (m.values, m.slopes if m.sloped else range(0)) for i in _range(part)}
         self._unknowns: Indices = np.array(sorted(fed & own), dtype=np.intp)
-        self._running = _Jacobian(members, signals, self._unknowns, depends, initial=False)
-        self._starting = _Jacobian(members, signals, self._unknowns, depends_initially, initial=True)
-        self._solve: Callable[[Vector], Vector] | None = None
+        self._running = _newton(members, signals, self._unknowns, simulation.depends, initial=False)
+        self._starting = _newton(members, signals, self._unknowns, simulation.depends_initially, initial=True)
+        self._solve: Solve | None = None
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self._result[:] = 0.0
+        self._solve = None
+        for member in self._members:
+            member.begin_anew()
 
     @property
     def order(self) -> int:
@@ -64,7 +73,7 @@ class Group:
 
     def settle(self, time: float, *, initial: bool) -> None:
         """Make outputs and inputs fit at one instant, the begin; with slopes once initialization is over."""
-        jacobian = self._starting if initial else self._running
+        newton = self._starting if initial else self._running
 
         def evaluate(member: Member, _: int) -> None:
             member.match(initial=initial)
@@ -76,7 +85,7 @@ class Group:
                 member.read()
                 member.collect(self._signals.now)
         self._solve = None
-        self._iterate(evaluate, jacobian, 0.0, time)
+        self._iterate(evaluate, newton, 0.0, time)
         self._solve = None
 
     def advance(self, end: float, size: float) -> None:
@@ -88,7 +97,7 @@ class Group:
         if self._iterate(evaluate, self._running, size, end) > _SLOW:
             self._solve = None
 
-    def _iterate(self, evaluate: Callable[[Member, int], None], jacobian: _Jacobian, size: float, time: float) -> int:
+    def _iterate(self, evaluate: Callable[[Member, int], None], newton: Factorize, size: float, time: float) -> int:
         """Solve x = F(x); returns how often F was evaluated."""
         signals, unknowns, result = self._signals, self._unknowns, self._result
         if not self._cyclic:
@@ -96,8 +105,9 @@ class Group:
             self._members[0].collect(signals.now)
             return 1
         if self._newton and self._solve is None:
-            self._solve = self._solver(jacobian, size, time)
-        secants = _Secants()
+            self._solve = self._solver(newton, size, time)
+        points: list[Vector] = []
+        changes: list[Vector] = []
         before, errors, iteration = np.inf, np.empty(0), 0
         for iteration in range(MOST_ITERATIONS):
             x = signals.now[unknowns]
@@ -114,7 +124,9 @@ class Group:
             if error <= 1 or (iteration > 2 and before / 2 < error <= _NOISE):
                 break
             if self._newton:
-                signals.now[unknowns] = secants.next(x, change)
+                points.append(x)
+                changes.append(change)
+                signals.now[unknowns] = _next(points, changes)
             before = error
         else:
             self._give_up(time, errors)
@@ -131,9 +143,9 @@ class Group:
             hint = f"with inputs of iteration {iteration}, which leads away: choose a smaller step_size"
             raise RefusedError(f"{refusal}; {hint}") from refusal
 
-    def _solver(self, jacobian: _Jacobian, size: float, time: float) -> Callable[[Vector], Vector]:
+    def _solver(self, newton: Factorize, size: float, time: float) -> Solve:
         try:
-            return jacobian.solver(size)
+            return newton(size)
         except (np.linalg.LinAlgError, RuntimeError):  # of the dense and of the sparse factorization
             names = ", ".join(member.name for member in self._members)
             raise SimulationError(
@@ -160,54 +172,45 @@ class Group:
         )
 
 
-@final
-class _Jacobian:
-    """∂F/∂x as far as it is known.
+def _newton(
+    members: Sequence[Member], signals: Signals, unknowns: Indices, depends: Depends, *, initial: bool
+) -> Factorize:
+    """Makes, for a step of a size, a function that applies (1 - ∂F/∂x)⁻¹, with ∂F/∂x as far as it is known.
 
     Outputs depend on inputs directly, and so do their slopes; and where the acceleration of a port does, an input that
     changes at the end of a step changes rate and value there too: by the integrals of its polynomial.
     """
+    place = {int(index): k for k, index in enumerate(unknowns)}
+    entries: list[tuple[int, int, int, float, int]] = []  # row, column, which derivative, factor, power of H
+    calculated: list[Callable[[], Vector]] = []
+    number = 0
+    for member in members:
+        pairs, values = member.derivatives(depends)
+        calculated.append(values)
+        for i, k in pairs:
+            curve, value = member.curves[k], member.values.start + i
+            effects = [(value, member.sources[k], 1.0, 0), (member.slopes.start + i, curve.rate, 1.0, 0)]
+            if not initial:
+                effects += _through_motion(signals.triple(value), curve)
+            entries += [
+                (place[row], place[column], number, factor, power)
+                for row, column, factor, power in effects
+                if row in place and column in place
+            ]
+            number += 1
+    rows, columns, numbers = (np.array([entry[k] for entry in entries], dtype=np.intp) for k in range(3))
+    factors, powers = (np.array([entry[k] for entry in entries], dtype=float) for k in (3, 4))
+    n = len(unknowns)
 
-    def __init__(
-        self, members: Sequence[Member], signals: Signals, unknowns: Indices, depends: Depends, *, initial: bool
-    ) -> None:
-        self._derivatives: list[Derivatives] = []
-        self._count = len(unknowns)
-        place = {int(index): k for k, index in enumerate(unknowns)}
-        entries: list[tuple[int, int, int, float, int]] = []
-        number = 0
-        for member in members:
-            derivatives = member.derivatives(depends)
-            self._derivatives.append(derivatives)
-            for i, k in derivatives.pairs:
-                curve, value = member.curves[k], member.values.start + i
-                source = member.sources[k]
-                effects = [(value, source, 1.0, 0), (member.slopes.start + i, curve.rate, 1.0, 0)]
-                if not initial:
-                    effects += _through_motion(signals.triple(value), curve)
-                entries += [
-                    (place[row], place[column], number, factor, power)
-                    for row, column, factor, power in effects
-                    if row in place and column in place
-                ]
-                number += 1
-        self._rows, self._columns, self._numbers = (
-            np.array([entry[k] for entry in entries], dtype=np.intp) for k in range(3)
-        )
-        self._factors = np.array([entry[3] for entry in entries])
-        self._powers = np.array([entry[4] for entry in entries], dtype=float)
-
-    def solver(self, size: float) -> Callable[[Vector], Vector]:
-        """A function that applies (1 - ∂F/∂x)⁻¹."""
-        found = np.concatenate([derivatives() for derivatives in self._derivatives])
-        values = found[self._numbers] * self._factors * size**self._powers
-        n = self._count
-        matrix = coo_array((values, (self._rows, self._columns)), (n, n))
+    def factorized(size: float) -> Solve:
+        found = np.concatenate([values() for values in calculated])
+        matrix = coo_array((found[numbers] * factors * size**powers, (rows, columns)), (n, n))
         if n <= _DENSE:
-            inverse = np.linalg.inv(np.eye(n) - matrix.toarray())
-            return inverse.__matmul__
-        factors: Any = splu((eye_array(n) - matrix).tocsc())
-        return factors.solve
+            return np.linalg.inv(np.eye(n) - matrix.toarray()).__matmul__
+        sparse: Any = splu((eye_array(n) - matrix).tocsc())
+        return sparse.solve
+
+    return factorized
 
 
 def _through_motion(triple: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:
@@ -226,27 +229,20 @@ _INTEGRALS = {1: [(1 / 6, 1 / 2)], 2: [(3 / 20, 1 / 2), (-1 / 30, -1 / 12)]}
 """∫ (1 - θ) h and ∫ h over the step, for the Hermite polynomials h of value (and rate) at its end."""
 
 
-@final
-class _Secants:
-    """Anderson acceleration: the step that earlier ones, taken linearly, would have been right with.
+def _next(points: list[Vector], changes: list[Vector]) -> Vector:
+    """Where to go from the last point, by the step that earlier ones, taken linearly, would have been right with.
 
-    Anderson, J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011), type II.
+    Anderson acceleration: J. ACM 12 (1965); Walker and Ni, SIAM J. Numer. Anal. 49 (2011), type II.
+
+    :param changes: those that the iteration by itself would make at the points.
     """
-
-    def __init__(self) -> None:
-        self._points: list[Vector] = []
-        self._changes: list[Vector] = []
-
-    def next(self, x: Vector, change: Vector) -> Vector:
-        """Where to go from x, if the iteration by itself would make this change."""
-        self._points.append(x)
-        self._changes.append(change)
-        if len(self._points) < 3:
-            return x + change
-        points = np.diff(self._points[-_SECANTS:], axis=0).T
-        changes = np.diff(self._changes[-_SECANTS:], axis=0).T
-        weights = np.linalg.lstsq(changes, change, rcond=1e-12)[0]
-        return x + change - (points + changes) @ weights
+    x, change = points[-1], changes[-1]
+    if len(points) < 3:
+        return x + change
+    between = np.diff(points[-_SECANTS:], axis=0).T
+    differences = np.diff(changes[-_SECANTS:], axis=0).T
+    weights = np.linalg.lstsq(differences, change, rcond=1e-12)[0]
+    return x + change - (between + differences) @ weights
 
 
 def _range(part: slice | range) -> range:

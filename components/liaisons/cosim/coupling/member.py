@@ -5,26 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from ctypes import Array, c_double
-from typing import Literal, final
+from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons.cosim.bus import Bus, Clock
+from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
 from liaisons.cosim.coupling.polynomials import HIGHEST, Polynomials
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
-from liaisons.cosim.instances import AnyInstance
-from liaisons.cosim.instances.fmi2 import Instance2
-from liaisons.cosim.instances.fmi3 import ASKED, Instance3
-from liaisons.cosim.messages import WARNING, Action
-from liaisons.cosim.parts import Part, Port
+from liaisons.cosim.instances.protocol import ASKED, Instance
+from liaisons.cosim.parts import Part, Port, Way
 from liaisons.cosim.schedule import Depends
-
-Prepared = tuple[Action, Call]
-Judge = Callable[[str, Action, int], None]
-Way = Literal["polynomial", "asked", "interpolate", "mean"]
-"""How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
 
 _TIMES = np.arange(1, ASKED + 1) / ASKED
 """Where it asks for inputs inside a step of length 1."""
@@ -32,39 +23,27 @@ _ORDERS = np.arange(1, HIGHEST + 1)
 _POWERS = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
 
 
-def way(part: Part) -> Way:
-    """How the inputs of a component can be made to move within a step."""
-    if part.interpolates:
-        return "interpolate"
-    if part.asks:
-        return "asked"
-    return "polynomial" if part.fmu.input_derivatives else "mean"
-
-
 @final
 class Member:
     """One FMU in a coupled step.
 
-    :param judge: is told what returned a status that is not 0.
+    :param repeated: the step is to be made again.
     """
 
     def __init__(
         self,
         part: Part,
-        instance: AnyInstance,
+        instance: Instance,
         bus: Bus,
         signals: Signals,
         *,
-        judge: Judge,
-        clock: Clock,
         repeated: bool,
     ) -> None:
         self.name = part.name
         self.part = part
         self._instance = instance
-        self._judge = judge
+        self._bus = bus
         self._signals = signals
-        self._size = clock.size
         inputs, outputs, variables = bus.inputs[self.name], bus.outputs(self.name, every=False), part.fmu.variables
         self.inputs = [variables[name] for _, name in inputs]
         self.outputs = [variables[name] for _, name in outputs]
@@ -76,55 +55,54 @@ class Member:
         self.slopes = slice(signals.count + first, signals.count + first + len(outputs))
         self.sloped = bool(outputs) and self.name in signals.sloped
 
-        self._way: Way = way(part)
+        self._way: Way = part.way
         self._set_values, self._set = _buffer(len(inputs), bus.buffer(inputs) if inputs else None)
         self._read, buffer = _buffer(len(outputs), bus.buffer(outputs) if outputs else None)
-        self._get: list[Prepared] = [("get", instance.getter(self.outputs, buffer))] if outputs else []
-        self._put: list[Prepared] = [("set", instance.setter(self.inputs, self._set))] if inputs else []
-        self._match: list[Prepared] = [*self._put, *self._get]
-        self._slope_values = np.empty(len(outputs))
+        self._get: list[Call] = [instance.getter(self.outputs, buffer)] if outputs else []
+        self._put: list[Call] = [instance.setter(self.inputs, self._set)] if inputs else []
+        self._match: list[Call] = [*self._put, *self._get]
+        self._slope_values = np.zeros(len(outputs))
         self._incline = self._inclination()
-        first_calls = [*self._before(), ("step", instance.stepper(clock.start, clock.size)), *self._after()]
-        self._first: list[Prepared] = first_calls
-        self._again: list[Prepared] = []
+        first_calls = [*self._before(), instance.stepper(bus.start, bus.size), *self._after()]
+        self._first: list[Call] = first_calls
+        self._again: list[Call] = []
         if repeated:
             save, restore = instance.states()
-            self._first = [("save", save), *first_calls]
-            self._again = [("restore", restore), *first_calls]
+            self._first = [save, *first_calls]
+            self._again = [restore, *first_calls]
 
-    def _before(self) -> list[Prepared]:
+    def _before(self) -> list[Call]:
         self._polynomials: Polynomials | None = None
         self._middle: Vector | None = None
         if not self.inputs or self._way == "interpolate":
             return self._put
         if self._way == "mean":
             self._middle, buffer = _buffer(len(self.inputs))
-            return [("set", self._instance.setter(self.inputs, buffer))]
+            return [self._instance.setter(self.inputs, buffer)]
         highest = 1 if self.part.reconstruction is None else HIGHEST
         self._polynomials = Polynomials(self.curves, self._signals.zero + 1, highest)
         if self._way == "asked":
-            assert isinstance(self._instance, Instance3)
             self._inside = np.empty((ASKED, len(self.inputs)))
-            return [("set", self._instance.guide(self.inputs, self._inside))]
+            return [self._instance.guide(self.inputs, self._inside)]
         self._derivatives, tell = self._telling(self._polynomials.which)
         return [tell]
 
-    def _after(self) -> list[Prepared]:
+    def _after(self) -> list[Call]:
         put = [] if self._way == "interpolate" else self._put
         return [*put, *self._get, *self._incline]
 
-    def _inclination(self) -> list[Prepared]:
+    def _inclination(self) -> list[Call]:
         """Tell how fast the inputs change, and read how fast the outputs do."""
         if not self.sloped:
             return []
         self._slope_values, buffer = _buffer(len(self.outputs))
         read = self._instance.output_derivatives(self.outputs, [1] * len(self.outputs), buffer)
         if not self.inputs:
-            return [("slope", read)]
+            return [read]
         if self._way == "asked":
-            return [("slope", read), ("derive", self._along_inputs())]
+            return [read, self._along_inputs()]
         self._rate_values, tell = self._telling([(k, 1) for k in range(len(self.inputs))])
-        return [tell, ("slope", read)]
+        return [tell, read]
 
     def _along_inputs(self) -> Call:
         """A call that adds to the slopes of outputs what comes from rates of inputs that the FMU does not know.
@@ -144,14 +122,13 @@ class Member:
             self._slope_values += part
             return status
 
-        return add
+        return Call(add).of("derive", self._instance.failure)
 
-    def _telling(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Prepared]:
+    def _telling(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Call]:
         """A call that sets derivatives of inputs, (input, order) each, and the numbers that it takes."""
-        assert isinstance(self._instance, Instance2)  # FMI 3.0 has no such function
         values, buffer = _buffer(len(which))
         variables, orders = [self.inputs[k] for k, _ in which], [order for _, order in which]
-        return values, ("shape", self._instance.input_derivatives(variables, orders, buffer))
+        return values, self._instance.input_derivatives(variables, orders, buffer)
 
     @property
     def order(self) -> int:
@@ -165,7 +142,7 @@ class Member:
 
     def step(self, *, again: bool) -> None:
         """From t to t + H, with what the inputs are at both ends; ``again``: from t once more."""
-        ends, size = self._signals.ends, self._size.value
+        ends, size = self._signals.ends, self._bus.size.value
         if self.inputs:
             self._hand_over()
             if self._polynomials is not None:
@@ -177,23 +154,27 @@ class Member:
                     self._inside[:] = ends[0, self.sources] + (rows @ _POWERS).T
             elif self._middle is not None:
                 self._middle[:] = (ends[0, self.sources] + ends[1, self.sources]) / 2
-        self.perform(self._again if again else self._first)
+        self._bus.perform(self._again if again else self._first)
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self._slope_values[:] = 0.0
 
     def read(self) -> None:
         """Read the outputs as they are."""
-        self.perform(self._get)
+        self._bus.perform(self._get)
 
     def match(self, *, initial: bool) -> None:
         """Read the outputs at the present instant; in initialization, of the present inputs."""
         if self.inputs:
             self._hand_over()
-        self.perform(self._match if initial or self._way != "interpolate" else self._get)
+        self._bus.perform(self._match if initial or self._way != "interpolate" else self._get)
 
     def incline(self) -> None:
         """Read the slopes of the outputs at the present instant."""
         if self.inputs:
             self._hand_over()
-        self.perform(self._incline)
+        self._bus.perform(self._incline)
 
     def collect(self, target: Vector) -> None:
         """Put what was read last where the signals stand."""
@@ -207,47 +188,29 @@ class Member:
         if self.sloped:
             self._rate_values[:] = now[self.rates]
 
-    def perform(self, calls: Sequence[Prepared]) -> None:
-        """Make prepared calls; the judge hears of what goes wrong."""
-        for action, call in calls:
-            status = call()
-            if status and status != WARNING:
-                self._judge(self.name, action, status)
+    def derivatives(self, depends: Depends) -> tuple[list[tuple[int, int]], Callable[[], Vector]]:
+        """∂(outputs)/∂(inputs) that are not 0, column by column.
 
-    def derivatives(self, depends: Depends) -> Derivatives:
-        """Prepared derivatives of the outputs with respect to the inputs, those that are not 0."""
-        return Derivatives(self, self._instance, depends)
-
-
-@final
-class Derivatives:
-    """∂(outputs)/∂(inputs) of one FMU at the present instant, column by column.
-
-    :ivar pairs: (output, input), their places among those of the member, of each value.
-    """
-
-    def __init__(self, member: Member, instance: AnyInstance, depends: Depends) -> None:
-        self.pairs: list[tuple[int, int]] = []
-        self._member = member
-        self._calls: list[Prepared] = []
-        self._parts: list[NDArray[np.float64]] = []
-        if not member.part.fmu.differentiates:
-            return
+        :returns: (output, input), their places among those of the member, of each; and what calculates them at the
+            present instant.
+        """
+        pairs: list[tuple[int, int]] = []
+        calls: list[Call] = []
+        values: list[Vector] = []
         seed = (c_double * 1)(1.0)
-        name = member.name
-        for k, known in enumerate(member.inputs):
-            rows = [i for i, o in enumerate(member.outputs) if depends((name, o.name), (name, known.name))]
+        for k, known in enumerate(self.inputs if self.part.fmu.differentiates else ()):
+            rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, known.name))]
             if rows:
-                part, buffer = _buffer(len(rows))
-                unknowns = [member.outputs[i] for i in rows]
-                self._calls.append(("derive", instance.directional(unknowns, [known], seed, buffer)))
-                self._parts.append(part)
-                self.pairs += [(i, k) for i in rows]
+                column, buffer = _buffer(len(rows))
+                calls.append(self._instance.directional([self.outputs[i] for i in rows], [known], seed, buffer))
+                values.append(column)
+                pairs += [(i, k) for i in rows]
 
-    def __call__(self) -> Vector:
-        """The values of :attr:`pairs`."""
-        self._member.perform(self._calls)
-        return np.concatenate(self._parts) if self._parts else np.empty(0)
+        def calculated() -> Vector:
+            self._bus.perform(calls)
+            return np.concatenate(values) if values else np.empty(0)
+
+        return pairs, calculated
 
 
 def _buffer(size: int, buffer: Array[c_double] | None = None) -> tuple[Vector, Array[c_double]]:

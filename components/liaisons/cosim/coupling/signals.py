@@ -180,6 +180,11 @@ class Signals:
         scales = np.maximum(self._present_sizes(), _SMALLEST)[self._kinds]
         return np.concatenate([scales, scales / size, [1.0]])
 
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        self.rewind((np.zeros_like(self.ends), np.zeros_like(self.earlier), 0.0))
+        self._sizes[:] = 0.0
+
     def snapshot(self) -> Snapshot:
         """What :meth:`rewind` needs."""
         return self.ends.copy(), self.earlier.copy(), self._since

@@ -1,0 +1,235 @@
+"""What a running FMU can be asked for, whichever version of FMI it has: from instantiation to release."""
+
+from __future__ import annotations
+
+import logging
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from ctypes import CDLL, CFUNCTYPE, Array, byref, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p, cast
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import fmpy
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.calls import Action, Call
+from liaisons.cosim.description import Fmu
+from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, RefusedError, logger
+from liaisons.cosim.variables import Array as Elements
+from liaisons.cosim.variables import Scalar
+from liaisons.errors import SimulationError
+
+ASKED = 5
+"""How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
+
+_REMEMBERED = 20  # messages
+
+
+class Instance(ABC):
+    """A running co-simulation FMU; a context manager that terminates, frees and unloads it.
+
+    It is asked only for what its :class:`Fmu` says it can.  Its functions are called by ctypes and not by the classes
+    of FMPy: those declare argument types, which makes every call convert its arguments, and look a function up at each
+    call; a prepared call costs little more than the function.  Of FMPy stays what ctypes has not: the formatting of
+    FMI 2.0's variadic messages, and the release of a library.
+
+    :param name: name of the part, used as instance name and in messages.
+    :param fmu: what was read from its file.
+    :param directory: where that file was extracted.
+    :raises SimulationError: if the library cannot be loaded or refuses to make an instance.
+    """
+
+    prefix: ClassVar[str]
+    functions: ClassVar[Mapping[Action, str]]
+    types: ClassVar[Mapping[str, Any]]
+    true: ClassVar[Any]
+    sized: ClassVar[bool]  # whether values are handed over with their number
+
+    def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
+        self.name = name
+        self._fmu = fmu
+        self._worst = 0
+        self._said: deque[tuple[int, str]] = deque(maxlen=_REMEMBERED)
+        self._initialized = False
+        self._states: list[c_void_p] = []
+        self._functions: dict[str, Callable[..., int]] = {}
+        self._pointer = c_void_p()
+        try:
+            self._library: CDLL | None = CDLL(str(directory / fmu.binary))
+        except OSError as error:
+            raise SimulationError(f"{name}: the library of {fmu.path.name} cannot be loaded: {error}") from error
+        try:
+            self._pointer = c_void_p(self._instantiated(self._library, directory.resolve() / "resources"))
+        except AttributeError as error:
+            self.close()
+            words = f"{name}: the library of {fmu.path.name} is none of FMI {fmu.version}.0: {error}"
+            raise SimulationError(words) from error
+        if not self._pointer:
+            self.close()
+            raise SimulationError(f"{name}: {fmu.path.name} cannot be instantiated{self._words()}")
+        # logging asks for everything; only what comes with a status is of use
+        categories = [category.encode() for category in COMPLAINTS if category in fmu.log_categories]
+        if categories:
+            words = (c_char_p * len(categories))(*categories)
+            self._function(f"{self.prefix}SetDebugLogging")(self._pointer, self.true, c_size_t(len(words)), words)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def _instantiated(self, library: CDLL, resources: Path) -> int | None:
+        """Address of the instance; none if it is refused."""
+
+    @abstractmethod
+    def setup(self, tolerance: float | None, start_time: float, stop_time: float) -> None:
+        """Announce tolerance (None: the FMU's own), start and stop time [s]."""
+
+    def assign(self, name: str, value: Any) -> None:
+        """Set a start value as :func:`liaisons.cosim.starts.start_values` returned it."""
+        entry = self._fmu.variables.entries.get(name)
+        base = entry.like.base if isinstance(entry, Elements) else self._fmu.variables[name].base
+        values = value if isinstance(value, tuple) else (value,)
+        about = f" of {name} = {value}" if len(values) == 1 else f" of {name} ({len(values)} values)"
+        texts = tuple(text.encode() for text in values) if base == "String" else values
+        references = list(self._fmu.references(name))
+        given = (c_uint32 * len(references))(*references), c_size_t(len(references))
+        sizes = [c_size_t(len(values))] if self.sized else []
+        self._call(f"{self.prefix}Set{base}", *given, (self.types[base] * len(values))(*texts), *sizes, about=about)
+
+    def enter_initialization(self) -> None:
+        self._call(f"{self.prefix}EnterInitializationMode")
+
+    def exit_initialization(self) -> None:
+        self._call(f"{self.prefix}ExitInitializationMode")
+        self._initialized = True
+
+    @abstractmethod
+    def getter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
+        """A call that reads these reals into a buffer of as many values."""
+
+    @abstractmethod
+    def setter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
+        """A call that sets these reals from a buffer of as many values."""
+
+    @abstractmethod
+    def stepper(self, time: c_double, size: c_double) -> Call:
+        """A call that steps by the size from the time that stand in the two buffers then [s]."""
+
+    def states(self) -> tuple[Call, Call]:
+        """Two calls, one that saves the state of the FMU, and one that brings this state back, as often as wanted."""
+        state = c_void_p()
+        self._states.append(state)
+        return self._prepared("save", byref(state)), self._prepared("restore", state)
+
+    def begin_anew(self) -> None:
+        """Take note that the state is about to be one from before initialization."""
+        self._initialized = False
+
+    @abstractmethod
+    def directional(
+        self, unknowns: Sequence[Scalar], knowns: Sequence[Scalar], seed: Array[c_double], values: Array[c_double]
+    ) -> Call:
+        """A call that calculates how the unknowns change with the knowns, which change like the seed."""
+
+    @abstractmethod
+    def output_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
+        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
+
+    def input_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
+        """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values.
+
+        Where :attr:`Fmu.input_derivatives` says that it can.
+        """
+        raise NotImplementedError
+
+    def guide(self, variables: Sequence[Scalar], values: NDArray[np.float64]) -> Call:
+        """Let these inputs follow values inside each step; returns a call to make before it.
+
+        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
+
+        :param values: at the fifths of the step, shape (ASKED, len(variables)); may change from step to step.
+        """
+        raise NotImplementedError
+
+    def failure(self, action: Action, status: int, when: str) -> SimulationError:
+        """The error that says which prepared call failed and when, with the FMU's own words."""
+        return self._failure(self.functions[action], status, when)
+
+    def close(self) -> None:
+        """Terminate, free and unload, as far as the state of the instance allows; safe to repeat."""
+        library, self._library = self._library, None
+        if library is None:
+            return
+        self._forget(library)
+        if self._worst == FATAL:  # then FMI forbids every call, the release included
+            return
+        if self._pointer:
+            if self._initialized and self._worst < ERROR:
+                status = library[f"{self.prefix}Terminate"](self._pointer)
+                if status > WARNING:
+                    logger.warning("%s: %sTerminate failed%s", self.name, self.prefix, self._words())
+            for state in filter(None, self._states):
+                library[self.functions["save"].replace("Get", "Free")](self._pointer, byref(state))
+            library[f"{self.prefix}FreeInstance"](self._pointer)
+        with suppress(OSError):
+            fmpy.freeLibrary(library._handle)  # noqa: SLF001 - ctypes has no other way
+
+    def _forget(self, library: CDLL) -> None:  # noqa: B027 - most have nothing else to do
+        """What else there is to do when the instance goes."""
+
+    def _note(self, status: int, message: bytes | None) -> None:
+        """Keep what the FMU logs; a new warning goes to the ``logging`` channel ``liaisons.cosim``, too."""
+        entry = status, (message or b"").decode(errors="replace").strip()
+        if entry not in self._said:
+            self._said.append(entry)
+            logger.log(logging.WARNING if status == WARNING else logging.DEBUG, "%s: %s", self.name, entry[1])
+
+    def _words(self) -> str:
+        """The FMU's complaints, else the last thing it said."""
+        complaints = dict.fromkeys(message for status, message in self._said if status >= DISCARD)
+        said = list(complaints) or [message for _, message in self._said][-1:]
+        return f": {'; '.join(said)}" if said else " without a message"
+
+    def _failure(self, function: str, status: int, about: str) -> SimulationError:
+        """The error for a status that is none of OK and Warning."""
+        self._worst = max(self._worst, status)
+        label = STATUSES[status] if status in range(len(STATUSES)) else str(status)
+        words = f"{self.name}: {function}{about} returned {label}{self._words()}"
+        # if the run goes on from a saved state, the next failure has words of its own
+        self._said = deque((entry for entry in self._said if entry[0] < DISCARD), maxlen=_REMEMBERED)
+        return (RefusedError if status in {DISCARD, ERROR} else SimulationError)(words)
+
+    def _call(self, function: str, *arguments: object, about: str = "") -> None:
+        status = self._function(function)(self._pointer, *arguments)
+        if status not in {0, WARNING}:
+            raise self._failure(function, status, about)
+
+    def _prepared(self, action: Action, *arguments: object) -> Call:
+        return Call(self._function(self.functions[action]), self._pointer, *arguments).of(action, self.failure)
+
+    def _function(self, name: str) -> Callable[..., int]:
+        if name not in self._functions:
+            assert self._library is not None
+            try:
+                self._functions[name] = _shared(cast(self._library[name], c_void_p).value or 0)
+            except AttributeError:
+                raise SimulationError(
+                    f"{self.name}: the library of {self._fmu.path.name} has no function {name}; export it again"
+                ) from None
+        return self._functions[name]
+
+
+@cache
+def _shared(address: int) -> Callable[..., int]:
+    """The function at an address, without argument types, for all instances.
+
+    What a thousand of them have in common stays in the cache of the processor.
+    """
+    return CFUNCTYPE(c_int)(address)

@@ -1,0 +1,218 @@
+"""The run of a simulation: FMUs are made, initialized, stepped, recorded, and released whatever happens.
+
+All connected and recorded reals lie in one array, the *bus*.  FMUs read into it and are set from it, each by one
+prepared call for all its variables, and a row of the recording is one copy of it.  The loop over the communication
+points, :mod:`liaisons.cosim.loop`, makes no list and looks nothing up, so that a step costs little more than the bare
+calls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from time import perf_counter
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim import explicit, schedule
+from liaisons.cosim.adaptive import adapted
+from liaisons.cosim.bus import Bus
+from liaisons.cosim.calls import Call
+from liaisons.cosim.coupling.coupled import Coupled
+from liaisons.cosim.coupling.signals import watched
+from liaisons.cosim.drives import SIGNALS
+from liaisons.cosim.instances import Instance, extracted, make
+from liaisons.cosim.interrupts import deferred_interrupts
+from liaisons.cosim.loop import Loop
+from liaisons.cosim.parts import Part
+from liaisons.cosim.probe import try_to_start
+from liaisons.cosim.simulation import Simulation
+from liaisons.errors import SimulationError
+from liaisons.folders import passing_folder
+from liaisons.progress import progress_bar
+from liaisons.results import IncompleteError, Interrupted, Result
+
+_PORTION = 0.02  # [s] between two looks, about
+
+
+@final
+class Run:
+    """Running FMUs of a simulation; a context manager that releases them.
+
+    It can be done again, with other start values: every FMU goes back to the state that it had when it was
+    instantiated, so that a run gives the same numbers whatever was before it.
+
+    :param folders: where each FMU lies extracted; if None, they are extracted for this run only.
+    :param again: it will be done again; where an FMU cannot go back, :attr:`repeats` says so.
+    """
+
+    def __init__(
+        self, simulation: Simulation, folders: Mapping[Path, Path] | None = None, *, again: bool = False
+    ) -> None:
+        self._simulation = simulation
+        self._instances: dict[str, Instance] = {}
+        self._coupled: Coupled | None = None
+        parts, times = simulation.parts, simulation.times
+        self.repeats = again and all(part.fmu.restores for part in parts.values())
+        with ExitStack() as stack:
+            if folders is None:
+                folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
+            for name, part in parts.items():
+                folder = folders[part.fmu.path]
+                try_to_start(part, folder, times)
+                asks = simulation.iterates and part.asks
+                self._instances[name] = stack.enter_context(make(name, part.fmu, folder, asks=asks))
+            also = watched(parts, simulation.feeds) if simulation.iterates else []
+            order = schedule.order([SIGNALS, *parts], simulation.feeds)
+            self._bus = Bus(order, simulation.feeds, also, simulation.recorded.values())
+            self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
+            self._initial, self._settle, self._step = self._prepared()
+            self._rows = np.empty((len(times), self._bus.values.size))
+            self._points = np.array(times)
+            self._times: list[float] | NDArray[np.float64] = []
+            self._loop = Loop(self._step, self._bus, times, self._rows)
+            self._back = self._saved() if self.repeats else []
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the FMUs."""
+        self._stack.close()
+
+    def start(self, parts: Mapping[str, Part] | None = None) -> None:
+        """Go to the begin, initialized.
+
+        :param parts: the same with other start values.
+        :raises SimulationError: if an FMU refuses something.
+        """
+        simulation, bus = self._simulation, self._bus
+        begin, end = simulation.times[0], simulation.times[-1]
+        self._times = []
+        for instance in self._instances.values():
+            instance.begin_anew()
+        bus.turn(begin, begin)
+        bus.perform(self._back)
+        bus.values[:] = 0.0
+        if self._coupled is not None:
+            self._coupled.begin_anew()
+        parts = simulation.parts if parts is None else parts
+        for name, instance in self._instances.items():
+            instance.setup(simulation.tolerance, begin, end)
+            for variable, value in parts[name].starts.items():
+                instance.assign(variable, value)
+            instance.enter_initialization()
+        bus.perform(self._initial)
+        for instance in self._instances.values():
+            instance.exit_initialization()
+        bus.perform(self._settle)
+        self._record(0, bus.values)
+        self._times = self._points[:1]
+
+    def finish(self, look: Callable[[float], None] | None = None) -> None:
+        """Go to the end, from the begin.
+
+        :param look: is told now and then how far it came [s].
+        :raises SimulationError: if an FMU refuses something.
+        """
+        if self._simulation.error_tolerance is None:
+            self._advance(look)
+        else:
+            self._adapt(look)
+
+    def result(self) -> Result:
+        """What was recorded so far."""
+        simulation = self._simulation
+        values = np.ascontiguousarray(self._rows[: len(self._times)].T[self._columns])
+        return Result(simulation.title, np.asarray(self._times), tuple(simulation.recorded), values, simulation.units)
+
+    def reached(self) -> float | None:
+        """The last communication point [s]; None before the begin."""
+        return float(self._times[-1]) if len(self._times) else None
+
+    def _prepared(self) -> tuple[list[Call], list[Call], list[Call]]:
+        """Calls for initialization, for what is after it, and for a communication step."""
+        if not self._simulation.iterates:
+            return explicit.prepared(self._simulation, self._instances, self._bus)
+        self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
+        others = [call for name in self._instances for call in self._other_readings(name)]
+        settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
+        return [first], [settle, *others], [Call(coupled.step), *others]
+
+    def _other_readings(self, name: str) -> list[Call]:
+        places = self._bus.others(name)
+        variables = self._simulation.parts[name].fmu.variables
+        read = [variables[variable] for _, variable in places]
+        return [self._instances[name].getter(read, self._bus.buffer(places))] if places else []
+
+    def _saved(self) -> list[Call]:
+        """Calls that bring the present states back."""
+        states = [instance.states() for instance in self._instances.values()]
+        self._bus.perform(save for save, _ in states)
+        return [restore for _, restore in states]
+
+    def _advance(self, look: Callable[[float], None] | None) -> None:
+        """The steps from each communication point to the next one, so many at a time that nobody waits for long."""
+        loop, times = self._loop, self._simulation.times
+        loop.begin()
+        many = 1 if look else len(times)
+        try:
+            while loop.done < len(times):
+                begin = perf_counter()
+                loop.advance(min(loop.done + many, len(times)))
+                many = max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2)
+                if look:
+                    look(times[loop.done - 1])
+        finally:
+            self._times = self._points[: loop.done]
+
+    def _adapt(self, look: Callable[[float], None] | None) -> None:
+        """The same, with steps as long as their error allows."""
+        times = self._times = [self._simulation.times[0]]
+        for time, values in adapted(self._simulation, self._instances, self._bus, self._step, self._coupled):
+            self._record(len(times), values)
+            times.append(time)
+            if look:
+                look(time)
+
+    def _record(self, row: int, values: NDArray[np.float64]) -> None:
+        if row == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[row] = values
+
+
+def performed(simulation: Simulation, *, progress: bool = False) -> Result:
+    """Run a simulation from its begin to its end.
+
+    :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
+        what was computed until then.
+    :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
+    """
+    title, span = simulation.title if progress else "", (simulation.times[0], simulation.times[-1])
+    with Run(simulation) as run:
+        try:
+            run.start()
+            with progress_bar(title, "t = {:.6g} of {:.6g} s", *span) as show, deferred_interrupts() as interrupts:
+
+                def look(time: float) -> None:
+                    show(time)
+                    if interrupts:
+                        raise KeyboardInterrupt
+
+                run.finish(look)
+        except (SimulationError, KeyboardInterrupt) as error:
+            time = run.reached()
+            if time is None:
+                raise
+            if isinstance(error, SimulationError):
+                raise IncompleteError(str(error), run.result()) from error
+            reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
+            raise Interrupted(f"{reached}; .result of this exception has what there is", run.result()) from None
+        return run.result()
