@@ -67,16 +67,17 @@ def test_terminals_are_valid_and_name_what_is_there(component, fmi) -> None:
 
 
 def test_free_and_active_terminal_fit_together() -> None:
-    pivot, bob = terminals(assemble(Pendulum))["pivot/x"], terminals(assemble(Pendulum))["bob/x"]
-    causality = {v.name: v.causality for v in assemble(Pendulum).variables}
-    assert pivot.get("terminalKind") == bob.get("terminalKind")
-    assert members(pivot).keys() == members(bob).keys() == {"s", "v", "a", "f"}
-    for role in ("s", "v", "a", "f"):
-        ends = {causality[members(terminal)[role]["variableName"]] for terminal in (pivot, bob)}
-        assert ends == {"input", "output"}
-    flows = [members(terminal)["f"]["variableKind"] for terminal in (pivot, bob)]
-    assert flows == ["inflow", "outflow"]  # one flows in, the other out: their values are equal
-    assert members(pivot)["s"]["variableKind"] == "signal"
+    model = assemble(Pendulum)
+    both = [terminals(model)[name] for name in ("pivot/x", "bob/x")]
+    causality = {v.name: v.causality for v in model.variables}
+    assert both[0].get("terminalKind") == both[1].get("terminalKind")
+    pivot, bob = map(members, both)
+    assert pivot.keys() == bob.keys() == {"s", "v", "a", "f"}
+    for role in pivot:
+        assert {causality[end[role]["variableName"]] for end in (pivot, bob)} == {"input", "output"}
+    # One flows in, the other out: their values are equal.
+    assert [end["f"]["variableKind"] for end in (pivot, bob)] == ["inflow", "outflow"]
+    assert pivot["s"]["variableKind"] == "signal"
 
 
 def test_places_are_nested_and_lone_components_are_not() -> None:
@@ -89,9 +90,7 @@ def test_places_are_nested_and_lone_components_are_not() -> None:
 
 def test_signal_goes_with_lengths_and_angles() -> None:
     found = terminals(assemble(Sinusoid))
-    assert [members(found[name])["s" if name == "y" else "phi"]["variableName"] for name in ("y", "y_rotation")] == [
-        "y"
-    ] * 2
+    assert members(found["y"])["s"]["variableName"] == members(found["y_rotation"])["phi"]["variableName"] == "y"
     # An operator gives no force: an active port must not insist on one.
     assert terminals(assemble(Pendulum))["length"].get("matchingRule") == "bus"
 
@@ -191,24 +190,18 @@ UNSEEN = {  # cyclic, or the places where springs are at rest
 
 def changed(model: Model, name: str) -> Model:
     """With another start value, whether it is the reference experiment's or the variable's own."""
-    if name in model.experiment.reference:
-        reference = {**model.experiment.reference, name: 1.01 * model.experiment.reference[name]}
-        return replace(model, experiment=replace(model.experiment, reference=reference))
+    reference = model.experiment.reference
+    if name in reference:
+        moved = {**reference, name: 1.01 * reference[name]}
+        return replace(model, experiment=replace(model.experiment, reference=moved))
 
-    def of(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
-        return tuple(
-            replace(
-                v,
-                start=tuple(1.01 * x + 0.01 * (x == 0) for x in v.starts)
-                if v.dimension
-                else 1.01 * v.starts[0] + 0.01 * (not v.starts[0]),
-            )
-            if v.name == name
-            else v
-            for v in variables
-        )
+    def started(variable: Variable) -> Variable:
+        if variable.name != name:
+            return variable
+        starts = tuple(1.01 * x + 0.01 * (x == 0) for x in variable.starts)
+        return replace(variable, start=starts if variable.dimension else starts[0])
 
-    return replace(model, parameters=of(model.parameters), inputs=of(model.inputs))
+    return replace(model, parameters=tuple(map(started, model.parameters)), inputs=tuple(map(started, model.inputs)))
 
 
 @pytest.mark.parametrize("component", WITH_REFERENCE, ids=lambda c: c.__name__)
@@ -228,23 +221,17 @@ def test_reference_results_notice_one_percent_of_everything(component) -> None:
 
 def test_experiments_that_show_something_have_references() -> None:
     """The others have inputs and starts of their own, which importers find beside the results."""
-    assert {c.__name__ for c in WITH_REFERENCE} >= {
-        "DrivenChain",
-        "Satellite",
-        "CircularHoop",
-        "FourierHoop",
-        "Flywheel",
-    }
+    named = {c.__name__ for c in WITH_REFERENCE}
+    assert named >= {"DrivenChain", "Satellite", "CircularHoop", "FourierHoop", "Flywheel"}
     found = extra_members(assemble(Satellite), "3")
     values = ElementTree.fromstring(found[f"{FOLDER}/Satellite.ssv"])
     given = {p.attrib["name"]: float(p[0].attrib["value"]) for p in values.iter() if p.tag.endswith("Parameter")}
     head, *rows = csv.reader(io.StringIO(found[f"{FOLDER}/Satellite_in.csv"].decode()))
-    start = given | dict(zip(head, map(float, rows[0]), strict=True))
-    assert assemble(Satellite).experiment.reference.items() <= start.items()
     motion = {name: np.array(column, float) for name, *column in zip(head, *rows, strict=True)}
-    np.testing.assert_allclose(
-        np.gradient(motion["wheel_2"], motion["time"])[1:-1], motion["wheel_2_dot"][1:-1], rtol=1e-8
-    )
+    start = given | {name: column[0] for name, column in motion.items()}
+    assert assemble(Satellite).experiment.reference.items() <= start.items()
+    rates = np.gradient(motion["wheel_2"], motion["time"])
+    np.testing.assert_allclose(rates[1:-1], motion["wheel_2_dot"][1:-1], rtol=1e-8)
     with pytest.raises(ComponentError, match=r"Satellite: Experiment\(reference=...\): 'wheel_1_dto' .* did you mean"):
         trajectory(replace(assemble(Satellite), experiment=Experiment(reference={"wheel_1_dto": 1.0})))
 

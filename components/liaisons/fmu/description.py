@@ -29,7 +29,7 @@ from liaisons.fmu.layout import (
     size_references,
 )
 from liaisons.fmu.markup import document, element
-from liaisons.language import Variable
+from liaisons.language.variables import Dimension, Variable
 from liaisons.mechanics.model import Model
 from liaisons.version import __version__
 
@@ -79,15 +79,7 @@ def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     :param guid: what the binary will compare with, ``"{...}"``.
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu can do.
     """
-    attributes = {
-        "fmiVersion": "2.0",
-        "modelName": model.name,
-        "guid": guid,
-        "description": model.description,
-        "generationTool": f"liaisons {__version__}",
-        "variableNamingConvention": "structured",
-        "numberOfEventIndicators": "0",
-    }
+    attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": "0"}
     return document(element("fmiModelDescription", attributes, _parts(model, backend)))
 
 
@@ -106,6 +98,21 @@ def _parts(model: Model, backend: Backend) -> Iterator[str]:
 
 
 # ---- what both versions of FMI say alike -----------------------------------------------------------------------
+
+
+def root_attributes(model: Model, version: str, **token: str) -> dict[str, str]:
+    """Who a model is.
+
+    :param token: what the binary compares with, by the name that this version has for it.
+    """
+    return {
+        "fmiVersion": version,
+        "modelName": model.name,
+        **token,
+        "description": model.description,
+        "generationTool": f"liaisons {__version__}",
+        "variableNamingConvention": "structured",
+    }
 
 
 def unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
@@ -142,6 +149,12 @@ def default_experiment(model: Model) -> Iterator[str]:
 def integer_attributes(setting: Setting) -> dict[str, str]:
     """What values a setting may have."""
     return {"min": "0", "max": str(setting.most), "start": str(setting.start)}
+
+
+def size_attributes(size: Dimension, reference: int, **of_version: str) -> dict[str, str]:
+    """Who the number of elements of arrays is."""
+    of_all = {"name": size.name, "valueReference": str(reference), "description": size.description}
+    return {**of_all, **of_version, "initial": "exact"}
 
 
 def general_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
@@ -185,6 +198,14 @@ def nominals(model: Model) -> dict[str, list[float]]:
     return {state.name: [next(usable) for _ in range(state.count)] for state in shown_states(model)}
 
 
+def unknowns(model: Model) -> tuple[list[str], list[str], list[str]]:
+    """Names of the outputs, of the rates of the states, and of what is calculated at initialization."""
+    outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
+    rates = [state.derivative for state in model.states]
+    first = {*outputs, *rates, *(state.name for state in model.states)}
+    return outputs, rates, [v.name for v in model.outputs if v.name in first or v.causality == "calculatedParameter"]
+
+
 # ---- variables -------------------------------------------------------------------------------------------------
 
 
@@ -194,14 +215,7 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
     jumping = states_that_jump(model) | states_moved_along(model) if backend == "native" else set()
     references = size_references(model)
     for dimension in model.dimensions:
-        attributes = {
-            "name": dimension.name,
-            "valueReference": str(references[dimension.name]),
-            "description": dimension.description,
-            "causality": "local",
-            "variability": "constant",
-            "initial": "exact",
-        }
+        attributes = size_attributes(dimension, references[dimension.name], causality="local", variability="constant")
         yield from _scalar(attributes, "Integer", {"start": str(dimension.count)})
     for variable in model.variables:
         first = where[variable.name].start
@@ -240,27 +254,25 @@ def _structure(model: Model) -> Iterator[str]:
     def indices(names: Sequence[str]) -> list[int]:
         return [index for name in names for index in where[name]]
 
+    outputs, derivatives, at_start = map(indices, unknowns(model))
     states = indices([state.name for state in model.states])
-    derivatives = indices([state.derivative for state in model.states])
-    outputs = indices([variable.name for variable in model.outputs if variable.causality == "output"])
-    calculated = indices([variable.name for variable in model.outputs if variable.causality == "calculatedParameter"])
     parameters, inputs = (indices([v.name for v in group]) for group in (model.parameters, model.inputs))
 
     sparse = scalars(model) <= MOST_DEPENDENCIES
     runs = between_numbers(running(model), (1, 2)) if sparse else None
     starts = between_numbers(initial(model), (2, 1)) if sparse else None
     first = first_reference(model) + len(parameters) + len(inputs)  # index of the first of model.outputs
-    for title, unknowns, knowns, pattern in (
+    for title, found, knowns, pattern in (
         ("Outputs", outputs, states + inputs, runs),
         ("Derivatives", derivatives, states + inputs, runs),
-        ("InitialUnknowns", sorted({*outputs, *states, *derivatives, *calculated}), parameters + inputs, starts),
+        ("InitialUnknowns", at_start, parameters + inputs, starts),
     ):
-        if unknowns:
-            yield from element(title, {}, _unknowns(unknowns, np.array(knowns), pattern, first))
+        if found:
+            yield from element(title, {}, _unknowns(found, np.array(knowns), pattern, first))
 
 
-def _unknowns(unknowns: list[int], knowns: np.ndarray, pattern: csr_array | None, first: int) -> Iterator[str]:
-    for unknown in unknowns:
+def _unknowns(found: list[int], knowns: np.ndarray, pattern: csr_array | None, first: int) -> Iterator[str]:
+    for unknown in found:
         attributes = {"index": str(unknown)}
         if pattern is not None:
             row = unknown - first

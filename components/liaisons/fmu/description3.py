@@ -18,14 +18,16 @@ from liaisons.fmu.description import (
     log_categories,
     nominals,
     real_attributes,
+    root_attributes,
+    size_attributes,
     unit_definitions,
+    unknowns,
 )
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
-from liaisons.language.variables import Dimension, Variable
+from liaisons.language.variables import Variable
 from liaisons.mechanics.model import Model
-from liaisons.version import __version__
 
 _BOTH = {
     "canGetAndSetFMUState": "true",
@@ -49,14 +51,7 @@ def model_description3(model: Model, *, token: str) -> bytes:
     :param model: the component.
     :param token: what the binary will compare with, ``"{...}"``.
     """
-    attributes = {
-        "fmiVersion": "3.0",
-        "modelName": model.name,
-        "instantiationToken": token,
-        "description": model.description,
-        "generationTool": f"liaisons {__version__}",
-        "variableNamingConvention": "structured",
-    }
+    attributes = root_attributes(model, "3.0", instantiationToken=token)
     return document(element("fmiModelDescription", attributes, _parts(model)))
 
 
@@ -81,7 +76,9 @@ def _variables(model: Model) -> Iterator[str]:
     jumping = states_that_jump(model) | states_moved_along(model)
     reference_of_size = size_references(model)
     for size in model.dimensions:
-        yield from _size(size, reference_of_size[size.name])
+        of_size = reference_of_size[size.name]
+        attributes = size_attributes(size, of_size, causality="structuralParameter", variability="fixed")
+        yield from element("UInt64", attributes | dict.fromkeys(("min", "max", "start"), str(size.count)))
     for variable in model.variables:
         attributes = general_attributes(variable, variable.name, reference[variable.name])
         attributes |= real_attributes(variable, max(sizes.get(variable.name, (1.0,)))) | _start(variable)
@@ -110,18 +107,6 @@ def _start(variable: Variable) -> dict[str, str]:
     return {"start": " ".join(repr(float(value)) for value in values)}
 
 
-def _size(size: Dimension, reference: int) -> Iterator[str]:
-    attributes = {
-        "name": size.name,
-        "valueReference": str(reference),
-        "description": size.description,
-        "causality": "structuralParameter",
-        "variability": "fixed",
-        "initial": "exact",
-    }
-    yield from element("UInt64", attributes | dict.fromkeys(("min", "max", "start"), str(size.count)))
-
-
 def _references(model: Model) -> dict[str, int]:
     return {variable.name: i for i, variable in enumerate((*model.variables, TIME), first_reference(model))}
 
@@ -134,12 +119,7 @@ def _structure(model: Model) -> Iterator[str]:
     runs, starts = while_running(model), at_start(model)
     known = (TIME, *states, *model.inputs, *model.parameters)
     known_at_start = (TIME, *model.inputs, *model.parameters)
-    outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
-    derivatives = [state.derivative for state in model.states]
-    unknown_at_start = {*outputs, *derivatives, *(state.name for state in states)}
-    initial_unknowns = [
-        v.name for v in model.outputs if v.name in unknown_at_start or v.causality == "calculatedParameter"
-    ]
+    outputs, derivatives, initial_unknowns = unknowns(model)
     yield from chain(
         _unknowns(model, "Output", outputs, known, runs),
         _unknowns(model, "ContinuousStateDerivative", derivatives, known, runs),

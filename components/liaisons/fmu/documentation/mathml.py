@@ -41,11 +41,8 @@ _WORD_FIRST = re.compile(r"(?:<\w+[^>]*>)*<mi>\w\w+</mi>")
 EXPANSIONS = (1, 12, 60)
 """Ways to write a formula: products of sums left alone, or expanded up to so many terms; the shortest one is taken."""
 
-SHORT, LONGEST = 30, 200
+SHORT, LONGEST = 18, 200
 """Operations up to which a formula is written without abbreviations, and up to which it is written at all."""
-
-HOPELESS = 1.4
-"""How many times longer than that a formula is, before anything is expanded, that is given up at once."""
 
 ONE_LINE, LOOSER = 22, 1.35
 """Operations that fit on a line, and how many times longer a formula may be if that breaks it between terms."""
@@ -75,11 +72,8 @@ def formula(expression: ca.SX, notation: Notation) -> Formula | None:
     function = ca.Function("f", symbols, ca.cse([ca.densify(expression)]))
     if function.n_instructions() > 2 * LONGEST or not is_known(function):
         return None
-    writers: list[_Writer] = []
-    for limit in EXPANSIONS:
-        writers.append(_Writer(function, [symbol.name() for symbol in symbols], Algebra(limit), notation))
-        if writers[0].operations > HOPELESS * LONGEST:
-            return None
+    names = [symbol.name() for symbol in symbols]
+    writers = [_Writer(function, names, Algebra(limit), notation) for limit in EXPANSIONS]
     shortest = min(writers, key=lambda writer: writer.operations)
     return shortest.formula() if shortest.operations <= LONGEST else None
 
@@ -121,19 +115,9 @@ class _Writer:
                     waiting += atom.arguments if found[place] == 1 else ()
         return found
 
-    def _written_out(self, p: Polynomial, known: dict[int, int]) -> int:
-        """Operations without abbreviations; known: those of the atoms met before."""
-        total = _own(p)
-        for place in (place for monomial in p for place, _ in monomial):
-            if place not in known:
-                arguments = self.algebra.atoms[place].arguments
-                known[place] = sum((1 + self._written_out(argument, known) for argument in arguments), 0)
-            total += known[place]
-        return total
-
     def _abbreviate(self) -> None:
         """Names for what a long formula repeats or is too wide for a line; in force once they are explained."""
-        long = self._written_out(self.polynomial, {}) > SHORT
+        long = self.operations > SHORT
         letter = f"<mi>{self.notation.free_letter()}</mi>"
         for place, count in sorted(self._uses(self.polynomial).items()):  # what it is made of has lower numbers
             atom = self.algebra.atoms[place]

@@ -5,19 +5,10 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
-from html import escape
+from html import escape, unescape
 
 from liaisons.mechanics.model import Model
 
-# fmt: off
-_GREEK: dict[str, str] = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η",
-    "theta": "θ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ",
-    "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "chi": "χ", "psi": "ψ",
-    "omega": "ω", "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ", "Pi": "Π",
-    "Sigma": "Σ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω",
-}
-# fmt: on
 # Letters that everybody uses for these words; a declaration may have another one.
 _LETTERS = {
     "kinetic_energy": "T",
@@ -82,7 +73,7 @@ class Notation:
         if stem.startswith("p_") and stem[2:] in self._letters:
             stem, prefix = stem[2:], ["p"]
         head, *subscripts = prefix + self._letters.get(stem, stem).split("_")
-        is_word = not prefix and len(head) > 1 and head not in {*_GREEK, *self._letters}
+        is_word = not prefix and len(_greek(head)) > 1 and head not in self._letters
         if is_word and subscripts and subscripts[-1] in self._letters:
             head, subscripts = subscripts[-1], [head, *subscripts[:-1]]  # the inertia of the hoop, I_hoop
         base = _letter(self._letters.get(head, head))
@@ -97,7 +88,13 @@ class Notation:
 
 
 def _letter(text: str) -> str:
-    return f"<mn>{text}</mn>" if text.isdecimal() else f"<mi>{escape(_GREEK.get(text, text))}</mi>"
+    return f"<mn>{text}</mn>" if text.isdecimal() else f"<mi>{escape(_greek(text))}</mi>"
+
+
+def _greek(text: str) -> str:
+    """The letter that a word is the name of, else the word."""
+    letter = unescape(f"&{text};")
+    return letter if "Α" <= letter <= "ω" else text
 
 
 def _row(parts: list[str], between: str) -> str:

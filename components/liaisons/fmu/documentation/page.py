@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterable
 from functools import lru_cache
 from html import escape
+from importlib.resources import files
 from itertools import compress
 
 import casadi as ca
@@ -15,7 +16,6 @@ from liaisons.fmu.documentation.laws import LAWS
 from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
-from liaisons.fmu.documentation.style import STYLE
 from liaisons.fmu.jumps import jumps
 from liaisons.language import Port, Variable
 from liaisons.mechanics.model import Model
@@ -36,12 +36,6 @@ _PLUG = (
 _RESULTS = (
     "Reference results, integrated from the same functions by another method, lie in "
     "<code>extra/org.fmi-standard.fmi-ls-ref</code>, unless the experiment is too much to integrate."
-)
-_WIRING = (
-    ("q", "s"),
-    ("q_dot", "s_dot"),
-    ("q_ddot", "s_ddot"),
-    ("q_load", "s_force"),
 )
 _HERMITE = (
     "the quintic Hermite polynomial between the values before the step and those that are set for it, which belong "
@@ -82,12 +76,13 @@ def index_page(model: Model) -> bytes:
     }
     sections["Sources"] = _sources(sections)
     shown = {title: lines for title, lines in sections.items() if lines}
+    style = (files("liaisons.fmu") / "documentation" / "style.css").read_text(encoding="utf-8")
     contents = " · ".join(f'<a href="#{_anchor(title)}">{title}</a>' for title in shown)
     page = [
         "<!DOCTYPE html>",
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f"<title>{escape(model.name)}</title><style>{STYLE}</style></head><body>",
+        f"<title>{escape(model.name)}</title><style>\n{style}</style></head><body>",
         f"<header><h1>{escape(model.name)}</h1><p>{_inline(model.description)}</p><nav>{contents}</nav></header>",
     ]
     for title, lines in shown.items():
@@ -144,10 +139,11 @@ def _equations(model: Model, notation: Notation) -> list[str]:
     lines: list[str] = []
     for section in dict.fromkeys(equation.section for equation in model.equations):
         law = LAWS[section]
-        lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{_display(law.markup) if law.markup else ''}</p>"]
+        general = f'<math display="block">{law.markup}</math>' if law.formula else ""
+        lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{general}</p>"]
         equations = [equation for equation in model.equations if equation.section == section]
         written = [(equation.left, formula(equation.right, notation)) for equation in equations]
-        shown = [line for left, right in written if right for line in _equation(notation[left], right)]
+        shown = [line for left, right in written if right for line in _lines(notation[left], right)]
         lines += ["<div class=equations>", *shown, "</div>"] if shown else []
         dropped = [left for left, right in written if right is None]
         if dropped:
@@ -156,22 +152,18 @@ def _equations(model: Model, notation: Notation) -> list[str]:
     return lines
 
 
-def _equation(left: str, right: Formula) -> list[str]:
+def _lines(left: str, right: Formula) -> list[str]:
     """One equation and its abbreviations."""
-    where = [_broken(name, terms) for name, terms in right.where]
-    return [_broken(left, right.terms), *(["<p>where</p>", *where] if where else [])]
+    where = [_equation(name, terms) for name, terms in right.where]
+    return [_equation(left, right.terms), *(["<p>where</p>", *where] if where else [])]
 
 
-def _broken(left: str, terms: Terms) -> str:
+def _equation(left: str, terms: Terms) -> str:
     """An equation that breaks between its terms where the page ends."""
     signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in terms[1:])  # spaced as between its neighbours
     pieces = (f"{left}<mo>=</mo>{terms[0]}", *signed)
     written = " ".join(f'<math displaystyle="true">{piece}</math>' for piece in pieces)
     return f"<p class=formula>{written}</p>"
-
-
-def _display(markup: str) -> str:
-    return f'<math display="block">{markup}</math>'
 
 
 # ---- variables and ports -----------------------------------------------------------------------------------------
@@ -207,21 +199,17 @@ def _further(name: str, variables: Collection[str]) -> str:
 
 def _variable(variable: Variable, notation: Notation) -> tuple[str, ...]:
     size = "" if variable.dimension is None else f"[1…{variable.dimension.name}]"
+    starts = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]  # those of an array may be alike
     kind = variable.causality + (", tunable" if variable.variability == "tunable" else "")
     return (
         f"<math>{notation[variable.name]}</math>",
         f"<code>{escape(variable.name)}{size}</code>",
         escape(variable.unit) or "any",
         kind,
-        "" if variable.start is None else ", ".join(f"{start:.6g}" for start in _distinct(variable)),
+        "" if variable.start is None else ", ".join(f"{start:.6g}" for start in starts),
         escape(variable.domain()),
         _inline(variable.description),
     )
-
-
-def _distinct(variable: Variable) -> tuple[float, ...]:
-    """Start values; one for all elements of an array if they are alike."""
-    return variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]
 
 
 def _ports(ports: tuple[Port, ...], variables: dict[str, Variable]) -> list[str]:
@@ -235,8 +223,9 @@ def _ports(ports: tuple[Port, ...], variables: dict[str, Variable]) -> list[str]
     rows = ((f"<b>{escape(p.name)}</b>", p.kind, members(p, "output"), members(p, "input")) for p in ports)
     lines = _table(("port", "kind", "gives", "takes"), rows)
     lines += [f"<p class=field><b>{kind}</b> {_KINDS[kind]}</p>" for kind in dict.fromkeys(p.kind for p in ports)]
-    arrows = ((f"<code>{q}</code>", "←" if q == "q_load" else "→", f"<code>{s}</code>") for q, s in _WIRING)
-    return [*lines, f"<p>{_PLUG}</p>", *_table(("free coordinate or point", "", "active coordinate"), arrows)]
+    plugs = (("q", "→", "s"), ("q_dot", "→", "s_dot"), ("q_ddot", "→", "s_ddot"), ("q_load", "←", "s_force"))
+    rows = ((f"<code>{q}</code>", arrow, f"<code>{s}</code>") for q, arrow, s in plugs)
+    return [*lines, f"<p>{_PLUG}</p>", *_table(("free coordinate or point", "", "active coordinate"), rows)]
 
 
 def _reconstruction(model: Model) -> list[str]:
