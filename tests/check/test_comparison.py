@@ -87,5 +87,7 @@ def test_what_cannot_be_compared() -> None:
         compare(one, Result("other", one.time, ("x",), one.values[:1], {"x": "mm"}))
     with pytest.raises(ValidityError, match=r"sine \(t = 0 to 2 s\) and later \(3 to 5 s\) have no time in common"):
         compare(one, Result("later", one.time + 3, ("x",), one.values[:1], {"x": "m"}))
+    with pytest.raises(ValidityError, match="the result of a sweep has cases and no time"):
+        compare(one, Result("a sweep", np.empty(0), ("x",), one.values[:1], {"x": "m"}))
     with pytest.raises(ValidityError, match="'z' was not compared; compared: x, x_dot"):
         compare(one, one)["z"]

@@ -17,7 +17,16 @@ from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
 from liaisons.ensembles.steps import source
 from liaisons.errors import ComponentError, SimulationError
-from liaisons.models import CartesianPendulum, CircularHoop, Oscillator, Pendulum, PendulumChain, Ramp, Sinusoid
+from liaisons.models import (
+    CartesianPendulum,
+    CircularHoop,
+    Oscillator,
+    Pendulum,
+    PendulumChain,
+    PolarOscillator,
+    Ramp,
+    Sinusoid,
+)
 
 ANGLES = np.linspace(0.2, 3.0, 37)  # no multiple of the lanes
 RATES = np.linspace(0.0, 9.0, 37)  # librations and rotations
@@ -145,15 +154,15 @@ def test_a_chain_agrees_with_another_integrator() -> None:
     other = solve_ivp(rates, (0, 1), start, "DOP853", rtol=1e-11, atol=1e-12)
     # The other one keeps 1e-11 a step; over a second a chain of ten lets errors grow a hundredfold.
     assert abs(found["theta[3]"][-1, 1] - other.y[2, -1]) <= 1e-8
-    assert found["theta"].shape == (2, 2, 10)
+    assert (found["theta"].shape, found.error("theta").shape) == ((2, 2, 10), (2, 10))
 
 
 def test_a_case_that_fails_does_not_harm_the_others() -> None:
     run: dict[str, Any] = {"stop_time": 4.0, "step_size": 0.01, "samples": 40, "estimate": False}
     run |= {"operators": {"length": Sinusoid}}
-    values = {"mass": [1.0, -1.0, 1.0], "length.amplitude": [0.1, 0.1, 1.5], "length.offset": 1.0}
+    values = {"mass": [1.0, 0.0, 1.0], "length.amplitude": [0.1, 0.1, 1.5], "length.offset": 1.0}
     found = ensemble(Pendulum, values, **run)
-    assert found.failures == {1: "mass = -1: must be > 0", 2: "length must stay > 0 (t = 3.9 s)"}
+    assert found.failures == {1: "mass = 0: must be > 0", 2: "length must stay > 0 (t = 3.9 s)"}
     assert np.isfinite(found["theta"][:, 0]).all()
     # 1 + 1.5 sin t falls below 0 at t = π + asin(1/1.5) = 3.871
     assert found.time[np.isnan(found["theta"][:, 2])].min() == pytest.approx(3.9)
@@ -161,6 +170,12 @@ def test_a_case_that_fails_does_not_harm_the_others() -> None:
     assert np.array_equal(found["theta"][:, :1], alone["theta"])
     with pytest.raises(SimulationError, match="no error estimate; leave estimate=False out"):
         found.error("theta")
+
+
+def test_a_condition_is_asked_on_the_way() -> None:
+    run: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.01, "samples": 20, "estimate": False}
+    found = ensemble(PolarOscillator, {"phi_dot_0": [0.0, 1.0]}, **run)  # r = |cos t|, and the circle
+    assert found.failures == {0: "r must stay > 0 m (t = 1.6 s)"}
 
 
 def test_without_a_compiler(monkeypatch) -> None:

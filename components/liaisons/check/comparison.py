@@ -118,6 +118,8 @@ def compare(first: Result, second: Result) -> Comparison:
     for result in (first, second):
         if not isinstance(result, Result):
             raise ValidityError(f"compare: {shown(result)} is no Result; read a file with Result.from_csv")
+        if not result.time.size:
+            raise ValidityError(f"compare: the result of {result.title} has cases and no time; compare its signals")
     names = [name for name in first.entries if name in second.entries]
     if not names:
         raise ValidityError(f"{first.title} and {second.title} have no signal in common")

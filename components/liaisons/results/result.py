@@ -77,20 +77,7 @@ class Result:
 
         :raises SimulationError: with the nearest name, if there is none of this name.
         """
-        if not isinstance(name, str):
-            raise SimulationError(
-                f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
-            )
-        if name in self._rows:
-            return self.values[self._rows[name]]
-        if name not in self._arrays:
-            raise SimulationError(self._unknown(name))
-        rows, shape = self._arrays[name]
-        together = rows[-1] - rows[0] + 1 == len(rows)
-        values = self.values[rows[0] : rows[-1] + 1] if together else self.values[rows]
-        array = np.moveaxis(values, 0, -1).reshape(*values.shape[1:], *shape)
-        array.flags.writeable = False
-        return array
+        return self._part(self.values, name)
 
     def error(self, name: str) -> NDArray[np.float64]:
         """Estimated largest error of a signal of an ensemble, shape (cases,).
@@ -99,16 +86,27 @@ class Result:
         """
         if self.errors is None:
             raise SimulationError(f"the result of {self.title} has no error estimate; leave estimate=False out")
-        if name not in self._rows:
-            raise SimulationError(self._unknown(name))
-        return self.errors[self._rows[name]]
+        return self._part(self.errors, name)
 
-    def _unknown(self, name: str) -> str:
-        hint = f"has to be named in {'record' if self.time.size else 'keep'}=[...]"
-        return (
-            f"the result of {self.title} has no signal {name!r}{suggestion(name, self.entries)}"
-            f"; what is not recorded by default {hint}"
-        )
+    def _part(self, of: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+        """Rows of one name; the axis of an array goes to the end."""
+        if not isinstance(name, str):
+            raise SimulationError(
+                f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
+            )
+        if name in self._rows:
+            return of[self._rows[name]]
+        if name not in self._arrays:
+            raise SimulationError(
+                f"the result of {self.title} has no signal {name!r}{suggestion(name, self.entries)}; what is not "
+                f"recorded by default has to be named in {'record' if self.time.size else 'keep'}=[...]"
+            )
+        rows, shape = self._arrays[name]
+        together = rows[-1] - rows[0] + 1 == len(rows)
+        values = of[rows[0] : rows[-1] + 1] if together else of[rows]
+        array = np.moveaxis(values, 0, -1).reshape(*values.shape[1:], *shape)
+        array.flags.writeable = False
+        return array
 
     @property
     def entries(self) -> tuple[str, ...]:
