@@ -3,6 +3,10 @@
 A *polynomial* is a sum: a table from monomials to their coefficients.  A *monomial* is a product of powers of *atoms*:
 symbols, functions such as ``cos``, and groups, which are sums that stay in brackets.  Atoms are numbered in the order
 of their first appearance, so that all results are the same from run to run.
+
+Why not SymPy: with its ``expand``, ``factor_terms`` and ``cse`` and its MathML printer, a page takes 5 (Pendulum) to 38
+times (SpatialCat) as long; with ``trigsimp``, without which no cos(θ₁ - θ₂) is found, minutes.  Its formulas are wider
+than the page, in nested fractions, with the terms of a bracket in the order of letters.
 """
 
 from __future__ import annotations
