@@ -12,9 +12,7 @@
 #include <sys/time.h>
 #include <time.h>
 
-#include "forge.h"
-#include "fuzz2.h"
-#include "fuzz3.h"
+#include "operations.h"
 
 enum { LONGEST = 20 }; /* [s] of processor time that a call may take: then a signal ends the run */
 
@@ -25,10 +23,6 @@ static void note(void *environment, int status, const char *text) {
     if (environment != &it.fmu) return;
     if (status >= messages.worst) snprintf(messages.text, sizeof messages.text, "%s", text);
     messages.worst = status > messages.worst ? status : messages.worst;
-}
-
-static size_t look(Fmu *fmu, unsigned phase, double *seen) {
-    return it.library->plan.version == 2 ? look2(fmu, phase, seen) : look3(fmu, phase, seen);
 }
 
 /* Take the state of the subject from the bytes; if its numbers are not all finite, which bytes must be, from memory. */
@@ -57,7 +51,8 @@ static int reads_like(const char *bytes, size_t size, unsigned phase) {
 }
 
 static const char *judge(const Operation *operation, int status) {
-    const int here = (operation->allowed & it.phase) != 0, perhaps = (operation->tolerated & it.phase) != 0;
+    const int kind = it.fmu.kind != MODEL_EXCHANGE;
+    const int here = (operation->allowed[kind] & it.phase) != 0, perhaps = (operation->tolerated[kind] & it.phase) != 0;
     if (now.fault) return now.fault;
     if (status < 0 || status > 3) return "the status does not exist here";
     if (now.nobody) return status == 3 ? NULL : "a call without an instance must be an error";
@@ -82,7 +77,7 @@ static void limit(int most) {
 }
 
 static int contradiction(const Operation *operation, unsigned long call, int status, const char *what) {
-    printf("call %lu, %s in phase %u, expectation %d, status %d: %s; last message: %s\n", call, operation->name, it.phase,
+    printf("call %lu, %s in phase %u, expectation %d, status %d: %s; last message: %s\n", call, operation->names[it.library->plan.version - 2], it.phase,
            (int)now.expected, status, what, messages.text);
     return 1;
 }
@@ -126,37 +121,55 @@ static int make_call(Operation *operation, unsigned long call, double *longest) 
     return 0;
 }
 
+/* Take over from the end of the plan where the standard allows each call; returns how many there are. */
+static size_t read_calls(const char *plan) {
+    const size_t n = sizeof OPERATIONS / sizeof *OPERATIONS;
+    char name[64] = "";
+    FILE *file = fopen(plan, "r");
+    while (file && strcmp(name, "calls") != 0)
+        if (fscanf(file, "%63s", name) != 1) fail("plan", "the calls are missing");
+    for (unsigned a[2], t[2]; file && fscanf(file, "%63s %u %u %u %u", name, &a[0], &t[0], &a[1], &t[1]) == 5;)
+        for (Operation *operation = OPERATIONS; operation < OPERATIONS + n; operation++) {
+            const char *here = operation->names[it.library->plan.version - 2];
+            if (here == NULL || strcmp(here, name) != 0) continue;
+            memcpy(operation->allowed, a, sizeof a);
+            memcpy(operation->tolerated, t, sizeof t);
+        }
+    if (file) fclose(file);
+    return n;
+}
+
 int main(int count, char **words) {
     if (count != 5) fail("usage", "fuzz LIBRARY PLAN SEED CALLS");
     Library library = open_library(words[1], words[2]);
     const Plan *plan = &library.plan;
     const Group *reals[] = {&plan->parameters, &plan->inputs, &plan->outputs, &plan->locals};
     library.logger = note;
-    library.intermediate_update = update3;
+    library.intermediate_update = update;
     seed = strtoull(words[3], NULL, 10) * 2654435769u + 1;
     it.library = &library;
     it.all = together(reals, 4);
     it.phase = INSTANTIATED;
     new_instance();
 
-    Operation *operations = plan->version == 2 ? OPERATIONS2 : OPERATIONS3;
-    const size_t n = plan->version == 2 ? sizeof OPERATIONS2 / sizeof *operations
-                                        : sizeof OPERATIONS3 / sizeof *operations;
+    const size_t n = read_calls(words[2]), version = (size_t)plan->version - 2;
     double longest = 0;
     const unsigned long calls = strtoul(words[4], NULL, 10);
     for (unsigned long call = 0; call < calls; call++) {
-        Operation *operation = &operations[below(n)];
+        Operation *operation = &OPERATIONS[below(n)];
+        const char *name = operation->names[version];
+        if (name == NULL) continue;
         /* Calls that would be refused wherever they come, and those that end a life, are rarer than the others. */
-        const int ends = operation->allowed == RUNNING || strcmp(operation->name, "Reset") == 0
-                         || strcmp(operation->name, "FreeInstance") == 0;
-        if ((ends || !(operation->allowed & it.phase)) && !one_in(8)) continue;
+        const int ends = operation->call == terminate_instance || operation->call == reset || operation->call == free_instance;
+        if ((ends || !(operation->allowed[it.fmu.kind != MODEL_EXCHANGE] & it.phase)) && !one_in(8)) continue;
         if (make_call(operation, call, &longest)) return 1;
     }
-    for (size_t i = 0; i < n; i++)
-        printf("%s %lu %lu\n", operations[i].name, operations[i].accepted, operations[i].refused);
+    for (const Operation *operation = OPERATIONS; operation < OPERATIONS + n; operation++)
+        if (operation->names[version] != NULL)
+            printf("%s %lu %lu\n", operation->names[version], operation->accepted, operation->refused);
     printf("damaged %lu %lu\nforged %lu %lu\n", damaged.taken, damaged.refused, sealed.taken, sealed.refused);
     printf("longest %g\n", longest);
-    plan->version == 2 ? free_saved2() : free_saved3();
+    free_saved();
     fmu_free(&it.fmu);
     free(it.all.references);
     free(it.all.sizes);

@@ -29,10 +29,11 @@ enum {
 typedef enum { WORKS, MAY_FAIL, FAILS } Expectation;
 
 typedef struct {
-    const char *name;
-    unsigned allowed;   /* the standard allows the call here: its result depends on the arguments alone */
-    unsigned tolerated; /* more than the standard asks for: may be taken or refused */
+    const char *names[2]; /* in FMI 2.0 and 3.0, or NULL */
     int (*call)(void);
+    unsigned allowed[2];   /* in model exchange and in co-simulation: the standard allows the call there, its result
+                              depends on the arguments alone; see calls.txt */
+    unsigned tolerated[2]; /* more than the standard asks for: may be taken or refused */
     unsigned long accepted, refused;
 } Operation;
 

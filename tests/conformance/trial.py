@@ -72,7 +72,46 @@ def plan_text(description: ModelDescription) -> str:
     groups.append(group("local", reals(description, "local", "calculatedParameter", "independent")))
     for title, types in (("integer", {"Integer", "Int32"}), ("size", {"UInt64"})):
         groups.append(group(title, [v for v in description.modelVariables if v.type in types]))
-    return "\n".join([f"{major_version(description)} {token} {step_size(description)!r} {states}", *groups, ""])
+    head = f"{major_version(description)} {token} {step_size(description)!r} {states}"
+    return "\n".join([head, *groups, *calls(major_version(description)), ""])
+
+
+def calls(version: str) -> list[str]:
+    """Where the standard allows each function, and where only we do, in model exchange and in co-simulation: bits."""
+    bits = dict(zip("IZETSUC", (1, 2, 4, 8, 16, 64, 128), strict=True))
+    lines = ["calls"]
+    for name, (exchange, simulation) in standard_calls().items():
+        places = (dict(zip("CIZETU", exchange, strict=True)), dict(zip("CIZSEgsU", simulation, strict=True)))
+        masks = [
+            sum(32 if kind and column == "E" else bits.get(column, 0) for column in row if row[column] == letter)
+            for kind, row in enumerate(places)
+            for letter in "xt"
+        ]
+        if name.startswith(f"fmi{version}"):
+            lines.append(" ".join([name[4:], *map(str, masks)]))
+    lines += [f"{name} 255 0 255 0" for name in ("GetTypesPlatform", "GetVersion", "FreeInstance")]
+    return lines
+
+
+def standard_calls() -> dict[str, tuple[str, str]]:
+    """calls.txt: by function the letters of model exchange and of co-simulation."""
+    types = (
+        "Float32",
+        "Float64",
+        *(f"{u}Int{n}" for u in ("", "U") for n in (8, 16, 32, 64)),
+        "Boolean",
+        "String",
+        "Binary",
+    )
+    found = {}
+    for line in (SOURCES / "calls.txt").read_text().splitlines():
+        if line.startswith("fmi"):
+            name, *letters = line.split()
+            for kind in types if "{Type}" in name else [""]:
+                for way in ["Get", "Set"] if "{Way}" in name else [""]:
+                    full = name.replace("{Type}", kind).replace("{Way}", way)
+                    found[full] = ("".join(letters[:6]), "".join(letters[6:]))
+    return found
 
 
 def major_version(description: ModelDescription) -> str:

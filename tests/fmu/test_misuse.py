@@ -186,7 +186,7 @@ def test_stop_time_is_not_stepped_over(pendulum3) -> None:
 
 
 def test_calls_out_of_turn_name_the_phase(pendulum_library) -> None:
-    """Which they are is seen in test_calls.py."""
+    """Which they are is seen in tests/conformance/test_calls.py."""
     full = pendulum_library.full
     instance = pendulum_library.instantiate()
     refused(instance, instance.step(0.0, 0.1), ERROR, f"{full('DoStep')} must not be called before initialization")

@@ -1,33 +1,20 @@
-"""Which call is refused as out of turn: exactly those that tests/conformance/calls.txt has of the standard."""
+"""Which call is refused as out of turn: exactly those that calls.txt has of the standard."""
 
 from __future__ import annotations
 
 import ctypes as c
-from pathlib import Path
+from collections.abc import Callable
+from functools import cache
 
 import pytest
-from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, SIGNATURES, TYPES, Instance, Library
+from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, SIGNATURES, Instance, Library
+from trial import every_version, standard_calls
 
 NUMBERS = {c.c_size_t, c.c_double, c.c_bool, c.c_uint, c.c_int}
 COLUMNS = {MODEL_EXCHANGE: "CIZETU", CO_SIMULATION: "CIZSEgsU"}
+STANDARD = standard_calls()
 HARMLESS = {"FreeFMUState", "SetDebugLogging"}
 """NULL is nothing to free, and 1 category that is NULL is refused where it is in turn."""
-
-
-def standard() -> dict[str, dict[str, str]]:
-    """By the name of a function and the kind of an instance: a letter for each of the columns."""
-    found: dict[str, dict[str, str]] = {}
-    for line in (Path(__file__).parents[1] / "conformance" / "calls.txt").read_text().splitlines():
-        if not line.startswith("fmi"):
-            continue
-        name, *letters = line.split()
-        types, ways = ([*TYPES, "Binary"] if "{Type}" in name else [""]), (["Get", "Set"] if "{Way}" in name else [""])
-        for full in (name.replace("{Type}", kind).replace("{Way}", way) for kind in types for way in ways):
-            found[full] = {MODEL_EXCHANGE: "".join(letters[:6]), CO_SIMULATION: "".join(letters[6:])}
-    return found
-
-
-STANDARD = standard()
 
 
 def nothing(kind: object) -> object:
@@ -46,9 +33,15 @@ def out_of_turn(instance: Instance, function: str) -> bool:
 
 
 def expected(library: Library, kind: str, column: str) -> dict[str, bool]:
-    place = COLUMNS[kind].index(column)
+    place, which = COLUMNS[kind].index(column), [*COLUMNS].index(kind)
     rows = {library.full(function): function for function in SIGNATURES[library.fmi]}
-    return {function: STANDARD[name][kind][place] == "." for name, function in rows.items()}
+    return {function: STANDARD[name][which][place] == "." for name, function in rows.items()}
+
+
+@pytest.fixture(scope="module")
+def library(fmu) -> Callable[[str], Library]:
+    """A chain, which has structural sizes and inputs."""
+    return cache(lambda version: Library(fmu("PendulumChain", version)))
 
 
 def at(library: Library, kind: str, column: str) -> Instance:
@@ -68,35 +61,39 @@ def at(library: Library, kind: str, column: str) -> Instance:
     return instance
 
 
-def test_every_function_of_the_standard_is_in_the_table(ring_library) -> None:
-    known = {ring_library.full(function) for function in SIGNATURES[ring_library.fmi]}
-    assert {name for name in STANDARD if name[:4] == f"fmi{ring_library.fmi}"} == known
+@every_version
+def test_every_function_of_the_standard_is_in_the_table(library, version) -> None:
+    known = {library(version).full(function) for function in SIGNATURES[version]}
+    assert {name for name in STANDARD if name[:4] == f"fmi{version}"} == known
 
 
+@every_version
 @pytest.mark.parametrize(
     ("kind", "column"), [(k, c) for k, columns in COLUMNS.items() for c in columns if c not in "gs"]
 )
-def test_calls_in_every_phase(ring_library, kind, column) -> None:
-    if ring_library.fmi == "2" and (column == "C" or kind + column == CO_SIMULATION + "E"):
+def test_calls_in_every_phase(library, version, kind, column) -> None:
+    if version == "2" and (column == "C" or kind + column == CO_SIMULATION + "E"):
         return  # there is no such phase
-    found = {f: out_of_turn(at(ring_library, kind, column), f) for f in SIGNATURES[ring_library.fmi]}
-    assert found == expected(ring_library, kind, column)
+    found = {f: out_of_turn(at(library(version), kind, column), f) for f in SIGNATURES[version]}
+    assert found == expected(library(version), kind, column)
 
 
 @pytest.mark.parametrize("column", ["g", "s"])
-def test_calls_inside_a_step(ring3, column) -> None:
+def test_calls_inside_a_step(library, column) -> None:
     found = {}
 
     def observer(instance: Instance, _: float) -> None:
         found.update({function: out_of_turn(instance, function) for function in SIGNATURES["3"]})
 
-    instance = ring3.start(options={"observer": observer, "wanted": ["force"] if column == "s" else []})
+    three = library("3")
+    inputs = [v.name for v in three.description.modelVariables if v.causality == "input"]
+    instance = three.start(options={"observer": observer, "wanted": inputs if column == "s" else []})
     assert instance.step(0.0, 0.1) == OK
-    assert found == expected(ring3, CO_SIMULATION, column)
+    assert found == expected(three, CO_SIMULATION, column)
 
 
-def test_without_event_mode_there_is_none(ring3) -> None:
-    instance = ring3.start()
+def test_without_event_mode_there_is_none(library) -> None:
+    instance = library("3").start()
     assert instance.call("EnterEventMode") == ERROR
     message = "fmi3EnterEventMode must not be called: this instance is one for co-simulation without event mode"
     assert instance.messages == [message]
