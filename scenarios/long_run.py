@@ -8,81 +8,51 @@ phase runs away, evenly, as the error constant of the method says.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
 
-from liaisons import Verdict, fmu_path, run_scenario, simulate, verdict
+from liaisons import Claims, Result, panels, scenario, simulate, within
 from liaisons.models import Pendulum
 
-DURATION = 1e5  # [s]
+DURATION, H, STEPS = 1e5, 10.0, 100  # [s], communication step [s], and symplectic steps in it: 100 ms each
 AMPLITUDE = 1.0  # [rad]
-H, STEPS = 10.0, 100  # [s] communication step, and symplectic steps in it: 100 ms each
-TOLERANCES = (1e-8, 1e-10)
 
 
-def main(figure: Path) -> list[Verdict]:
-    pendulum = fmu_path("Pendulum")
+def run(**options: Any) -> tuple[Result, np.ndarray]:
+    """With the energy error at all instants but the first."""
+    signals: Any = {"record": ["theta", "energy"], "theta_0": AMPLITUDE}
+    result = simulate("Pendulum", stop_time=DURATION, step_size=H, **signals, **options)
+    return result, np.abs(result["energy"] - result["energy"][0])[1:]
 
-    def energy_error(**options: Any) -> tuple[NDArray, NDArray, NDArray]:
-        result = simulate(
-            pendulum, stop_time=DURATION, step_size=H, record=["theta", "energy"], theta_0=AMPLITUDE, **options
-        )
-        return result.time[1:], np.abs(result["energy"] - result["energy"][0])[1:], result["theta"][1:]
 
-    time, symplectic, theta = energy_error(symplectic_steps=STEPS)
-    controlled = {tolerance: energy_error(tolerance=tolerance)[1] for tolerance in TOLERANCES}
+@scenario
+def main(claim: Claims) -> None:
+    swing, symplectic = run(symplectic_steps=STEPS)
+    loose, tight = (run(tolerance=tolerance)[1] for tolerance in (1e-8, 1e-10))
+    time, tenth = swing.time[1:], symplectic.size // 10
+    periodic = within(1.2, because="both are the largest of a thousand points of one periodic function")
+    growth = symplectic[-tenth:].max() / symplectic[:tenth].max()
+    claim("energy error of the last 10⁴ s beside that of the first 10⁴ s", growth, 0.0, periodic)
 
-    tenth = time.size // 10
-    first, last = symplectic[:tenth].max(), symplectic[-tenth:].max()
-    drift = controlled[TOLERANCES[0]]
-    growth = np.polyfit(np.log(time[tenth:]), np.log(drift[tenth:]), 1)[0]
     # Of a harmonic oscillator the method changes the frequency by this part, to first order.
     relative = (np.sqrt(9.81) * H / STEPS) ** 6 / 100800
-    phase = relative * 2 * np.pi * DURATION / Pendulum.period(theta_0=AMPLITUDE)
-    exact = Pendulum.exact(time, theta_0=AMPLITUDE)["theta"]
+    why = "ten times (ωh)⁶/100800, the error of a harmonic oscillator, of the energy of the swing"
+    energy = within(10 * relative * 9.81 * (1 - np.cos(AMPLITUDE)), "J", because=why)
+    claim("energy error of the symplectic solver", symplectic, 0.0, energy)
+    phase = 10 * relative * 2 * np.pi * DURATION / Pendulum.period(theta_0=AMPLITUDE)
+    exact = Pendulum.exact(swing.time, theta_0=AMPLITUDE)["theta"]
+    late = within(phase, "rad", because="ten times the phase error (ωh)⁶/100800 of a harmonic oscillator")
+    claim("angle after 10⁵ s against elliptic functions", swing["theta"], exact, late)
+    even = within(0.1, because="each step takes the same; the exponent is fitted over one decade")
+    drift = "energy error of the error-controlled solver grows as the time"
+    claim.order(drift, time[tenth:], loose[tenth:], 1.0, even)
 
-    _, (energies, angles) = plt.subplots(1, 2, figsize=(12, 4), layout="constrained")
-    energies.loglog(time, np.maximum.accumulate(symplectic), label="symplectic, steps of 100 ms")
-    for tolerance, error in controlled.items():
-        energies.loglog(time, np.maximum.accumulate(error), label=f"error controlled, tolerance {tolerance:g}")
-    energies.set(xlabel="t [s]", ylabel="largest energy error so far [J]", title="energy")
-    energies.legend()
-    angles.plot(time, theta - exact, linewidth=0.5)
-    angles.set(xlabel="t [s]", ylabel="angle - elliptic functions [rad]", title="phase of the symplectic solver")
-    plt.savefig(figure, dpi=150)
-    return [
-        verdict(
-            "energy error of the last 10⁴ s beside that of the first 10⁴ s",
-            error=float(last / first),
-            tolerance=1.2,
-            reason="both are the largest of a thousand points of one periodic function",
-        ),
-        verdict(
-            "energy error of the symplectic solver",
-            error=float(symplectic.max()),
-            tolerance=float(10 * relative * 9.81 * (1 - np.cos(AMPLITUDE))),
-            unit="J",
-            reason="ten times (ωh)⁶/100800, the error of a harmonic oscillator, of the energy of the swing",
-        ),
-        verdict(
-            "angle after 10⁵ s against elliptic functions",
-            error=float(np.abs(theta - exact).max()),
-            tolerance=float(10 * phase),
-            unit="rad",
-            reason="ten times the phase error (ωh)⁶/100800 of a harmonic oscillator",
-        ),
-        verdict(
-            "energy error of the error-controlled solver grows as the time",
-            error=float(abs(growth - 1)),
-            tolerance=0.1,
-            reason="each step takes the same; the exponent is fitted over one decade",
-        ),
-    ]
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    energies, angles = panels(
+        ("energy", "t [s]", "largest energy error so far [J]"),
+        ("phase of the symplectic solver", "t [s]", "angle - elliptic functions [rad]"),
+    )
+    curves = {"symplectic, steps of 100 ms": symplectic, "tolerance 1e-08": loose, "tolerance 1e-10": tight}
+    for label, error in curves.items():
+        energies.loglog(time, np.maximum.accumulate(error), label=label)
+    angles.plot(swing.time, swing["theta"] - exact, linewidth=0.5)

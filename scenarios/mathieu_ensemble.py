@@ -7,55 +7,14 @@ ensemble of the very equations that the FMU has, two members a point of the map,
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import mathieu_a, mathieu_b
 
-from liaisons import Verdict, ensemble, grid, run_scenario, verdict
+from liaisons import Claims, ensemble, grid, panels, scenario, within
 from liaisons.models import Pendulum, Sinusoid
 
-STIFFNESS = np.linspace(-2.0, 10.0, 400)  # δ
-DEPTH = np.linspace(0.02, 4.0, 250)  # ε
+STIFFNESS, DEPTH = np.linspace(-2.0, 10.0, 400), np.linspace(0.02, 4.0, 250)  # δ, ε
 NEAR = 1e-9  # start [rad, rad/s]; what is not linear is of relative size NEAR²
-STEP = np.pi / 80
-CURVES = {("a", m): mathieu_a for m in range(5)} | {("b", m): mathieu_b for m in range(1, 5)}
-
-
-def main(figure: Path) -> list[Verdict]:
-    matrix, error = monodromy()
-    trace, determinant = matrix[0, 0] + matrix[1, 1], matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
-    size = np.max(np.abs(matrix), axis=(0, 1))
-    stable = np.abs(trace) < 2
-    # What Mathieu's functions say, and how far a point is from the nearest boundary, in δ.
-    edges = np.array([[curve(m, depth) for depth in DEPTH] for (_, m), curve in CURVES.items()])
-    order = np.sort(edges, axis=0)
-    inside = np.sum(order[:, None, :] < STIFFNESS[:, None], axis=0)  # boundaries left of a point: odd in a stable band
-    near = np.min(np.abs(edges[:, None, :] - STIFFNESS[:, None]), axis=0)
-    wrong = stable != (inside % 2 == 1)
-    draw(figure, trace)
-    return [
-        verdict(
-            f"{trace.size} points are stable or not as a_m and b_m say",
-            error=float(np.max(near[wrong], initial=0.0)),
-            tolerance=1e-6,
-            reason="δ of the farthest point on the wrong side; a trace right to 1e-10 moves edges of tongues by 1e-6",
-        ),
-        verdict(
-            "phase space keeps its area: the determinant is 1",
-            error=float(np.max(np.abs(determinant - 1) / size**2)),
-            tolerance=4e-10,
-            reason="relative to the products of entries in it, each with the error below",
-        ),
-        verdict(
-            "steps twice as long give the same matrix",
-            error=float(np.max(error / size)),
-            tolerance=1e-10,
-            reason="relative; 80 steps of order 8 with frequencies below 4.3 /s, (4.3 π/80)^8 = 7e-7, coefficient 1e-6",
-        ),
-    ]
 
 
 def monodromy() -> tuple[NDArray, NDArray]:
@@ -67,26 +26,39 @@ def monodromy() -> tuple[NDArray, NDArray]:
             Pendulum,
             {**points, **start, "pivot_z.angular_frequency": 2.0, "pivot_z.phase": np.pi / 2},
             stop_time=np.pi,
-            step_size=STEP,
+            step_size=np.pi / 80,
             operators={"pivot_z": Sinusoid},
             record=["theta", "theta_dot"],
         )
         entries.append(found.values[:, -1] / NEAR)
         errors.append(np.maximum(found.error("theta"), found.error("theta_dot")) / NEAR)
-    shape = len(STIFFNESS), len(DEPTH)
+    shape = STIFFNESS.size, DEPTH.size
     return np.reshape(entries, (2, 2, *shape)), np.max(errors, axis=0).reshape(shape)
 
 
-def draw(figure: Path, trace: NDArray) -> None:
-    _, axis = plt.subplots(figsize=(8, 5), layout="constrained")
+@scenario
+def main(claim: Claims) -> None:
+    matrix, error = monodromy()
+    trace, size = matrix[0, 0] + matrix[1, 1], np.max(np.abs(matrix), axis=(0, 1))
+    # What Mathieu's functions say, and how far a point is from the nearest boundary, in δ.
+    edges = Pendulum.shaken_edges(DEPTH / 2, angular_frequency=2.0)
+    inside = Pendulum.shaken_is_bounded(STIFFNESS[:, None], DEPTH / 2, angular_frequency=2.0)
+    near = np.min(np.abs(edges[:, None, :] - STIFFNESS[:, None]), axis=0)
+    wrong = (np.abs(trace) < 2) != inside
+    why = "δ of the farthest point on the wrong side; a trace right to 1e-10 moves edges of tongues by 1e-6"
+    text = f"{trace.size} points are stable or not as a_m and b_m say"
+    claim(text, np.max(near[wrong], initial=0.0), 0.0, within(1e-6, because=why))
+    determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    products = within(4e-10, because="relative to the products of entries in it, each with the error below")
+    claim("phase space keeps its area: the determinant is 1", (determinant - 1) / size**2, 0.0, products)
+    why = "relative; 80 steps of order 8 with frequencies below 4.3 /s, (4.3 π/80)^8 = 7e-7, coefficient 1e-6"
+    claim("steps twice as long give the same matrix", error / size, 0.0, within(1e-10, because=why))
+
+    (axis,) = panels(("θ'' + (δ - 2ε cos 2t) θ = 0", "δ", "ε"), size=(8, 5))
     growth = np.arccosh(np.maximum(np.abs(trace) / 2, 1)) / np.pi
     filled = axis.pcolormesh(STIFFNESS, DEPTH, growth.T, cmap="magma_r", shading="auto")
-    plt.colorbar(filled, label="rate of growth [1/s]")
-    for (name, m), curve in CURVES.items():
-        axis.plot([curve(m, depth) for depth in DEPTH], DEPTH, color="tab:blue" if name == "a" else "tab:green", lw=0.8)
-    axis.set(xlabel="δ", ylabel="ε", xlim=STIFFNESS[[0, -1]], title="blue a_m, green b_m; bounded where it is bright")
-    plt.savefig(figure, dpi=150)
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    axis.figure.colorbar(filled, label="rate of growth [1/s]; bounded where it is bright")
+    for i, curve in enumerate(edges):
+        colour, label = (("tab:blue", "a$_m$"), ("tab:green", "b$_m$"))[i % 2]
+        axis.plot(curve, DEPTH, color=colour, linewidth=0.8, label=label if i < 2 else None)
+    axis.set(xlim=STIFFNESS[[0, -1]])

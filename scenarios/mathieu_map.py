@@ -12,94 +12,61 @@ on its pivot: the shaking can hold it up.
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import mathieu_a, mathieu_b
 
-from liaisons import System, Verdict, fmu_path, max_error, run_scenario, sweep, verdict
+from liaisons import Claims, System, operator, panels, scenario, sweep, within
+from liaisons.models import Pendulum
 
-PERIOD, STEPS = np.pi, 40
+PERIOD = np.pi
 NEAR = 1e-5  # start [rad, rad/s]; what is not linear is of relative size NEAR²
-STIFFNESS = np.linspace(-1.45, 9.8, 25)  # δ
-DEPTH = np.linspace(0.1, 4.1, 13)  # ε
-CURVES = {(name, m): value for name, value in (("a", mathieu_a), ("b", mathieu_b)) for m in range(name == "b", 4)}
+STIFFNESS, DEPTH = np.linspace(-1.45, 9.8, 25), np.linspace(0.1, 4.1, 13)  # δ, ε
 
 
 def monodromy(delta: NDArray, epsilon: NDArray) -> NDArray:
     """(θ, θ') after one period, per unit of each of them at its beginning; shape (points, 2, 2)."""
     system = System("shaken pendulum")
-    pendulum = system.add("pendulum", fmu_path("Pendulum"), input_reconstruction=2)
-    pivot = system.add("pivot", fmu_path("Sinusoid"), angular_frequency=2.0, phase=np.pi / 2)
-    system.connect(pivot["y"], pendulum["pivot_z"])
+    system.add("swing", "Pendulum", pivot_z=operator("Sinusoid", angular_frequency=2.0, phase=np.pi / 2))
     cases = {
-        "pendulum.gravity": np.repeat(delta, 2),
-        "pivot.amplitude": np.repeat(epsilon / 2, 2),
-        "pendulum.theta_0": np.tile([NEAR, 0.0], delta.size),
-        "pendulum.theta_dot_0": np.tile([0.0, NEAR], delta.size),
+        "swing.gravity": np.repeat(delta, 2),
+        "swing_pivot_z.amplitude": np.repeat(epsilon / 2, 2),
+        "swing.theta_0": np.tile([NEAR, 0.0], delta.size),
+        "swing.theta_dot_0": np.tile([0.0, NEAR], delta.size),
     }
-    keep = ["pendulum.theta", "pendulum.theta_dot"]
-    table = sweep(system, cases, keep, stop_time=PERIOD, step_size=PERIOD / STEPS, tolerance=1e-12)
-    columns = np.stack([table[name] for name in keep], axis=-1).reshape(-1, 2, 2) / NEAR
-    return columns.swapaxes(1, 2)
+    keep = ["swing.theta", "swing.theta_dot"]
+    table = sweep(system, cases, keep, stop_time=PERIOD, step_size=PERIOD / 40, tolerance=1e-12)
+    return np.stack([table[name] for name in keep], axis=-1).reshape(-1, 2, 2).swapaxes(1, 2) / NEAR
 
 
-def is_bounded(delta: float, epsilon: float) -> bool:
-    """Whether Mathieu's functions say so: a_m < δ < b_(m+1) for some m."""
-    return any(mathieu_a(m, epsilon) < delta < mathieu_b(m + 1, epsilon) for m in range(4))
-
-
-def main(figure: Path) -> list[Verdict]:
-    grid = monodromy(np.tile(STIFFNESS, DEPTH.size), np.repeat(DEPTH, STIFFNESS.size))
-    traces = np.trace(grid, axis1=1, axis2=2).reshape(DEPTH.size, STIFFNESS.size)
-    expected = np.array([[is_bounded(delta, epsilon) for delta in STIFFNESS] for epsilon in DEPTH])
-    upright = (STIFFNESS < 0) & (np.abs(traces) < 2)
+@scenario
+def main(claim: Claims) -> None:
+    matrices = monodromy(np.tile(STIFFNESS, DEPTH.size), np.repeat(DEPTH, STIFFNESS.size))
+    traces = np.trace(matrices, axis1=1, axis2=2).reshape(DEPTH.size, STIFFNESS.size)
+    stable = np.abs(traces) < 2
+    expected = Pendulum.shaken_is_bounded(STIFFNESS, DEPTH[:, None] / 2, angular_frequency=2.0)
+    nearest = within(
+        0.0, because=f"a count; the nearest trace differs from 2 by {np.min(np.abs(np.abs(traces) - 2)):.2g}"
+    )
+    claim(f"{traces.size} points of the map are stable or not as a_m, b_m say", stable, expected, nearest)
     depths = np.array([0.5, 1.0, 2.0])
-    edges = [(m, np.trace(monodromy(curve(m, depths), depths), axis1=1, axis2=2)) for (_, m), curve in CURVES.items()]
-    draw(figure, traces)
-    return [
-        verdict(
-            f"{traces.size} points of the map are stable or not as a_m, b_m say",
-            error=float(np.sum((np.abs(traces) < 2) != expected)),
-            tolerance=0,
-            reason=f"a count; the nearest trace differs from 2 by {np.min(np.abs(np.abs(traces) - 2)):.2g}",
-        ),
-        verdict(
-            "on the curves a_0 ... a_3, b_1 ... b_3 the trace is 2 (-1)^m",
-            error=max(max_error(trace, 2 * (-1.0) ** m) for m, trace in edges),
-            tolerance=1e-6,
-            reason="tolerance 1e-12 of angles of 1 rad over NEAR, ten times",
-        ),
-        verdict(
-            "the determinant is 1 everywhere (Liouville)",
-            error=float(np.max(np.abs(np.linalg.det(grid) - 1) / np.sum(grid**2, axis=(1, 2)))),
-            tolerance=1e-6,
-            reason="relative to the squares of the entries; as above",
-        ),
-        verdict(
-            f"{np.sum(upright)} points with δ < 0 are stable: the pendulum stands on its pivot",
-            error=float(not np.any(upright)),
-            tolerance=0,
-            reason="a count",
-        ),
-    ]
+    curves = Pendulum.shaken_edges(depths / 2, angular_frequency=2.0, count=3)  # a_0, b_1, a_1, ...
+    found = [np.trace(monodromy(curve, depths), axis1=1, axis2=2) for curve in curves]
+    signs = [[2 * (-1.0) ** ((i + 1) // 2)] for i in range(len(curves))]
+    linear = "tolerance 1e-12 of angles of 1 rad over NEAR, ten times"
+    claim("on the curves a_0 ... a_3, b_1 ... b_3 the trace is 2 (-1)^m", found, signs, within(1e-6, because=linear))
+    area = (np.linalg.det(matrices) - 1) / np.sum(matrices**2, axis=(1, 2))
+    squares = within(1e-6, because=f"relative to the squares of the entries; {linear}")
+    claim("the determinant is 1 everywhere (Liouville)", area, 0.0, squares)
+    upright = np.count_nonzero((STIFFNESS < 0) & stable)
+    text = f"{upright} points with δ < 0 are stable: the pendulum stands on its pivot"
+    claim(text, upright > 0, True, within(0.0, because="a count"))
 
-
-def draw(figure: Path, traces: NDArray) -> None:
-    _, axis = plt.subplots(figsize=(8, 5), layout="constrained")
+    (axis,) = panels(("θ'' + (δ - 2ε cos 2t) θ = 0", "δ", "ε"), size=(8, 5))
     growth = np.arccosh(np.maximum(np.abs(traces) / 2, 1)) / PERIOD
     colours = axis.pcolormesh(STIFFNESS, DEPTH, np.where(growth > 0, growth, np.nan), cmap="viridis_r")
-    plt.colorbar(colours, ax=axis, label="growth rate μ from FMUs [1/s]; white: bounded")
+    axis.figure.colorbar(colours, label="growth rate μ from FMUs [1/s]; white: bounded")
     epsilon = np.linspace(0, DEPTH[-1], 200)
-    for (name, m), value in CURVES.items():
-        axis.plot(value(m, epsilon), epsilon, "k" if name == "a" else "k--", linewidth=1)
-        axis.annotate(f"{name}$_{m}$", (value(m, 3.6), 3.6), xytext=(3, 0), textcoords="offset points")
+    for i, curve in enumerate(Pendulum.shaken_edges(epsilon / 2, angular_frequency=2.0, count=3)):
+        axis.plot(curve, epsilon, "k--" if i % 2 else "k", linewidth=1, label=("a$_m$", "b$_m$")[i] if i < 2 else None)
     axis.axvline(0, color="tab:gray", linewidth=0.6)
-    axis.set(xlabel="δ", ylabel="ε", xlim=(STIFFNESS[0], STIFFNESS[-1]), title="θ'' + (δ - 2ε cos 2t) θ = 0")
-    plt.savefig(figure, dpi=150)
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    axis.set(xlim=STIFFNESS[[0, -1]])

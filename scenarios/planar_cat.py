@@ -9,143 +9,83 @@ through backwards the loop turns the cat the other way, and a path that is retra
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 from scipy.optimize import brentq
 
-from liaisons import Result, System, Verdict, analysis, fmu_path, max_error, run_scenario, verdict
+from liaisons import Claims, Result, analysis, operator, panels, scenario, simulate, within
 from liaisons.models import PlanarCat
 
-CAT = {"arm_1": 0.25, "arm_2": 0.25}  # longer limbs than by default
+CAT: Any = {"arm_1": 0.25, "arm_2": 0.25}  # longer limbs than by default
 CENTRE = (np.pi / 2, -np.pi / 2)  # of the circle of shapes: both limbs stretched to the same side
-ROUNDS = 3
-FALL = 0.9  # duration of the jump [s]
-LEAP = 4.5  # its horizontal speed [m/s]
+ROUNDS, FALL = 3, 0.9  # rounds of the circle, and the duration of the jump [s]
+FLIGHT: Any = {"com_z_dot_0": 9.81 * FALL / 2, "com_x_dot_0": 4.5}
 DURATIONS = (FALL, 3.0, 10.0)  # of the three rounds; the longer ones are for weightless cats
-CONNECTION = analysis.kinetic_connection(PlanarCat)
-REASON = "solver tolerance 1e-10, no amplification; σ interpolated over a 100th of a round, 1e-12"
 
 
 def circle(r: float) -> Callable[[ca.SX], dict[str, ca.SX]]:
     return lambda a: {"psi_1": CENTRE[0] + r * ca.cos(a), "psi_2": CENTRE[1] + r * ca.sin(a)}
 
 
-@cache
-def radius() -> float:
-    """Of the circle that turns the cat by half a turn in three rounds."""
-
-    def excess(r: float) -> float:
-        return ROUNDS * analysis.holonomy(PlanarCat, circle(r), **CAT)["phi"] + np.pi
-
-    return float(brentq(excess, 0.5, 2.0, xtol=1e-14))  # type: ignore[arg-type]
-
-
-def fall(duration: float, *, retrace: bool = False, backwards: bool = False) -> Result:
-    """Three rounds of the circle, or to and fro on its diameter, from rest: no angular momentum."""
-    frequency = (-1 if backwards else 1) * 2 * np.pi * ROUNDS / duration
-    psi_2 = {"cos_1": radius()} if retrace else {"sin_1": radius()}
-    shape = {"psi_1": CENTRE[0] + radius(), "psi_2": CENTRE[1] + psi_2.get("cos_1", 0.0)}
-    spin = CONNECTION.evaluate(**shape, **CAT)[2, 1] * psi_2.get("sin_1", 0.0) * frequency
-    start: dict[str, Any] = {"phi_dot_0": spin, "com_z_dot_0": 9.81 * FALL / 2, "com_x_dot_0": LEAP, **CAT}
-    system = System("falling cat")
-    cat = system.add("cat", fmu_path("PlanarCat"), phi_0=np.pi, input_reconstruction=2, **start)
-    for i, motion in enumerate(({"cos_1": radius()}, psi_2), 1):
-        series = {"offset": CENTRE[i - 1], "angular_frequency": frequency, **motion}
-        system.connect(system.add(f"limb_{i}", fmu_path("FourierSeries"), **series)["y"], cat[f"psi_{i}"])
-    return system.simulate(duration, duration / ROUNDS / 100, tolerance=1e-10)
+def fall(r: float, duration: float, direction: int = 1, *, retrace: bool = False) -> Result:
+    """Three rounds of the circle of radius r, or to and fro on its diameter, without angular momentum."""
+    frequency = direction * 2 * np.pi * ROUNDS / duration
+    cosine, sine = (r, 0.0) if retrace else (0.0, r)
+    spin = PlanarCat.turn_rate(CENTRE[0] + r, CENTRE[1] + cosine, 0.0, sine * frequency, **CAT)
+    limbs: Any = {
+        "psi_1": operator("FourierSeries", offset=CENTRE[0], angular_frequency=frequency, cos_1=r),
+        "psi_2": operator("FourierSeries", offset=CENTRE[1], angular_frequency=frequency, cos_1=cosine, sin_1=sine),
+    }
+    times: Any = {"stop_time": duration, "step_size": duration / ROUNDS / 100, "tolerance": 1e-10}
+    return simulate("PlanarCat", phi_0=np.pi, phi_dot_0=spin, **times, **limbs, **FLIGHT, **CAT)
 
 
-def main(figure: Path) -> list[Verdict]:
-    results = {duration: fall(duration) for duration in DURATIONS}
-    turns = {f"three rounds in {duration:g} s": result for duration, result in results.items()}
-    turns |= {"backwards": fall(FALL, backwards=True), "a path that is retraced": fall(FALL, retrace=True)}
-    expected = dict.fromkeys(turns, -np.pi) | {"backwards": np.pi, "a path that is retraced": 0.0}
-    area = analysis.curvature_integral(PlanarCat, circle(radius()), **CAT)["phi"]
-    verdicts = [
-        verdict(
-            "the line integral of the connection is the area integral of its curvature",
-            error=abs(area + np.pi / ROUNDS),
-            tolerance=1e-10,
-            unit="rad",
-            reason="integration at 1e-12 over one turn, 24 Gauss nodes a radius",
+@scenario
+def main(claim: Claims) -> None:
+    flight, shapes, turn = panels(
+        ("a jump, without angular momentum", "x [m]", "z [m]"),
+        ("the loop in the space of shapes", "ψ$_1$ [rad]", "ψ$_2$ [rad]"),
+        ("the trunk turns by π, at any speed", "rounds", "φ [deg]"),
+        size=(15, 4.5),
+    )
+    # of the circle that turns the cat by half a turn in three rounds
+    r: Any = brentq(
+        lambda r: ROUNDS * analysis.holonomy(PlanarCat, circle(r), **CAT)["phi"] + np.pi, 0.5, 2, xtol=1e-14
+    )
+    area = analysis.curvature_integral(PlanarCat, circle(r), **CAT)["phi"]
+    nodes = within(1e-10, "rad", because="integration at 1e-12 over one turn, 24 Gauss nodes a radius")
+    claim("the line integral of the connection is the area integral of its curvature", area, -np.pi / ROUNDS, nodes)
+    why = "solver tolerance 1e-10, no amplification; σ interpolated over a 100th of a round, 1e-12"
+    turned = within(1e-8, "rad", because=why)
+    rounds = {f"three rounds in {duration:g} s": (fall(r, duration), -np.pi) for duration in DURATIONS}
+    others = {"backwards": (fall(r, FALL, -1), np.pi), "a path that is retraced": (fall(r, FALL, retrace=True), 0.0)}
+    for name, (run, expected) in (rounds | others).items():
+        angle = run["phi"][-1] - run["phi"][0]
+        claim(f"{name}: the trunk turns by {np.degrees(expected):.0f}°", angle, expected, turned)
+    for (name, (run, _)), width in zip(rounds.items(), (5, 2.5, 1), strict=True):
+        turn.plot(run.time / run.time[-1] * ROUNDS, np.degrees(run["phi"]), linewidth=width, label=name)
+    jump, _ = rounds[f"three rounds in {FALL:g} s"]
+    parabola = within(1e-12, "m", because="a polynomial of second degree: roundings of 1 m over some hundred steps")
+    exact = PlanarCat.exact(jump.time, **FLIGHT)
+    claim("the centre of mass flies along a parabola", jump, exact, parabola, names=("com_x", "com_z"))
+    parts = within(1e-14, "kg.m2/s", because="φ is cyclic; roundings of the parts, some 0.5 kg.m2/s each")
+    claim("the angular momentum stays 0", jump["angular_momentum"], 0.0, parts)
+
+    flight.plot(jump["com_x"], jump["com_z"], color="tab:gray", linewidth=0.8)
+    m, h = {p.name: p.start for p in PlanarCat.parameters}, PlanarCat.hinge.start
+    for i in range(0, jump.time.size, 30):
+        phi, psi, com = jump["phi"][i], [jump["psi_1"][i], jump["psi_2"][i]], jump["com_x"][i] + 1j * jump["com_z"][i]
+        trunk, limbs = h * np.exp(1j * phi), 0.25 * np.exp(1j * (phi + np.array(psi))) * [1, -1]
+        offset = (m["mass_1"] * (trunk + limbs[0]) + m["mass_2"] * (limbs[1] - trunk)) / sum(
+            m[f"mass_{k}"] for k in range(3)
         )
-    ]
-    for name, result in turns.items():
-        verdicts.append(
-            verdict(
-                f"{name}: the trunk turns by {np.degrees(expected[name]):.0f}°",
-                error=abs(result["cat.phi"][-1] - result["cat.phi"][0] - expected[name]),
-                tolerance=1e-8,
-                unit="rad",
-                reason=REASON,
-            )
-        )
-    shown = results[FALL]
-    exact = PlanarCat.exact(shown.time, com_x_dot_0=LEAP, com_z_dot_0=9.81 * FALL / 2)
-    verdicts += [
-        verdict(
-            "the centre of mass flies along a parabola",
-            error=max(max_error(shown[f"cat.{q}"], exact[q]) for q in ("com_x", "com_z")),
-            tolerance=1e-12,
-            unit="m",
-            reason="a polynomial of second degree: roundings of 1 m over some hundred steps",
-        ),
-        verdict(
-            "the angular momentum stays 0",
-            error=max_error(shown["cat.angular_momentum"], 0.0),
-            tolerance=1e-14,
-            unit="kg.m2/s",
-            reason="φ is cyclic; roundings of the parts, some 0.5 kg.m2/s each",
-        ),
-    ]
-    draw(figure, results)
-    return verdicts
-
-
-def draw(figure: Path, results: dict[float, Result]) -> None:
-    _, axes = plt.subplot_mosaic("ff;st", figsize=(10, 8), layout="constrained")
-    flight, shapes, turn = (axes[panel] for panel in "fst")
-    result = results[FALL]
-    com = result["cat.com_x"] + 1j * result["cat.com_z"]
-    for i in np.linspace(0, len(result.time) - 1, 10).astype(int):
-        draw_cat(flight, *(float(result[f"cat.{q}"][i]) for q in ("phi", "psi_1", "psi_2")), com=complex(com[i]))
-    flight.plot(result["cat.com_x"], result["cat.com_z"], color="tab:gray", linewidth=0.8, zorder=0)
-    flight.set(aspect="equal", xlabel="x [m]", ylabel="z [m]", title=f"a jump of {FALL} s, without angular momentum")
-
-    grid = np.linspace(-np.pi, np.pi, 200)
-    psi_1, psi_2 = np.meshgrid(grid, grid, indexing="ij")
+        joints = com - offset + np.array([-trunk + 1.6 * limbs[1], -trunk, trunk, trunk + 1.6 * limbs[0]])
+        for k, colour in enumerate(("tab:blue", "k", "tab:red")):
+            flight.plot(np.real(joints[k : k + 2]), np.imag(joints[k : k + 2]), color=colour, linewidth=1.5)
+    flight.set(aspect="equal")
+    psi_1, psi_2 = np.meshgrid(*[np.linspace(-np.pi, np.pi, 200)] * 2, indexing="ij")
     curvature = analysis.curvature(PlanarCat).evaluate(psi_1=psi_1, psi_2=psi_2, **CAT)[2]
-    picture = shapes.pcolormesh(psi_1, psi_2, -curvature, cmap="RdBu", rasterized=True)
-    plt.colorbar(picture, ax=shapes, label="curvature")
-    shapes.plot(result["limb_1.y"], result["limb_2.y"], "k", linewidth=1)
-    shapes.set(aspect="equal", xlabel="ψ$_1$ [rad]", ylabel="ψ$_2$ [rad]", title="the loop in the space of shapes")
-
-    for (duration, run), width in zip(results.items(), (5, 2.5, 1), strict=True):
-        turn.plot(run.time / duration * ROUNDS, np.degrees(run["cat.phi"]), linewidth=width, label=f"in {duration:g} s")
-    turn.axhline(0, color="k", linewidth=0.6, linestyle="--")
-    turn.set(xlabel="rounds", ylabel="φ [deg]", title="the trunk turns by π, at any speed")
-    turn.legend()
-    plt.savefig(figure, dpi=150)
-
-
-def draw_cat(axes: Axes, phi: float, psi_1: float, psi_2: float, *, com: complex) -> None:
-    """Trunk and limbs as rods: red at its front end, blue at its back end."""
-    parameters = {p.name: p.start for p in PlanarCat.parameters} | CAT
-    trunk = parameters["hinge"] * np.exp(1j * phi)
-    limbs = parameters["arm_1"] * np.exp(1j * (phi + psi_1)), -parameters["arm_2"] * np.exp(1j * (phi + psi_2))
-    centre = parameters["mass_1"] * (trunk + limbs[0]) + parameters["mass_2"] * (limbs[1] - trunk)
-    origin = com - centre / (parameters["mass_0"] + parameters["mass_1"] + parameters["mass_2"])
-    rods = ((origin - trunk, 2 * trunk, "k", 3), (origin + trunk, 1.6 * limbs[0], "tab:red", 1.5))
-    for begin, rod, color, width in (*rods, (origin - trunk, 1.6 * limbs[1], "tab:blue", 1.5)):
-        ends = np.array([begin, begin + rod])
-        axes.plot(np.real(ends), np.imag(ends), color=color, linewidth=width, solid_capstyle="round")
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    shapes.pcolormesh(psi_1, psi_2, -curvature, cmap="RdBu", rasterized=True)
+    shapes.plot(jump["psi_1"], jump["psi_2"], "k", linewidth=1)

@@ -7,85 +7,55 @@ until the transient has died and keeps the amplitude that fits the last periods.
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import matplotlib.pyplot as plt
 import numpy as np
 
-from liaisons import Result, System, Verdict, fmu_path, grid, max_error, run_scenario, sweep, verdict
+from liaisons import Claims, Result, System, grid, operator, panels, scenario, sweep, within
 from liaisons.models import Oscillator
 
-FREQUENCIES = np.linspace(0.3, 2.0, 24)
-DAMPINGS = np.linspace(0.3, 2.1, 13)
+FREQUENCIES, DAMPINGS = np.linspace(0.3, 2.0, 24), np.linspace(0.3, 2.1, 13)
 # The slowest transients decay like exp(-γt/2), γ = 0.3, and, over-damped, γ = 2.1, exp(-0.73 t): below 1e-7 at 110 s.
-SETTLED, STOP, STEP = 110.0, 140.0, 0.1
+SETTLED, STOP = 110.0, 140.0
 
 
-def amplitude(result: Result) -> float:
+def amplitude(run: Result) -> float:
     """Of x = a sin ωt + b ω cos ωt, fitted to the last periods."""
-    last = result.time >= SETTLED
-    drive, rate, acceleration = (result[f"drive.{name}"][last] for name in ("y", "y_dot", "y_ddot"))
-    (sine, cosine), *_ = np.linalg.lstsq(np.column_stack([drive, rate]), result["oscillator.x"][last])
+    last = run.time >= SETTLED
+    drive, rate, acceleration, x = (signal[last] for signal in run.values)
+    (sine, cosine), *_ = np.linalg.lstsq(np.column_stack([drive, rate]), x)
     square = -(drive @ acceleration) / (drive @ drive)  # ω²
     return float(np.sqrt(sine**2 + square * cosine**2))
 
 
-def main(figure: Path) -> list[Verdict]:
+@scenario
+def main(claim: Claims) -> None:
     system = System("resonance")
-    oscillator = system.add("oscillator", fmu_path("Oscillator"), x_0=0.0, input_reconstruction=2)
-    drive = system.add("drive", fmu_path("Sinusoid"))
-    system.connect(drive["y"], oscillator["support"])
+    system.add("oscillator", "Oscillator", x_0=0.0, support=operator("Sinusoid"))
+    drive = "oscillator_support"
     table = sweep(
         system,
-        grid({"drive.angular_frequency": FREQUENCIES, "oscillator.damping": DAMPINGS}),
+        grid({f"{drive}.angular_frequency": FREQUENCIES, "oscillator.damping": DAMPINGS}),
         {"amplitude": amplitude},
         stop_time=STOP,
-        step_size=STEP,
+        step_size=0.1,
         tolerance=1e-10,
-        record=["drive.y", "drive.y_dot", "drive.y_ddot", "oscillator.x"],
+        record=[f"{drive}.y", f"{drive}.y_dot", f"{drive}.y_ddot", "oscillator.x"],
     )
-    surface = table["amplitude"].reshape(len(FREQUENCIES), len(DAMPINGS))
-    expected = np.array([Oscillator.response(FREQUENCIES, damping=damping)[0] for damping in DAMPINGS]).T
-    draw(figure, surface)
+    surface = table["amplitude"].reshape(FREQUENCIES.size, DAMPINGS.size)
+    expected = np.transpose([Oscillator.response(FREQUENCIES, damping=damping)[0] for damping in DAMPINGS])
+    why = "transients of 7e-8 m, interpolated support 1e-8, solver tolerance 1e-10 over 140 s"
+    claim(f"{surface.size} amplitudes are those of K eq. 121", surface, expected, within(3e-7, "m", because=why))
     resonant = np.sqrt(2) > DAMPINGS
-    ridge = FREQUENCIES[np.argmax(surface, axis=0)]
+    ridge = FREQUENCIES[np.argmax(surface, axis=0)][resonant]
     there = [Oscillator.resonance(damping=damping) for damping in DAMPINGS[resonant]]
-    width = FREQUENCIES[1] - FREQUENCIES[0]
-    return [
-        verdict(
-            f"{surface.size} amplitudes are those of K eq. 121",
-            error=max_error(surface, expected),
-            tolerance=3e-7,
-            unit="m",
-            reason="transients of 7e-8 m, interpolated support 1e-8, solver tolerance 1e-10 over 140 s",
-        ),
-        verdict(
-            "the ridge lies at √(ω_0² - γ²/2)",
-            error=max_error(ridge[resonant], np.maximum(there, FREQUENCIES[0])),
-            tolerance=width,
-            unit="rad/s",
-            reason="the largest of a row lies next to the maximum, less than one column away",
-        ),
-        verdict(
-            "for γ > √2 ω_0 the amplitude only falls",
-            error=max(0.0, float(np.max(np.diff(surface[:, ~resonant], axis=0)))),
-            tolerance=0.0,
-            unit="m",
-            reason="a sign, no number",
-        ),
-    ]
+    why = "the largest of a row lies next to the maximum, less than one column away"
+    column = within(FREQUENCIES[1] - FREQUENCIES[0], "rad/s", because=why)
+    claim("the ridge lies at √(ω_0² - γ²/2)", ridge, np.maximum(there, FREQUENCIES[0]), column)
+    rise, sign = np.diff(surface[:, ~resonant], axis=0), within(0.0, "m", because="a sign, no number")
+    claim.below("for γ > √2 ω_0 the amplitude only falls", rise, 0.0, sign)
 
-
-def draw(figure: Path, surface: np.ndarray) -> None:
-    _, axis = plt.subplots(figsize=(6, 4.5), layout="constrained")
+    (axis,) = panels(("K eq. 121, from FMUs", "ω [rad/s]", "γ [1/s]"), size=(6, 4.5))
     filled = axis.contourf(FREQUENCIES, DAMPINGS, surface.T, levels=20)
-    plt.colorbar(filled, label="amplitude [m]")
+    axis.figure.colorbar(filled, label="amplitude [m]")
     fine = np.linspace(DAMPINGS[0], np.sqrt(2) - 1e-9, 200)
-    axis.plot([Oscillator.resonance(damping=damping) for damping in fine], fine, "w--", label="√(ω$_0$² - γ²/2)")
-    axis.set(xlabel="ω [rad/s]", ylabel="γ [1/s]", xlim=FREQUENCIES[[0, -1]], title="K eq. 121, from FMUs")
-    axis.legend()
-    plt.savefig(figure, dpi=150)
-
-
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    axis.plot([Oscillator.resonance(damping=damping) for damping in fine], fine, "k--", label="√(ω$_0$² - γ²/2)")
+    axis.set(xlim=FREQUENCIES[[0, -1]])

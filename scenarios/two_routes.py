@@ -7,30 +7,16 @@ own g_1 and g_2.  K prints half of this μ_1; the closed form by elliptic functi
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import matplotlib.pyplot as plt
 import numpy as np
 
-from liaisons import (
-    Coordinate,
-    Mechanism,
-    Parameter,
-    Verdict,
-    analysis,
-    fmu_path,
-    max_error,
-    non_holonomic,
-    output,
-    run_scenario,
-    simulate,
-    verdict,
-)
+from liaisons import Claims, Coordinate, Mechanism, Parameter, non_holonomic, output, panels, scenario, simulate, within
 from liaisons.models import CartesianPendulum
 
-THETA_0, STOP, TOLERANCE = 2.5, 60.0, 1e-11
+THETA_0 = 2.5
+SETTINGS: Any = {"stop_time": 60.0, "step_size": 0.02, "tolerance": 1e-11}
 
 
 class GaussPendulum(Mechanism):
@@ -62,71 +48,41 @@ class GaussPendulum(Mechanism):
         return -self.constraint_force("along")
 
 
-def main(figure: Path) -> list[Verdict]:
-    start: Any = {"x_0": np.sin(THETA_0), "z_0": 1 - np.cos(THETA_0)}
-    gauss_fmu = fmu_path(f"{__file__}:GaussPendulum")
-    routes = {
-        "d'Alembert": simulate(
-            fmu_path("CartesianPendulum"), stop_time=STOP, step_size=0.02, tolerance=TOLERANCE, **start
-        ),
-        "Gauss": simulate(gauss_fmu, stop_time=STOP, step_size=0.02, tolerance=TOLERANCE, **start),
-    }
-    angle = simulate(fmu_path("Pendulum"), stop_time=STOP, step_size=0.02, tolerance=TOLERANCE, theta_0=THETA_0)
+@scenario
+def main(claim: Claims) -> None:
+    motion, force, error = panels(
+        ("three routes to one motion", "t [s]", "x [m]"),
+        ("the multipliers; below 0 the rod pushes", "t [s]", "tension / l [N/m]"),
+        ("distance from the closed form", "t [s]", "distance [m]"),
+    )
+    angle = simulate("Pendulum", theta_0=THETA_0, **SETTINGS)
     exact = CartesianPendulum.exact(angle.time, theta_0=THETA_0)
     in_theta = {"x": np.sin(angle["theta"]), "z": 1 - np.cos(angle["theta"])}
-    why = f"solver tolerance {TOLERANCE:g}; errors grow 300-fold over {STOP:g} s of large swings"
-    verdicts = []
-    for name, result in routes.items():
-        for other, values in (("θ", in_theta), ("elliptic functions", exact)):
-            error = max(max_error(result[q], values[q]) for q in ("x", "z"))
-            verdicts.append(verdict(f"{name} against {other}", error=error, tolerance=1e-8, unit="m", reason=why))
-    by_dalembert, by_gauss = routes["d'Alembert"], routes["Gauss"]
-    forces = {
-        "λ_1 = -m (g (l - z) + v²)/2l²": by_dalembert["lambda_1"],
-        "μ_1 = -2 λ_1, twice what is printed": by_gauss["mu_1"] / -2,
-        "both: the tension / 2l of the rod in θ": angle["tension"] / -2,
-    }
-    for claim, values in forces.items():
-        error = max_error(values, exact["lambda_1"])
-        verdicts.append(verdict(claim, error=error, tolerance=1e-7, unit="N/m", reason=f"{why}; times 2m/l·|ω| = 12"))
-    # Along the circle Gauss's function grows by m δ²/2, to both sides: the motion has the least of all that may be.
-    gauss = analysis.gauss_function(CartesianPendulum)
-    motion = {f"{q}_ddot": by_dalembert[f"{q}_ddot"] for q in ("x", "z")}
-    aside = {"x_ddot": motion["x_ddot"] + 1 - by_dalembert["z"], "z_ddot": motion["z_ddot"] + by_dalembert["x"]}
-    growth = gauss.evaluate(**aside) - gauss.evaluate(**motion)
-    least = "Gauss's function is least on the motion: m δ²/2 more for another acceleration along the circle"
-    why = "roundings of forces of 60 N, squared"
-    verdicts.append(verdict(least, error=max_error(growth, 0.5), tolerance=1e-11, unit="N2/kg", reason=why))
-    length = np.sqrt(by_gauss["x"] ** 2 + by_gauss["y"] ** 2 + (by_gauss["z"] - 1) ** 2)
-    lengths = {
-        "d'Alembert keeps the rod's length to rounding": (by_dalembert["rod_residual"] + 1, 1e-14, "projected"),
-        "Gauss keeps its derivative, the length follows": (length, 1e-9, "length: integrated, 100 tolerances"),
-    }
-    for claim, (values, tolerance, reason) in lengths.items():
-        error = max_error(values, 1.0)
-        verdicts.append(verdict(claim, error=error, tolerance=tolerance, unit="m", reason=reason))
+    components = {"d'Alembert": CartesianPendulum, "Gauss": GaussPendulum}
+    start: Any = {"x_0": np.sin(THETA_0), "z_0": 1 - np.cos(THETA_0)}
+    routes = {name: simulate(component, **start, **SETTINGS) for name, component in components.items()}
+    why = "solver tolerance 1e-11; errors grow 300-fold over 60 s of large swings"
+    for name, run in routes.items():
+        claim(f"{name} against θ", run, in_theta, within(1e-8, "m", because=why))
+        claim(f"{name} against elliptic functions", run, exact, within(1e-8, "m", because=why), names=("x", "z"))
+        distance = np.hypot(run["x"] - exact["x"], run["z"] - exact["z"])
+        error.semilogy(run.time, np.maximum(distance, 1e-17), linewidth=0.7, label=name)
 
-    shown = angle.time <= 8
-    t = angle.time[shown]
-    _, (motion, force, error) = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
-    for q, colour in (("x", "tab:blue"), ("z", "tab:orange")):
-        motion.plot(t, by_dalembert[q][shown], color=colour, label=f"{q}, d'Alembert")
-        motion.plot(t[::15], by_gauss[q][shown][::15], "o", color=colour, markersize=4, label=f"{q}, Gauss")
-        motion.plot(t[7::15], in_theta[q][shown][7::15], "k.", markersize=4)
-    motion.set(xlabel="t [s]", ylabel="[m]", title="three routes to one motion (black: θ)")
-    force.plot(t, -2 * by_dalembert["lambda_1"][shown], label="-2 λ_1, d'Alembert")
-    force.plot(t[::15], by_gauss["mu_1"][shown][::15], "k.", label="μ_1, Gauss")
-    force.axhline(0, color="grey", linewidth=0.5)
-    force.set(xlabel="t [s]", ylabel="tension / l [N/m]", title="the multipliers; below 0 the rod pushes")
-    for name, result in routes.items():
-        distance = np.hypot(result["x"] - exact["x"], result["z"] - exact["z"])
-        error.semilogy(angle.time, np.maximum(distance, 1e-17), linewidth=0.7, label=name)
-    error.set(xlabel="t [s]", ylabel="distance [m]", title="distance from the closed form")
-    for axes in (motion, force, error):
-        axes.legend(fontsize=8)
-    plt.savefig(figure, dpi=150)
-    return verdicts
+    dalembert, gauss, expected = routes["d'Alembert"], routes["Gauss"], exact["lambda_1"]
+    multiplier = within(1e-7, "N/m", because=f"{why}; times 2m/l·|ω| = 12")
+    claim("λ_1 = -m (g (l - z) + v²)/2l²", dalembert["lambda_1"], expected, multiplier)
+    claim("μ_1 = -2 λ_1, twice what is printed", gauss["mu_1"] / -2, expected, multiplier)
+    claim("both: the tension / 2l of the rod in θ", angle["tension"] / -2, expected, multiplier)
 
+    projected = within(1e-14, "m", because="projected")
+    claim("d'Alembert keeps the rod's length to rounding", dalembert["rod_residual"], 0.0, projected)
+    length = np.linalg.norm([gauss["x"], gauss["y"], gauss["z"] - 1], axis=0)
+    integrated = within(1e-9, "m", because="integrated, 100 tolerances")
+    claim("Gauss keeps its derivative, the length follows", length, 1.0, integrated)
 
-if __name__ == "__main__":
-    raise SystemExit(run_scenario(main))
+    t = angle.time[:401]
+    motion.plot(t, dalembert["x"][:401], label="d'Alembert")
+    motion.plot(t[::15], gauss["x"][:401:15], "o", markersize=4, label="Gauss")
+    motion.plot(t[7::15], in_theta["x"][7:401:15], "k.", label="θ")
+    force.plot(t, -2 * dalembert["lambda_1"][:401], label="-2 λ$_1$, d'Alembert")
+    force.plot(t[::15], gauss["mu_1"][:401:15], "k.", label="μ$_1$, Gauss")

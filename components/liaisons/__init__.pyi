@@ -46,7 +46,6 @@ from .results import Result as Result
 from .scenarios import Claims as Claims
 from .scenarios import dots as dots
 from .scenarios import panels as panels
-from .scenarios import run_scenario as run_scenario
 from .scenarios import scenario as scenario
 from .scenarios import within as within
 from .sweeps import grid as grid

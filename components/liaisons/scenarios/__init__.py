@@ -32,7 +32,7 @@ same.  The first paragraph of the file's docstring is what the scenario claims a
 
 from liaisons.scenarios.claims import Bound, Claims, within
 from liaisons.scenarios.drawing import dots, panels
-from liaisons.scenarios.running import Outcome, Scenario, execute, load, names, report, run_scenario, scenario
+from liaisons.scenarios.running import Outcome, Scenario, execute, load, names, report, scenario
 
 __all__ = [
     "Bound",
@@ -45,7 +45,6 @@ __all__ = [
     "names",
     "panels",
     "report",
-    "run_scenario",
     "scenario",
     "within",
 ]

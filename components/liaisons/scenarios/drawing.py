@@ -80,10 +80,8 @@ def save(path: Path) -> None:
     for axis, (handles, labels) in entries.items():
         depth = 0.45 if axis.get_xlabel() else 0.1  # of ticks and label [in]
         below = axis.transAxes + ScaledTranslation(0, -depth, figure.dpi_scale_trans)
-        width, widths = (
-            axis.get_position().width * figure.get_figwidth(),
-            [0.6 + 0.075 * len(label) for label in labels],
-        )
+        width = 1.15 * axis.get_position().width * figure.get_figwidth()  # with that of the label beside it [in]
+        widths = [0.5 + 0.07 * len(label) for label in labels]
         columns = len(labels) if sum(widths) <= width else max(1, int(width / max(widths)))
         axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=columns)
     figure.savefig(path, dpi=150)

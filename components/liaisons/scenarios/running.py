@@ -8,8 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, final
+from typing import final
 
 from liaisons.arguments import shown
 from liaisons.check import Verdict, table
@@ -74,7 +73,10 @@ def scenario(main: Callable[[Claims], None]) -> Scenario:
     after = path.read_text(encoding="utf-8").splitlines()[begin - 1 + len(lines) :]
     if any(after):
         raise ProjectError(f"{path}:{begin}: {main.__name__} runs before what comes after it; put it last in the file")
-    found = _scenario(main, path, inspect.getdoc(module))
+    documentation = inspect.getdoc(module)
+    if not documentation:
+        raise ProjectError(f"{path} is no scenario: state its claim in the docstring of the file")
+    found = Scenario(path.stem, " ".join(documentation.split("\n\n")[0].split()), path, main)
     if main.__module__ == "__main__":
         outcome = execute(found, debug=True)
         print(report([outcome]))
@@ -96,10 +98,7 @@ def load(target: str) -> Scenario:
     for value in vars(module).values():
         if isinstance(value, Scenario):
             return replace(value, path=path)
-    main: Any = getattr(module, "main", None)
-    if not (inspect.isfunction(main) and "figure" in inspect.signature(main).parameters):
-        raise ProjectError(f"{path} is no scenario: put @scenario before its main(claim)")
-    return _scenario(_adapted(main), path, inspect.getdoc(module))
+    raise ProjectError(f"{path} is no scenario: put @scenario before its main(claim)")
 
 
 def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = False) -> Outcome:
@@ -130,27 +129,3 @@ def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = Fa
 def report(outcomes: Iterable[Outcome]) -> str:
     """The table that a run ends in: scenario, claim, error, tolerance, verdict, time."""
     return table([row for outcome in outcomes for row in outcome.rows()])
-
-
-def run_scenario(main: Any) -> int:
-    """Run a scenario that returns its verdicts."""
-    path = Path(inspect.getfile(main))
-    outcome = execute(_scenario(_adapted(main), path, inspect.getdoc(inspect.getmodule(main))), debug=True)
-    print(report([outcome]))
-    print(f"figure: {from_here(outcome.figure)}")
-    return 0 if outcome.passed else 1
-
-
-def _adapted(main: Any) -> Callable[[Claims], None]:
-    def adapted(claims: Claims) -> None:
-        with TemporaryDirectory() as folder:
-            claims.verdicts += main(Path(folder) / "figure.png")
-
-    return adapted
-
-
-def _scenario(main: Callable[[Claims], None], path: Path, documentation: str | None) -> Scenario:
-    if not documentation:
-        raise ProjectError(f"{path} is no scenario: state its claim in the docstring of the file")
-    claim = " ".join(documentation.split("\n\n")[0].split())
-    return Scenario(path.stem, claim, path, main)

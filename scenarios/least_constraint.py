@@ -1,0 +1,36 @@
+"""Of all accelerations along the circle a pendulum has the one of the least constraint: Gauss's principle.
+
+K eq. 107.  Beside the motion of a CartesianPendulum, by an acceleration δ along its circle to either side, Gauss's
+function m/2 (a - F/m)² is larger by m δ²/2.  Scenario ``two_routes`` has the motion by Gauss's multipliers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from liaisons import Claims, analysis, panels, scenario, simulate, within
+from liaisons.models import CartesianPendulum
+
+
+@scenario
+def main(claim: Claims) -> None:
+    start: Any = {"x_0": np.sin(2.5), "z_0": 1 - np.cos(2.5)}
+    run = simulate("CartesianPendulum", stop_time=60.0, step_size=0.02, tolerance=1e-11, **start)
+    function = analysis.gauss_function(CartesianPendulum)
+
+    def aside(delta: float) -> np.ndarray:
+        return function.evaluate(x_ddot=run["x_ddot"] + delta * (1 - run["z"]), z_ddot=run["z_ddot"] + delta * run["x"])
+
+    squares = within(1e-11, "N2/kg", because="roundings of forces of 60 N, squared")
+    for delta in (1.0, -1.0):
+        text = f"Gauss's function is m δ²/2 more for another acceleration along the circle, δ = {delta:g} m/s2"
+        claim(text, aside(delta) - aside(0.0), 0.5, squares)
+
+    (axis,) = panels(("beside the motion", "δ [m/s2]", "Gauss's function beyond its least [N2/kg]"))
+    deltas = np.linspace(-2, 2, 41)
+    growth = np.array([aside(delta) - aside(0.0) for delta in deltas])
+    for i, marker in zip((0, 100, 200), "o+x", strict=True):
+        axis.plot(deltas, growth[:, i], marker, label=f"t = {run.time[i]:g} s")
+    axis.plot(deltas, deltas**2 / 2, color="0.6", label="m δ²/2")

@@ -1,0 +1,30 @@
+"""A thermostat with inertia holds m q'² = k_B T on the average, and an extended energy for ever, even in chaos.
+
+K 4.2: Nosé and Hoover's friction ξ follows the temperature.  Scenario ``thermostat`` has the one that fixes the kinetic
+energy at every instant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from liaisons import Claims, panels, scenario, simulate, within
+
+TOLERANCE, LONG = 1e-11, 2000.0
+
+
+@scenario
+def main(claim: Claims) -> None:
+    run = simulate("NoseHooverOscillator", stop_time=LONG, step_size=0.05, tolerance=TOLERANCE, q_0=0.0, q_dot_0=5.0)
+    extended = run["extended_energy"]
+    scale = within(10 * TOLERANCE * run["energy"].max() * LONG, "J", because="10 x tolerance x energy scale x time")
+    claim(f"the extended energy stays over {LONG:g} s in the chaotic sea", extended, extended[0], scale)
+    mean = np.trapezoid(2 * run["kinetic_energy"], run.time) / LONG
+    ends = within(1e-3, "J", because="trapezoids of 0.05 s: their error h²/12 (m q'²)'' averages out to the ends")
+    rest = (run["xi"][-1] - run["xi"][0]) / LONG
+    claim("the mean of m q'² is k_B T + Q Δξ/τ, so k_B T in the end", mean, 1 + rest, ends)
+
+    phase, energy = panels(("400 s in the chaotic sea", "q [m]", "q' [m/s]"), ("its energy", "t [s]", "energy [J]"))
+    phase.plot(run["q"][:8000], run["q_dot"][:8000], linewidth=0.25)
+    for name, label in (("energy", "T + V"), ("extended_energy", "with the thermostat")):
+        energy.plot(run.time[:1201], run[name][:1201], label=label)
