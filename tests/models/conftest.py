@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from decimal import Decimal, localcontext
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from liaisons.mechanics import Equations
+
+sys.path.insert(0, str(Path(__file__).parent))  # on_paper.py is no test, but theirs
 
 State = dict[str, float]
 

@@ -13,11 +13,10 @@ from scipy.special import jv
 
 from liaisons.check import max_error, slope
 from liaisons.cosim import System, simulate
-from liaisons.errors import ValidityError
 from liaisons.fmu import build
 from liaisons.language import Chain
 from liaisons.mechanics import assemble
-from liaisons.models import DoublePendulum, DrivenChain, LinearMolecule, OscillatorChain, PendulumChain, Sinusoid
+from liaisons.models import DoublePendulum, DrivenChain, OscillatorChain, PendulumChain, Sinusoid
 
 TOLERANCE = 1e-10
 BACKENDS = ["native", "python"]
@@ -265,44 +264,3 @@ def test_two_links_are_the_double_pendulum(sized, fmu) -> None:
         assert max_error(chain[f"bob_z[{i}]"], pair[f"bob_{i}_z"]) <= 1e-9
     for name in ("pivot_x_force", "pivot_x_power", "pivot_z_force", "kinetic_energy", "potential_energy", "work"):
         assert max_error(chain[name], pair[name]) <= 1e-9, name
-
-
-def test_three_masses_are_the_molecule_of_equal_atoms(sized, fmu) -> None:
-    start, spacing = np.array([0.05, -0.02, 0.01]), 0.116
-    rate = np.array([0.1, 0.0, -0.2])
-    run: dict[str, Any] = {"stop_time": 20.0, "step_size": 0.5, "tolerance": 1e-12, "stiffness": 2.0}
-    chain = simulate(sized(OscillatorChain, 3), **run, u_0=start, u_dot_0=rate, mass=1.5, spacing=spacing)
-    names = ("x_1", "x_2", "x_3")
-    places = spacing * np.arange(3)
-    molecule = simulate(
-        fmu(LinearMolecule),
-        **run,
-        mass_outer=1.5,
-        mass_inner=1.5,
-        spacing=spacing,
-        **{f"{name}_0": x for name, x in zip(names, start + places, strict=True)},
-        **{f"{name}_dot_0": v for name, v in zip(names, rate, strict=True)},
-    )
-    for i, name in enumerate(names):
-        assert max_error(chain[f"u[{i + 1}]"] + places[i], molecule[name]) <= 1e-9
-        assert max_error(chain[f"p_u[{i + 1}]"], molecule[f"p_{name}"]) <= 1e-9
-    assert max_error(chain["energy"], molecule["energy"]) <= 1e-9
-    frequencies, _ = OscillatorChain.normal_modes(n=3, mass=1.5, stiffness=2.0)
-    assert frequencies == pytest.approx(np.sqrt([0.0, 2.0 / 1.5, 3 * 2.0 / 1.5]), abs=1e-15)  # K eq. 157
-
-
-# ---- what the closed forms refuse ----------------------------------------------------------------------------------
-
-
-def test_closed_forms_say_where_they_hold() -> None:
-    refused: list[dict[str, Any]] = [{"u_0": [1.0]}, {"mass": 0.0}, {"stiffness": -1.0}]
-    for bad in refused:
-        arguments: dict[str, Any] = {"u_0": [1.0, 0.0]} | bad
-        with pytest.raises(ValidityError, match="OscillatorChain"):
-            OscillatorChain.exact(1.0, **arguments)
-    with pytest.raises(ValidityError, match="DrivenChain: n = 1"):
-        DrivenChain.exact(1.0, n=1)
-    with pytest.raises(ValidityError, match="gravity = 0"):
-        PendulumChain.small_angles(1.0, theta_0=[0.1, 0.1], gravity=0.0)
-    with pytest.raises(ValidityError, match="t = -1"):
-        OscillatorChain.exact(-1.0, u_0=[1.0, 0.0])

@@ -7,9 +7,9 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from on_paper import derivative
 from scipy.integrate import quad
 
-from liaisons.errors import ValidityError
 from liaisons.language import Mechanism
 from liaisons.mechanics import derive
 from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Swing
@@ -31,12 +31,6 @@ CASES: list[tuple[type[Mechanism], dict[str, float]]] = [
     (CircularHoop, {"xi_dot_0": -3.0, "beta_dot": -1.0}),
     (CircularHoop, {"xi_0": 0.3, "xi_dot_0": 0.4, "beta_dot": 1.0, "offset": 0.0}),
 ]
-
-
-def derivative(f: Callable[[float], float], t: float, h: float = 0.02) -> float:
-    """Central difference of order 10."""
-    weights = (5 / 6, -5 / 21, 5 / 84, -5 / 504, 1 / 1260)
-    return sum(w * (f(t + i * h) - f(t - i * h)) for i, w in enumerate(weights, 1)) / h
 
 
 @pytest.mark.parametrize(("component", "start"), CASES, ids=lambda value: getattr(value, "__name__", None))
@@ -231,19 +225,6 @@ def test_oscillator_is_exact_to_rounding_in_every_regime(
     np.testing.assert_allclose(exact["x_dot"], reference[1], rtol=0, atol=5e-14)
 
 
-def test_free_mass_without_stiffness_moves_uniformly() -> None:
-    times = np.linspace(0, 5, 6)
-    exact = Oscillator.exact(times, x_0=1.0, x_dot_0=2.0, stiffness=0.0, support=3.0)
-    np.testing.assert_allclose(exact["x"], 1 + 2 * times, rtol=1e-15)  # one rounding
-
-
-def test_undamped_resonance_grows_in_proportion_to_time() -> None:
-    """x'' + x = cos t from rest: x = t sin t / 2."""
-    times = np.linspace(0, 100, 51)
-    exact = Oscillator.exact(times, x_0=0.0, amplitude=1.0, phase=np.pi / 2, driven="x_force")["x"]
-    np.testing.assert_allclose(exact, times * np.sin(times) / 2, rtol=0, atol=1e-13 * 50)  # roundings of t, times 50
-
-
 # ---- flywheel ----------------------------------------------------------------------------------------------------
 
 
@@ -256,59 +237,3 @@ def test_flywheel_under_a_torque_approaches_its_final_rate(friction: float, tayl
     # Roundings of numbers of up to 50, and of the initial rate where friction has eaten it.
     np.testing.assert_allclose(exact["angle"], reference[0], rtol=1e-14)
     np.testing.assert_allclose(exact["angle_dot"], reference[1], rtol=1e-14, atol=3e-15)
-
-
-# ---- swing and hoop ----------------------------------------------------------------------------------------------
-
-
-def test_swing_without_torso_is_a_pendulum() -> None:
-    times = np.linspace(0, 10, 21)
-    swing = Swing.exact(times, theta_0=1.0, theta_dot_0=0.2, rope=1.7, mass_torso=0.0)
-    pendulum = Pendulum.exact(times, theta_0=1.0, theta_dot_0=0.2, length=1.7)
-    np.testing.assert_allclose(swing["theta"], pendulum["theta"], rtol=0, atol=1e-13)  # roundings of the phase
-
-
-def test_hoop_conserves_the_jacobi_integral() -> None:
-    """ξ_dot²/2 - β_dot² r²/2 is constant at constant rate (M 8.4)."""
-    times = np.linspace(0, 30, 61)
-    exact = CircularHoop.exact(times, xi_0=0.7, xi_dot_0=0.4, beta_dot=1.5)
-    r_squared = 0.25 + 1 + np.cos(exact["xi"])
-    jacobi = exact["xi_dot"] ** 2 / 2 - 1.5**2 * r_squared / 2
-    np.testing.assert_allclose(jacobi, jacobi[0], rtol=0, atol=1e-14)  # a few roundings of terms of size 3
-
-
-def test_hoop_about_its_centre_lets_the_bead_run_uniformly() -> None:
-    times = np.linspace(0, 30, 61)
-    exact = CircularHoop.exact(times, xi_0=0.7, xi_dot_0=0.4, beta_dot=1.5, offset=0.0)
-    np.testing.assert_array_equal(exact["xi_dot"], 0.4)
-    np.testing.assert_array_equal(exact["beta_force"], 0)
-
-
-# ---- validity ----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: Pendulum.exact(1.0, friction=0.1), "friction = 0.1 must be == 0; it is the motion with fixed pivot"),
-        (lambda: Pendulum.exact(1.0, length=0.0), "length = 0.0 must be > 0"),
-        (lambda: Pendulum.exact(1.0, mass=np.nan), "mass = nan must be > 0"),
-        (lambda: Pendulum.period(gravity=-9.81), "gravity = -9.81 must be > 0"),
-        (lambda: Pendulum.small_angle(1.0, friction=-0.1), "friction = -0.1 must be >= 0"),
-        (lambda: Pendulum.lengthening([0.0, 10.0], length_dot=-0.1), "the length falls to 0.0 m"),
-        (lambda: Pendulum.lengthening(1.0, length_dot=0.0), "length_dot = 0.0 must be != 0"),
-        (lambda: Pendulum.crouch_growth(length_low=1.0, length_high=0.0), "length_high = 0.0 must be > 0"),
-        (lambda: Oscillator.exact(1.0, stiffness=-1.0), "stiffness = -1.0 must be >= 0"),
-        (lambda: Oscillator.exact([1.0, -1.0]), "t = -1.0 must be >= 0"),
-        (lambda: Oscillator.exact(1.0, driven="x"), "driven = 'x'; use 'support' or 'x_force'"),  # type: ignore[arg-type]
-        (lambda: Oscillator.response(1.0), "no stationary motion at the undamped resonance"),
-        (lambda: Oscillator.resonance(damping=1.5), "damping = 1.5 must be < 1.41421"),
-        (lambda: Flywheel.exact(1.0, inertia=0.0), "inertia = 0.0 must be > 0"),
-        (lambda: Swing.exact(1.0, rope=1.0, torso_length=2.0, lean=np.pi), "centre of mass lies on the pivot"),
-        (lambda: Swing.exact(1.0, mass_torso=-1.0), "mass_torso = -1.0 must be >= 0"),
-        (lambda: CircularHoop.exact(1.0, offset=1.0), "offset = 1.0 must be < radius"),
-    ],
-)
-def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:
-    with pytest.raises(ValidityError, match=words):
-        call()

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+from on_paper import algebra
 from scipy.integrate import solve_ivp
 
-from liaisons.check import max_error, slope
+from liaisons.check import max_error
 from liaisons.cosim import Result, simulate
-from liaisons.errors import SimulationError, ValidityError
 from liaisons.mechanics import derive, gauss
 from liaisons.models.cartesian_pendulum import CartesianPendulum
 from liaisons.models.pendulum import Pendulum
@@ -19,11 +19,7 @@ from liaisons.models.pendulum import Pendulum
 State = dict[str, float]
 EQUATIONS = derive(CartesianPendulum)
 INTERPOLATE = 2  # input_reconstruction
-
-
-def algebra(value: ArrayLike) -> object:
-    """Equal up to the rounding of a linear system of two equations, numbers of order 100."""
-    return pytest.approx(value, rel=1e-11, abs=1e-11)
+CONDITION = 1e-11  # rounding of a linear system of two equations, numbers of order 100
 
 
 def place(angle: float, rod: float, height: float) -> tuple[float, float]:
@@ -60,8 +56,8 @@ def test_bob_moves_by_newtons_law_on_a_rod_that_moves(seed: int) -> None:
     in_plane = force[[0, 2]]
     rod_force = n["mass"] * (n["rod_ddot"] - n["rod"] * turn**2) - in_plane @ along
     a = (in_plane + rod_force * along) / n["mass"]
-    assert EQUATIONS.evaluate("accelerations", **n) == algebra([a[0], 0, a[1]])
-    assert EQUATIONS.evaluate("operator_forces", **n) == algebra([rod_force])
+    assert EQUATIONS.evaluate("accelerations", **n) == algebra([a[0], 0, a[1]], CONDITION)
+    assert EQUATIONS.evaluate("operator_forces", **n) == algebra([rod_force], CONDITION)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -73,13 +69,13 @@ def test_multipliers_are_those_of_example_1_and_gausss_those_of_example_9(seed: 
     n["height"] = n["rod"]
     m = EQUATIONS.mechanism
     bracket = n["mass"] * (n["gravity"] * (n["rod"] - n["z"]) + n["x_dot"] ** 2 + n["z_dot"] ** 2) / n["rod"] ** 2
-    assert number(EQUATIONS, m.lambda_1, n) == algebra(-bracket / 2)
-    assert number(EQUATIONS, m.lambda_2, n) == algebra(0)
+    assert number(EQUATIONS, m.lambda_1, n) == algebra(-bracket / 2, CONDITION)
+    assert number(EQUATIONS, m.lambda_2, n) == algebra(0, CONDITION)
     accelerations, mu = gauss(EQUATIONS.mass_matrix, EQUATIONS.forces, EQUATIONS.constraints)
     # Kneller's g_1 is |d| times the second derivative of |d|: its multiplier is that of the rod over l.
-    assert number(EQUATIONS, mu[1], n) / n["rod"] == algebra(bracket)
+    assert number(EQUATIONS, mu[1], n) / n["rod"] == algebra(bracket, CONDITION)
     explicit = [-n["x"] * bracket, 0, -n["mass"] * n["gravity"] + (n["rod"] - n["z"]) * bracket]
-    assert number(EQUATIONS, accelerations, n) == algebra(np.array(explicit) / n["mass"])
+    assert number(EQUATIONS, accelerations, n) == algebra(np.array(explicit) / n["mass"], CONDITION)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -93,7 +89,7 @@ def test_ka6_the_printed_mu_1_is_half_of_what_its_own_constraint_asks_for(seed: 
     def g_1(mu_1: float) -> float:
         return float(d @ (np.array([0, 0, -g]) - mu_1 / m * d) + v @ v)
 
-    assert g_1(bracket) == algebra(0)
+    assert g_1(bracket) == algebra(0, CONDITION)
     assert abs(g_1(bracket / 2)) > 0.1  # as printed
 
 
@@ -104,7 +100,7 @@ def test_kc2_equation_9_as_printed_would_not_follow_a_rod_that_moves(seed: int) 
     d, v = np.array([n["x"], 0, n["z"] - n["height"]]), np.array([n["x_dot"], 0, n["z_dot"]])
     half_second_derivative = d @ EQUATIONS.evaluate("accelerations", **n) + v @ v
     needed = n["rod"] * n["rod_ddot"] + n["rod_dot"] ** 2
-    assert half_second_derivative == algebra(needed)
+    assert half_second_derivative == algebra(needed, CONDITION)
     assert abs(needed) > 1e-3  # what is printed as 0
 
 
@@ -141,7 +137,7 @@ def test_kc1_as_printed_with_l_squared_the_residual_oscillates() -> None:
         d, v = np.array([y[0], y[1] - 1]), y[2:]
         second = 2 * (d @ rates(0.0, y)[2:] + v @ v)
         lambda_1 = -(9.81 * (1 - y[1]) + v @ v) / 2
-        assert second == algebra(4 * lambda_1 * sigma_1(y))
+        assert second == algebra(4 * lambda_1 * sigma_1(y), CONDITION)
     times = np.linspace(0, 10, 201)
     y = solve_ivp(rates, (0, 10), DISTURBED, "DOP853", times, rtol=1e-12, atol=1e-14).y
     drift = 2e-6 * np.sin(0.5)
@@ -220,18 +216,6 @@ def test_a_jump_of_the_rods_rate_is_an_impulse_along_it(fmu, backend: str) -> No
     assert np.ptp(angle["energy"]) > 0.1  # the pull did something
 
 
-def test_error_falls_with_the_tolerance(fmu) -> None:
-    tolerances, found = [1e-6, 1e-8, 1e-10, 1e-12], []
-    for tolerance in tolerances:
-        result = run(fmu(CartesianPendulum), **cartesian_start(2.5, 0.0), tolerance=tolerance, step_size=1.0)
-        exact = CartesianPendulum.exact(result.time, theta_0=2.5)
-        found.append(max(max_error(result[name], exact[name]) for name in ("x", "z")))
-    assert np.all(np.array(found) <= 100 * np.array(tolerances))  # κ = 100 over 20 s
-    assert (
-        0.6 <= slope(tolerances, found) <= 1.2
-    )  # nearly in proportion: the solver keeps to what it was asked, or better
-
-
 def test_constraints_are_kept_for_1e5_seconds(fmu) -> None:
     """Large swings.  The energy drifts with the solver's tolerance; the constraints do not."""
     result = run(fmu(CartesianPendulum), **cartesian_start(1.5, 0.0), stop_time=1e5, step_size=10.0, tolerance=1e-8)
@@ -239,29 +223,3 @@ def test_constraints_are_kept_for_1e5_seconds(fmu) -> None:
         assert max_error(result[name], 0.0) <= 1e-15, name  # asked for: 1e-10
     speed = result["x"] * result["x_dot"] + (result["z"] - 1) * result["z_dot"]
     assert max_error(speed, 0.0) <= 1e-14  # the derivative of the constraint: roundings of speeds of order 5
-
-
-# ---- bad input ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("backend", ["native", "python"])
-@pytest.mark.parametrize(
-    ("start", "words"),
-    [
-        ({"rod": 0.0}, "rod = 0 at t = 0: it must be > 0"),
-        ({"mass": -1.0}, "mass = -1 at t = 0: it must be > 0"),
-        ({"rod": 1.5}, r"rod \(distance from the pivot to the bob\) must be kept to 1e-06 m; .* \(-0\.5\)"),
-        ({"y_0": 0.1}, r"plane \(distance from the plane of the motion\) must be kept to 1e-06 m; .* \(-0\.1\)"),
-        ({"y_dot_0": 0.2}, r"the rate of plane .* must be kept to 1e-06 m/s; .* \(-0\.2\)"),
-        ({"x_dot_0": 1.0}, r"the rate of rod .* must be kept to 1e-06 m/s; .* \(-0\.0998\)"),
-        ({"rod_dot": 0.3}, r"the rate of rod .* must be kept to 1e-06 m/s; .* \(-0\.3\)"),
-    ],
-)
-def test_inconsistent_start_is_named_with_its_residual(fmu, start: Any, words: str, backend: str) -> None:
-    with pytest.raises(SimulationError, match=words):
-        simulate(fmu(CartesianPendulum, backend), stop_time=1.0, step_size=0.1, **start)
-
-
-def test_closed_form_names_what_it_does_not_cover() -> None:
-    with pytest.raises(ValidityError, match=r"rod = 0\.0 must be > 0"):
-        CartesianPendulum.exact(1.0, rod=0.0)

@@ -1,8 +1,7 @@
-"""DoublePendulum: Newton's law rod by rod, two coupled pendulums, normal modes, and large motions."""
+"""DoublePendulum: Newton's law rod by rod, normal modes, and large motions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from decimal import Decimal
 from typing import Any
 
@@ -13,10 +12,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from liaisons.check import max_error, slope
-from liaisons.cosim import System, simulate
-from liaisons.errors import SimulationError, ValidityError
+from liaisons.cosim import simulate
 from liaisons.mechanics import derive
-from liaisons.models import Pendulum
 from liaisons.models.double_pendulum import DoublePendulum
 
 State = dict[str, float]
@@ -74,61 +71,6 @@ def test_motion_and_pivot_force_are_newtons(random_states) -> None:
         for quantity, expected in by_hand(n).items():
             # Two orders of evaluation, and a mass matrix whose condition reaches a hundred.
             np.testing.assert_allclose(equations.evaluate(quantity, **n), expected, rtol=1e-11, atol=1e-10)
-
-
-def lower_pendulum(n: State, bob_ddot: NDArray) -> State:
-    """The second pendulum of a double one, hung where the first one's bob is and moves."""
-    velocity = n["pivot_x_dot"] + 1j * n["pivot_z_dot"] + n["length_1"] * np.exp(1j * n["theta_1"]) * n["theta_1_dot"]
-    return {
-        "mass": n["mass_2"],
-        "length": n["length_2"],
-        "gravity": n["gravity"],
-        "theta": n["theta_2"],
-        "theta_dot": n["theta_2_dot"],
-        "pivot_x_dot": velocity.real,
-        "pivot_z_dot": velocity.imag,
-        "pivot_x_ddot": bob_ddot[0],
-        "pivot_z_ddot": bob_ddot[1],
-    }
-
-
-def upper_pendulum(n: State, load: NDArray) -> State:
-    return {
-        "mass": n["mass_1"],
-        "length": n["length_1"],
-        "gravity": n["gravity"],
-        "theta": n["theta_1"],
-        "theta_dot": n["theta_1_dot"],
-        "bob_x_load": load[0],
-        "bob_z_load": load[1],
-        **{f"pivot_{axis}{end}": n[f"pivot_{axis}{end}"] for axis in "xz" for end in ("_dot", "_ddot")},
-    }
-
-
-def test_it_is_two_pendulums_whose_forces_at_the_joint_agree(random_states, number) -> None:
-    """Free port onto active port, solved exactly: load on the upper bob = force of the lower one's pivot."""
-    double, single = derive(DoublePendulum), derive(Pendulum)
-    m = single.mechanism
-    bob_ddot = m.dot(m.dot(ca.vertcat(m.bob["x"], m.bob["z"])))
-    rest = dict.fromkeys(single.symbols, 0.0) | {"length": 1.0}
-    unloaded = {name: 0.0 for name in double.symbols if name.endswith(("_load", "_force"))}
-    for n in random_states(double, **unloaded):
-
-        def pull_of_the_lower(load: NDArray, n: State = n) -> NDArray:
-            acceleration = number(single, bob_ddot, rest | upper_pendulum(n, load))
-            return single.evaluate("operator_forces", **lower_pendulum(n, acceleration))[1:]
-
-        offset = pull_of_the_lower(np.zeros(2))
-        gain = np.array([pull_of_the_lower(unit) - offset for unit in np.eye(2)]).T
-        load = np.linalg.solve(np.eye(2) - gain, offset)
-        first = single.evaluate("accelerations", **upper_pendulum(n, load))
-        acceleration = number(single, bob_ddot, rest | upper_pendulum(n, load))
-        second = single.evaluate("accelerations", **lower_pendulum(n, acceleration))
-        # as above
-        np.testing.assert_allclose(double.evaluate("accelerations", **n), [*first, *second], rtol=1e-11, atol=1e-10)
-        # what holds the upper pivot holds both
-        held = single.evaluate("operator_forces", **upper_pendulum(n, load))[1:]
-        np.testing.assert_allclose(double.evaluate("operator_forces", **n), held, rtol=1e-11, atol=1e-10)
 
 
 # ---- normal modes ------------------------------------------------------------------------------------------------
@@ -200,19 +142,6 @@ def test_small_angles_are_exact_to_rounding(shape: State, taylor) -> None:
         np.testing.assert_allclose(exact[name], expected, rtol=0, atol=1e-13 * largest, err_msg=name)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: DoublePendulum.normal_modes(mass_2=0.0), "mass_2 = 0.0 must be > 0"),
-        (lambda: DoublePendulum.small_angles(1.0, gravity=-1.0), "gravity = -1.0 must be > 0"),
-        (lambda: DoublePendulum.small_angles(-1.0), "t = -1.0 must be >= 0"),
-    ],
-)
-def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:
-    with pytest.raises(ValidityError, match=words):
-        call()
-
-
 # ---- FMU ---------------------------------------------------------------------------------------------------------
 
 
@@ -225,19 +154,6 @@ def test_small_motions_are_the_normal_modes_up_to_the_cube_of_the_amplitude(fmu)
         small = DoublePendulum.small_angles(result.time, **theta)
         found.append(max(max_error(result[q], small[q]) for q in ("theta_1", "theta_2")))
     assert 2.9 <= slope(amplitudes[1:], found[1:]) <= 3.1  # terms of fifth order: amplitude² relative
-
-
-@pytest.mark.parametrize("mode", [0, 1], ids=["slow", "fast"])
-def test_motion_started_in_a_mode_stays_there(fmu, mode: int) -> None:
-    frequencies, modes = DoublePendulum.normal_modes(mass_2=0.5, length_2=0.7)
-    amplitude = 1e-4
-    start: Any = {"theta_1_0": amplitude, "theta_2_0": amplitude * modes[1, mode], "mass_2": 0.5, "length_2": 0.7}
-    result = simulate(fmu(DoublePendulum), stop_time=20.0, step_size=0.05, tolerance=1e-12, **start)
-    # sin θ = θ is wrong by θ²/6 relative, which shifts the phase Ωt of 100 by as much; sizes of up to 5 amplitudes.
-    tolerance = amplitude * 100 * (5 * amplitude) ** 2
-    cosine = amplitude * np.cos(frequencies[mode] * result.time)
-    assert max_error(result["theta_1"], cosine) <= tolerance
-    assert max_error(result["theta_2"], modes[1, mode] * cosine) <= 5 * tolerance
 
 
 LARGE: Any = {"theta_1_0": 1.2, "theta_2_0": -0.6, "theta_1_dot_0": 0.5, "mass_2": 0.6, "length_2": 0.8}
@@ -287,43 +203,3 @@ def test_a_pivot_that_accelerates_upwards_is_more_gravity(fmu) -> None:
     # Seen from the ground the operator also lifts both masses; the force is the same.
     assert max_error(rising["pivot_z_force"], heavy["pivot_z_force"]) <= 1e-7  # accelerations of 1e2 m/s², as stiff
     assert max_error(rising["energy_balance"], 0.0) <= 10 * 1e-12 * 5 * float(np.max(np.abs(rising["energy"])))
-
-
-COUPLINGS: dict[Any, tuple[float, float]] = {"gauss-seidel": (1, 0.02), "implicit": (4, 1e-9)}
-"""Order in the step of each, and the error at the last of the steps below [rad]."""
-
-
-@pytest.mark.parametrize("coupling", COUPLINGS)
-def test_two_coupled_pendulum_fmus_tend_to_it(fmu, coupling: Any) -> None:
-    """Explicitly the force at the joint is one step old; implicitly the loads are cubic within a step."""
-    lengths, masses = (1.0, 0.7), (1.0, 0.1)
-    theta = (0.8, -0.3)
-    steps, found = [0.02, 0.01, 0.005, 0.0025], []
-    for step_size in steps:
-        system = System("double pendulum")
-        upper = system.add("upper", fmu(Pendulum), theta_0=theta[0], mass=masses[0], length=lengths[0])
-        lower = system.add(
-            "lower",
-            fmu(Pendulum),
-            theta_0=theta[1],
-            mass=masses[1],
-            length=lengths[1],
-            pivot_x=np.sin(theta[0]),
-            pivot_z=-np.cos(theta[0]),
-        )
-        system.connect(upper["bob"], lower["pivot"])
-        coupled = system.simulate(stop_time=2.0, step_size=step_size, tolerance=1e-12, coupling=coupling)
-        start: Any = {"theta_1_0": theta[0], "theta_2_0": theta[1], "mass_2": masses[1], "length_2": lengths[1]}
-        double = simulate(fmu(DoublePendulum), stop_time=2.0, step_size=step_size, tolerance=1e-12, **start)
-        found.append(
-            max(max_error(coupled[f"{k}.theta"], double[f"theta_{i}"]) for i, k in ((1, "upper"), (2, "lower")))
-        )
-    order, error = COUPLINGS[coupling]
-    assert found[-1] <= error
-    assert order - 0.1 <= slope(steps, found) <= order + 0.2  # and the limit is the double pendulum
-
-
-@pytest.mark.parametrize("name", ["mass_1", "mass_2", "length_1", "length_2"])
-def test_bad_input_is_named(fmu, name: str) -> None:
-    with pytest.raises(SimulationError, match=f"{name} = 0 at t = 0: it must be > 0"):
-        simulate(fmu(DoublePendulum), stop_time=1.0, **{name: 0.0})  # type: ignore[arg-type]

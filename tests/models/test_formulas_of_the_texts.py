@@ -8,18 +8,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+from on_paper import algebra
 
 from liaisons.errors import ComponentError, ValidityError
 from liaisons.language import unchecked
 from liaisons.mechanics import derive
 from liaisons.models import CircularHoop, Oscillator, Pendulum, Swing
-
-
-def algebra(value: ArrayLike) -> object:
-    """Equal up to the rounding of an algebraic identity: sums of a few terms, a few roundings of the largest."""
-    return pytest.approx(value, rel=1e-12, abs=1e-12)
-
 
 # ---- Kneller Ex. 3, 6, 8: the pendulum ---------------------------------------------------------------------------
 
@@ -213,79 +208,6 @@ def test_ma1_without_the_half_the_motion_stays_right_but_the_operator_pays_twice
 
 
 # ---- Marle 8.4: the hoop -----------------------------------------------------------------------------------------
-
-
-def hoop_geometry(n: dict[str, float]) -> tuple[float, float, float, float]:
-    """a = r² θ' and b = r² r'² with their derivatives by ξ, from r² = d² + R² + 2 d R cos(ξ/R)."""
-    R, d, psi = n["radius"], n["offset"], n["xi"] / n["radius"]
-    r_squared = d**2 + R**2 + 2 * d * R * np.cos(psi)
-    r_dash = -d * np.sin(psi) / np.sqrt(r_squared)
-    theta_dash = (R + d * np.cos(psi)) / r_squared
-    a_dash = -d / R * np.sin(psi)
-    b_dash = 2 * d**2 / R * np.sin(psi) * np.cos(psi)
-    return r_squared * theta_dash, r_squared * r_dash**2, a_dash, b_dash
-
-
-def test_hoop_has_the_lagrangian_of_equation_61_with_its_dots(random_states) -> None:
-    equations = derive(CircularHoop)
-    for n in random_states(equations):
-        a, b, _, _ = hoop_geometry(n)
-        r_squared = n["offset"] ** 2 + n["radius"] ** 2 + 2 * n["offset"] * n["radius"] * np.cos(n["xi"] / n["radius"])
-        r_dash, theta_dash = np.sqrt(b / r_squared), a / r_squared
-        radial, angular = r_dash * n["xi_dot"], theta_dash * n["xi_dot"] + n["beta_dot"]
-        L = n["mass"] / 2 * (radial**2 + r_squared * angular**2) + n["hoop_inertia"] / 2 * n["beta_dot"] ** 2
-        assert equations.evaluate("kinetic_energy", **n) == algebra(L)
-        assert equations.evaluate("momenta", **n) == algebra(n["mass"] * (n["xi_dot"] + a * n["beta_dot"]))
-
-
-def test_hoop_has_the_hamiltonian_of_equation_62(random_states) -> None:
-    equations = derive(CircularHoop)
-    for n in random_states(equations):
-        a, b, _, _ = hoop_geometry(n)
-        mass, inertia = n["mass"], n["hoop_inertia"]
-        p_xi = mass * (n["xi_dot"] + a * n["beta_dot"])
-        p_beta = a * p_xi + (inertia + mass * b) * n["beta_dot"]
-        r_squared = b + a**2
-        H = ((inertia + mass * r_squared) / mass * p_xi**2 - 2 * a * p_xi * p_beta + p_beta**2) / (
-            2 * (inertia + mass * b)
-        )
-        assert equations.evaluate("energy", **n) == algebra(H)
-
-
-def test_hoop_moves_by_equation_64_and_has_K_of_equation_63(random_states, number) -> None:  # noqa: N802
-    equations = derive(CircularHoop)
-    m = equations.mechanism
-    unloaded = {name: 0.0 for name in equations.symbols if name.endswith(("_load", "xi_force"))}
-    for n in random_states(equations, **unloaded):
-        a, b, a_dash, b_dash = hoop_geometry(n)
-        Y, p, mass = n["beta_dot"], n["p_xi"], n["mass"]
-        assert equations.evaluate("velocities", **n) == algebra(p / mass - a * Y)
-        p = mass * (n["xi_dot"] + a * Y)  # the rates are written in the velocity
-        assert equations.evaluate("momentum_rates", **n) == algebra(a_dash * p * Y + mass / 2 * b_dash * Y**2)
-        K_Y = (n["hoop_inertia"] + mass * b) * Y**2 / 2
-        assert number(equations, m.K_Y, n) == algebra(K_Y)
-        assert equations.evaluate("effective_mass", **n) * Y**2 / 2 == algebra(K_Y)  # M eq. 51
-
-
-def test_hoop_moves_whatever_its_own_inertia() -> None:
-    """M 8.4: I does not appear in the final equations; only the operator feels it."""
-    equations = derive(CircularHoop)
-    inertia = equations.mechanism.hoop_inertia
-    for expression in (equations.velocities, equations.momentum_rates, equations.accelerations):
-        assert not ca.depends_on(ca.simplify(expression), inertia)
-    assert ca.depends_on(equations.operator_forces, inertia)
-
-
-def test_hoop_geometry_of_the_outputs(random_states, number) -> None:
-    equations = derive(CircularHoop)
-    m = equations.mechanism
-    for n in random_states(equations):
-        R, d, psi = n["radius"], n["offset"], n["xi"] / n["radius"]
-        seen_from_O, theta = d + R * np.exp(1j * psi), number(equations, m.theta, n)
-        assert abs(np.exp(1j * theta) - seen_from_O / abs(seen_from_O)) <= 1e-14  # a few roundings
-        assert abs(theta - psi) < np.pi / 2  # not wrapped
-        assert number(equations, m.hoop_length, n) == algebra(2 * np.pi * R)
-        assert number(equations, m.hoop_area, n) == algebra(np.pi * R**2)
 
 
 def test_ma3_without_the_dots_equation_61_is_no_lagrangian() -> None:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from liaisons.check import max_error
 from liaisons.cosim import simulate
-from liaisons.errors import ComponentError, ValidityError
 from liaisons.fmu import build
 from liaisons.mechanics import Equations, assemble, derive
 from liaisons.models import four_bars
@@ -91,10 +90,3 @@ def test_closed_form_obeys_the_equation_of_one_pendulum() -> None:
     np.testing.assert_allclose(acceleration, -WEIGHT / INERTIA * np.cos(here["theta"]), rtol=0, atol=1e-5)
     assert here["theta"][0] == pytest.approx(np.pi / 2)
     assert here["theta_dot"][0] == pytest.approx(-1.0)
-
-
-def test_wrong_sizes_are_refused() -> None:
-    with pytest.raises(ComponentError, match=r"windows = 0: it must be >= 1"):
-        four_bars(0)
-    with pytest.raises(ValidityError, match=r"length = 0\.0 must be > 0"):
-        TWO.exact(1.0, length=0.0)

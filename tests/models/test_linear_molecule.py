@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from decimal import Decimal
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+from on_paper import algebra
 
 from liaisons.check import max_error
 from liaisons.cosim import simulate
-from liaisons.errors import SimulationError, ValidityError
 from liaisons.mechanics import derive
 from liaisons.models.linear_molecule import LinearMolecule
 
@@ -23,11 +22,6 @@ CO2 = {item.name: item.start for item in LinearMolecule.parameters}
 RECORD = [form.format(i) for i in ATOMS for form in ("x_{}_dot", "p_x_{}", "omega_{}", "mode_{}")]
 # not at rest, not symmetric
 START: State = {"x_1_0": -0.02, "x_2_0": 0.13, "x_3_0": 0.21, "x_1_dot_0": 0.01, "x_3_dot_0": -0.02}
-
-
-def algebra(value: ArrayLike) -> object:
-    """Equal up to the rounding of an algebraic identity: sums of a few terms, a few roundings of the largest."""
-    return pytest.approx(value, rel=1e-12, abs=1e-12)
 
 
 def matrices(n: State) -> tuple[NDArray, NDArray]:
@@ -138,42 +132,7 @@ def test_closed_form_is_exact_to_rounding(other: State, taylor) -> None:
         np.testing.assert_allclose(exact[f"x_{i}_dot"], reference[i + 2], rtol=0, atol=1e-13)
 
 
-def test_modes_of_equal_masses_are_those_of_the_chain() -> None:
-    """Ω_k = 2 √(κ/m) sin(kπ/2N) for N = 3 (the free chain of K 5.3), shapes cos(kπ (j - ½)/N)."""
-    k, j = np.arange(3), np.arange(1, 4)
-    M, K = matrices({"mass_outer": 2.0, "mass_inner": 2.0, "stiffness": 3.0})
-    modes = LinearMolecule.modes(mass_outer=2.0, mass_inner=2.0)
-    omega = 2 * np.sqrt(3 / 2) * np.sin(k * np.pi / 6)
-    assert K @ modes == algebra(M @ modes * omega**2)
-    chain = np.cos(np.outer(j - 0.5, k) * np.pi / 3)
-    chain /= np.linalg.norm(chain, axis=0)
-    assert np.abs(chain.T @ modes) == algebra(np.eye(3))  # the sign of a mode is a convention
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: LinearMolecule.exact(1.0, mass_inner=0.0), "mass_inner = 0.0 must be > 0"),
-        (lambda: LinearMolecule.exact(1.0, spacing=-0.1), "spacing = -0.1 must be >= 0"),
-        (lambda: LinearMolecule.exact(-1.0), "t = -1.0 must be >= 0"),
-        (lambda: LinearMolecule.modes(mass_outer=-1.0), "mass_outer = -1.0 must be > 0"),
-    ],
-)
-def test_closed_form_names_what_it_does_not_cover(call: Callable[[], object], words: str) -> None:
-    with pytest.raises(ValidityError, match=words):
-        call()
-
-
 # ---- FMU ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("other", [{}, {"mass_outer": 1.0, "mass_inner": 1.0, "stiffness": 2.0, "spacing": 0.5}])
-def test_fmu_follows_the_superposition_of_modes(fmu, other: Any) -> None:
-    start: Any = START | other
-    result = simulate(fmu(LinearMolecule), stop_time=200.0, step_size=1.0, tolerance=1e-10, **start)
-    for name, values in LinearMolecule.exact(result.time, **start).items():
-        # κ = 1 and a drift; hundred periods of 1e-10 each at a size of 0.1 m
-        assert max_error(result[name], values) <= 1e-8, name
 
 
 def test_fmu_keeps_momentum_and_the_energy_of_each_mode(fmu) -> None:
@@ -189,20 +148,3 @@ def test_fmu_keeps_momentum_and_the_energy_of_each_mode(fmu) -> None:
         energy = weights[k - 1] / 2 * (rates[k - 1] ** 2 + (result[f"omega_{k}"] * result[f"mode_{k}"]) ** 2)
         assert max_error(energy, energy[0]) <= 10 * 1e-10 * 200 * float(np.max(energy))
         assert energy[0] > 1e-5  # each mode takes part
-
-
-@pytest.mark.parametrize("k", ATOMS)
-def test_started_in_a_mode_the_others_stay_still(fmu, k: int) -> None:
-    u = 0.05 * LinearMolecule.modes()[:, k - 1]
-    start: Any = {f"x_{i}_0": (i - 1) * 0.116 + u[i - 1] for i in ATOMS}
-    result = simulate(fmu(LinearMolecule), stop_time=200.0, step_size=0.5, tolerance=1e-10, record=RECORD, **start)
-    for other in set(ATOMS) - {k}:
-        assert max_error(result[f"mode_{other}"], 0.0) <= 1e-10  # tolerance; linear equations mix by rounding only
-    cosine = 0.05 * np.cos(result[f"omega_{k}"] * result.time)
-    assert max_error(result[f"mode_{k}"], cosine) <= 1e-9  # phase errors of 1e-10 · Ωt of 100, of 0.05 m
-
-
-@pytest.mark.parametrize("name", ["mass_outer", "mass_inner", "stiffness"])
-def test_bad_input_is_named(fmu, name: str) -> None:
-    with pytest.raises(SimulationError, match=f"{name} = 0 at t = 0: it must be > 0"):
-        simulate(fmu(LinearMolecule), stop_time=1.0, **{name: 0.0})  # type: ignore[arg-type]

@@ -144,20 +144,6 @@ def test_mc1_in_the_frame_of_the_rope_equation_54_does_not_hold(swing_states) ->
         assert wrong.evaluate("momentum_rates", **{name: n[name] for name in names}) == pytest.approx(expected, 1e-12)
 
 
-def printed_weight(rope: Any, lean: Any) -> Any:
-    return weight(rope, lean) / (SEAT + TORSO)
-
-
-def test_ma2_without_the_total_mass_the_weight_is_too_small(swing_states) -> None:
-    """M prints D as gravity times distance: then p_θ' is short of the moment of the weight by the total mass."""
-    printed = marle_swing(inertia, couplings, metric, printed_weight, shape=SHAPE)
-    wrong, swing = derive(printed), derive(Swing)
-    for n in swing_states(5, theta_force=0.0, theta_load=0.0):
-        expected = swing.evaluate("momentum_rates", **n)[0]
-        found = wrong.evaluate("momentum_rates", **in_both(printed, n))[0]
-        assert found * (SEAT + TORSO) == pytest.approx(expected, rel=1e-11, abs=1e-10)  # algebra
-
-
 def test_swing_and_its_four_functions_move_alike(fmu) -> None:
     """Pumping with rope and torso; what connects the two angles is δ of the shape."""
     inputs = {

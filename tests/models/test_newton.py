@@ -14,7 +14,7 @@ import pytest
 
 from liaisons.language import Mechanism
 from liaisons.mechanics import derive
-from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Swing
+from liaisons.models import Flywheel, Oscillator, Pendulum, Swing
 
 Hand = dict[str, np.ndarray]
 
@@ -121,39 +121,11 @@ def swing(n: SimpleNamespace) -> Hand:
     }
 
 
-def circular_hoop(n: SimpleNamespace) -> Hand:
-    axis = np.exp(1j * n.beta)
-    outward = np.exp(1j * (n.beta + n.xi / n.radius))
-    tangent = 1j * outward
-    bead = n.offset * axis + n.radius * outward
-    rate = n.beta_dot + n.xi_dot / n.radius
-    load = n.bead_x_load + 1j * n.bead_y_load
-
-    def velocity_and_acceleration(xi_ddot: float) -> tuple[complex, complex]:
-        centre = turning(n.offset, n.beta_dot, n.beta_ddot, RIGID)
-        around = turning(n.radius, rate, n.beta_ddot + xi_ddot / n.radius, RIGID)
-        return axis * centre[0] + outward * around[0], axis * centre[1] + outward * around[1]
-
-    push = n.xi_force - n.xi_load  # along the tangent, between hoop and bead
-    velocity, without = velocity_and_acceleration(0.0)
-    xi_ddot = (push - dot(tangent, load + n.mass * without)) / n.mass
-    acceleration = velocity_and_acceleration(xi_ddot)[1]
-    contact = n.mass * acceleration + load  # force of hoop and push on the bead
-    torque = n.hoop_inertia * n.beta_ddot + cross(bead, contact)
-    return {
-        "accelerations": np.array([xi_ddot]),
-        "momenta": np.array([n.mass * dot(tangent, velocity)]),
-        "operator_forces": np.array([torque]),
-        "normal_force": np.array([-dot(outward, n.mass * acceleration)]),
-    }
-
-
 BY_HAND: dict[type[Mechanism], Callable[[SimpleNamespace], Hand]] = {
     Pendulum: pendulum,
     Oscillator: oscillator,
     Flywheel: flywheel,
     Swing: swing,
-    CircularHoop: circular_hoop,
 }
 
 
@@ -194,11 +166,3 @@ def test_tension_is_the_pull_of_the_rod(random_states, number) -> None:
         pull = -pendulum(SimpleNamespace(**state))["operator_forces"][0]
         # as above
         assert number(equations, equations.mechanism.tension, state) == pytest.approx(pull, rel=1e-12, abs=1e-11)
-
-
-def test_normal_force_is_mass_times_the_acceleration_towards_the_centre(random_states, number) -> None:
-    equations = derive(CircularHoop)
-    for state in random_states(equations):
-        push = circular_hoop(SimpleNamespace(**state))["normal_force"][0]
-        # as above
-        assert number(equations, equations.mechanism.normal_force, state) == pytest.approx(push, rel=1e-12, abs=1e-11)

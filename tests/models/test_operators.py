@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from liaisons.cosim import System
-from liaisons.errors import ValidityError
 from liaisons.language import Operator
 from liaisons.mechanics import assemble
 from liaisons.models import CATALOGUE, Constant, FourierSeries, Ramp, Sinusoid, SmoothStep
@@ -82,8 +81,3 @@ def test_smooth_step_starts_and_ends_with_three_vanishing_derivatives(t: float) 
     assert (end["y_dot"][0], end["y_ddot"][0]) == pytest.approx((0, 0), abs=1e-13)  # roundings of the terms
     # y'' = 420 rise u² / duration² to leading order: the third derivative vanishes at the end, the fourth does not.
     assert abs(triple(SmoothStep, np.array([inside]), values)["y_ddot"][0]) < 420 * 2 * (h / 1.5) ** 2 / 1.5**2
-
-
-def test_smooth_step_needs_time() -> None:
-    with pytest.raises(ValidityError, match="duration = 0"):
-        SmoothStep.exact(1.0, duration=0)

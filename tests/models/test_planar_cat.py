@@ -15,8 +15,7 @@ from scipy.integrate import dblquad, quad
 
 from liaisons import analysis
 from liaisons.check import max_error
-from liaisons.cosim import Result, System, simulate
-from liaisons.errors import SimulationError
+from liaisons.cosim import Result, System
 from liaisons.mechanics import derive
 from liaisons.models.fourier_series import FourierSeries
 from liaisons.models.planar_cat import PlanarCat
@@ -241,20 +240,3 @@ def test_moving_limbs_leave_the_parabola_and_the_angular_momentum(fmu) -> None:
     scale = np.max(np.abs(result["cat.energy"])) + np.max(np.abs(result["cat.work"]))
     assert max_error(result["cat.energy_balance"], 0.0) <= 10 * 1e-10 * scale * 5.0  # ten tolerances a second
     assert np.max(np.abs(result["cat.work"])) > 0.1
-
-
-def test_cat_with_limbs_held_turns_uniformly(fmu) -> None:
-    start: Values = {"com_x_0": 1.0, "com_x_dot_0": -0.5, "com_z_0": 3.0, "phi_0": 0.2, "phi_dot_0": 1.5}
-    result = simulate(fmu(PlanarCat), stop_time=10.0, step_size=0.5, tolerance=1e-10, psi_1=0.7, psi_2=-0.4, **start)
-    for name, values in PlanarCat.exact(result.time, **start).items():
-        assert max_error(result[name], values) <= 1e-12 * 500, name  # polynomials: roundings of 490 m
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("mass_0", 0.0), ("mass_1", -1.0), ("mass_2", 0.0), ("inertia_0", 0.0), ("inertia_2", -0.1), ("arm_1", -0.1)],
-)
-def test_fmu_refuses_a_cat_that_is_none(fmu, name: str, value: float) -> None:
-    start: Values = {name: value}
-    with pytest.raises(SimulationError, match=f"{name}.*must be"):
-        simulate(fmu(PlanarCat), stop_time=0.1, **start)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from on_paper import derivative
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq, fminbound
@@ -33,12 +34,6 @@ TURN, GRAVITY = 2 * np.pi, 9.81
 def integrated(rates: Callable, times: NDArray, start: list[float], tolerance: float = 1e-12) -> NDArray:
     """By another method than the references use."""
     return solve_ivp(rates, (times[0], times[-1]), start, "Radau", times, rtol=tolerance, atol=tolerance * 1e-2).y
-
-
-def derivative(f: Callable[[float], NDArray], t: float, h: float = 0.01) -> NDArray:
-    """Central difference of order 10."""
-    weights = (5 / 6, -5 / 21, 5 / 84, -5 / 504, 1 / 1260)
-    return sum(w * (np.asarray(f(t + i * h)) - f(t - i * h)) for i, w in enumerate(weights, 1)) / h  # type: ignore[return-value]
 
 
 # ---- pendulum ------------------------------------------------------------------------------------------------------
@@ -225,6 +220,7 @@ def test_satellite_steered_by_one_wheel_after_another_makes_a_product_of_turns()
 
 
 def test_bend_for_is_the_inverse_of_turn() -> None:
+    assert SpatialCat.bend_for(np.pi) == pytest.approx(2 * np.arccos((np.sqrt(84) - 2) / 8), rel=1e-14)  # 4c² + 2c = 5
     halves = {"inertia_transverse": 0.3, "inertia_axial": 0.05}
     for turn in (0.5, np.pi, 6.0):
         root = brentq(lambda bend, turn=turn: SpatialCat.turn(bend, **halves) - turn, 0, np.pi, xtol=1e-14)

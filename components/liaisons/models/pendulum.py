@@ -16,7 +16,6 @@ class Pendulum(Mechanism):
 
     With the pivot at (x_p, z_p) and the bob at r = (x_p + l sin θ, z_p - l cos θ)::
 
-        T = m |r'|²/2,    V = m g z_bob
         p_θ = ∂L/∂θ' = m l² θ' + m l (x_p' cos θ + z_p' sin θ)
         fixed pivot:      d/dt (l² θ') = -g l sin θ - η l² θ'
 
@@ -59,5 +58,4 @@ class Pendulum(Mechanism):
     lengthening, pumped, pumping_rate = pendulum.lengthening, pendulum.pumped, pendulum.pumping_rate
     crouch_growth, crouch_schedule = pendulum.crouch_growth, pendulum.crouch_schedule
     shaken_trace, shaken_is_bounded = pendulum.shaken_trace, pendulum.shaken_is_bounded
-    shaken_edges = pendulum.shaken_edges
-    upright_from, upright_well = pendulum.upright_from, pendulum.upright_well
+    shaken_edges, upright_from, upright_well = pendulum.shaken_edges, pendulum.upright_from, pendulum.upright_well
