@@ -61,7 +61,7 @@ def action(
             raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
     total, column = np.zeros(3), eta.ravel(order="F")
     for piece, S, slope, curvature, _ in _pieces(_piece(equations, names, values), z, np.diff(t)):
-        total += S, slope @ column[piece], column[piece] @ curvature @ column[piece]
+        total += np.array([S, slope @ column[piece], column[piece] @ curvature @ column[piece]])
     return Action(*total.tolist())
 
 

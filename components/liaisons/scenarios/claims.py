@@ -24,13 +24,13 @@ class Bound:
     because: str
 
 
-class Signals(Protocol):
+class NamedArrays(Protocol):
     """What has arrays by name: a result, a closed form."""
 
     def __getitem__(self, name: str, /) -> NDArray[Any]: ...
 
 
-class Run(Signals, Protocol):
+class Run(NamedArrays, Protocol):
     """A result."""
 
     @property
@@ -66,7 +66,7 @@ class Claims:
     def __call__(
         self,
         text: str,
-        got: ArrayLike | Signals,
+        got: ArrayLike | NamedArrays,
         expected: ArrayLike | Mapping[str, ArrayLike],
         bound: Bound,
         *,
