@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,20 @@ def test_layers() -> None:
         check=False,
     )
     assert done.returncode == 0, done.stdout
+
+
+def test_one_name_is_one_thing() -> None:
+    """No class is called like another one, no module like what its package exports."""
+    package, defined = ROOT / "components/liaisons", Counter[str]()
+    for path in package.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        defined.update(n.name for n in tree.body if isinstance(n, ast.ClassDef) and not n.name.startswith("_"))
+        if path.name == "__init__.py":
+            exported = {a.name for n in tree.body if isinstance(n, ast.ImportFrom) for a in n.names}
+            assert not exported & {module.stem for module in path.parent.glob("*.py")}, path
+    twice = {name for name, count in defined.items() if count > 1}
+    # What users call a system takes components, too; the runtime inside Python FMUs is a world of its own.
+    assert twice <= {"System", "Call"}
 
 
 def test_who_sends_an_interrupt_makes_sure_that_it_arrives() -> None:

@@ -61,7 +61,7 @@ sweep = _of_system(sweeps.sweep)
 
 @final
 @dataclass(frozen=True, slots=True)
-class Prescribed:
+class OperatorFmu:
     """An FMU that prescribes a coordinate; see :func:`operator`."""
 
     fmu: Path
@@ -69,7 +69,7 @@ class Prescribed:
     interpolate: bool
 
 
-def operator(fmu: Target, /, *, interpolate: bool = True, **starts: ArrayLike) -> Prescribed:
+def operator(fmu: Target, /, *, interpolate: bool = True, **starts: ArrayLike) -> OperatorFmu:
     """An operator as the value of a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
 
     :param fmu: path of an FMU with the port ``y``; or a component by its name, file or class.
@@ -78,7 +78,7 @@ def operator(fmu: Target, /, *, interpolate: bool = True, **starts: ArrayLike) -
     :param starts: its parameters, where they differ from the FMU's.
     :raises ProjectError: if there is no such file or component.
     """
-    return Prescribed(fmu_file(fmu), starts, interpolate)
+    return OperatorFmu(fmu_file(fmu), starts, interpolate)
 
 
 @final
@@ -101,7 +101,7 @@ class System(cosim.System):
     :param name: used in messages, results and figures.
     """
 
-    def add(self, name: str, fmu: Target, /, **starts: ArrayLike | Prescribed) -> cosim.Part:
+    def add(self, name: str, fmu: Target, /, **starts: ArrayLike | OperatorFmu) -> cosim.Part:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
@@ -114,7 +114,7 @@ class System(cosim.System):
             cannot be set, or has the wrong type.
         """
         path = fmu_file(fmu)
-        operators = {port: value for port, value in starts.items() if isinstance(value, Prescribed)}
+        operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
         given: dict[str, Any] = {start: value for start, value in starts.items() if start not in operators}
         smooth = bool(operators) and all(value.interpolate for value in operators.values())
         if smooth and cosim.Part.of(name, path, {}).reconstruction is not None:
@@ -160,7 +160,7 @@ def simulate(
     tolerance: float | None = None,
     record: str | Iterable[str] | None = None,
     inputs: Mapping[str, Callable[[float], Any]] | None = None,
-    **starts: ArrayLike | Prescribed,
+    **starts: ArrayLike | OperatorFmu,
 ) -> cosim.Result:
     """Simulate one FMU, and the operators that prescribe its coordinates; what is not given its experiment says.
 
@@ -181,7 +181,7 @@ def simulate(
     """
     given = {"start_time": start_time, "stop_time": stop_time, "step_size": step_size, "tolerance": tolerance}
     path = fmu_file(fmu)
-    if not any(isinstance(value, Prescribed) for value in starts.values()):
+    if not any(isinstance(value, OperatorFmu) for value in starts.values()):
         return cosim.simulate(path, times=times, record=record, inputs=inputs, **given, **starts)  # type: ignore[arg-type]
     system, prefix = System(path.stem), f"{path.stem}."
     mechanism = system.add(path.stem, path, **starts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,18 +59,9 @@ def action(
         eta[[names.index(name) for name in varied]] = given
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
             raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
-    epsilon = ca.SX.sym("epsilon")
-    q, q_dot, dq, dq_dot = (ca.SX.sym(name, len(names)) for name in ("q", "q_dot", "dq", "dq_dot"))
-    symbols = _columns(equations, names)
-    L = frozen(equations, equations.lagrangian, values, symbols)
-    L = ca.substitute(L, symbols, ca.vertcat(q + epsilon * dq, q_dot + epsilon * dq_dot))
-    first = ca.jacobian(L, epsilon)
-    series = ca.substitute(ca.vertcat(L, first, ca.jacobian(first, epsilon)), epsilon, ca.SX(0))
-    function = ca.Function("series", [q, q_dot, dq, dq_dot], [ca.densify(series)])
-    h = np.diff(t)
-    total = np.zeros(3)
-    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-        total += weight * np.asarray(function(*_hermite(z, h, node), *_hermite(eta, h, node))) @ h
+    total, column = np.zeros(3), eta.ravel(order="F")
+    for piece, S, slope, curvature, _ in _pieces(_piece(equations, names, values), z, np.diff(t)):
+        total += np.array([S, slope @ column[piece], column[piece] @ curvature @ column[piece]])
     return Action(*total.tolist())
 
 
@@ -164,11 +155,6 @@ def _columns(equations: Equations, names: list[str]) -> ca.SX:
     return ca.vertcat(*(equations.symbols[f"{name}{end}"] for end in ("", "_dot") for name in names))
 
 
-def _hermite(z: NDArray, h: NDArray, u: float) -> tuple[NDArray, NDArray]:
-    """Cubic Hermite interpolant and its derivative at the part u of each interval; (coordinate, n - 1) each."""
-    return _cubic((z[:, 0, :-1], z[:, 1, :-1], z[:, 0, 1:], z[:, 1, 1:]), h, u)
-
-
 def _cubic(ends: Sequence[Any], h: Any, u: float) -> tuple[Any, Any]:
     """Cubic through value, rate, value, rate at its ends, and its derivative; of numbers or expressions."""
     q_0, v_0, q_1, v_1 = ends
@@ -188,23 +174,29 @@ def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) 
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
         q, v = _cubic(ca.vertsplit(ends, count), h, node)
         here = ca.vertcat(q, v)
-        basis = ca.jacobian(q, ends)
+        basis = ca.jacobian(q, ends)[: A.shape[0], :]  # of the free coordinates, which come first
         S += weight * h * ca.substitute(L, symbols, here)
         norm += weight * h * basis.T @ ca.substitute(A, symbols, here) @ basis
     hessian, gradient = ca.hessian(S, ends)
     return ca.Function("piece", [ends, h], [ca.densify(e) for e in (S, gradient, hessian, norm)])
 
 
-def _assemble(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-    """S of the whole path, its gradient and Hessian, and the norm, in the order (node, rate, coordinate)."""
+def _pieces(function: ca.Function, z: NDArray, h: NDArray) -> Iterator[tuple[slice, float, NDArray, NDArray, NDArray]]:
+    """Of each interval its place in the order (node, rate, coordinate), S, gradient, Hessian and norm."""
     node, column = 2 * z.shape[0], z.ravel(order="F")
-    gradient, hessian, norm = np.zeros(z.size), np.zeros((z.size, z.size)), np.zeros((z.size, z.size))
-    total = 0.0
     for i, width in enumerate(h):
         piece = slice(i * node, (i + 2) * node)
         S, slope, curvature, weight = (np.asarray(part) for part in function(column[piece], width))
-        total += float(S[0, 0])
-        gradient[piece] += slope[:, 0]
+        yield piece, float(S[0, 0]), slope[:, 0], curvature, weight
+
+
+def _assemble(function: ca.Function, z: NDArray, h: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
+    """S of the whole path, its gradient and Hessian, and the norm."""
+    gradient, hessian, norm = np.zeros(z.size), np.zeros((z.size, z.size)), np.zeros((z.size, z.size))
+    total = 0.0
+    for piece, S, slope, curvature, weight in _pieces(function, z, h):
+        total += S
+        gradient[piece] += slope
         hessian[piece, piece] += curvature
         norm[piece, piece] += weight
     return total, gradient, hessian, norm

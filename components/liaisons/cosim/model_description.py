@@ -42,7 +42,7 @@ _FMI_3: dict[str, VariableType] = {
 
 @final
 @dataclass(frozen=True, slots=True)
-class Unit:
+class UnitDefinition:
     """SI value = factor * value + offset; exponents of kg, m, s, A, K, mol, cd, rad."""
 
     exponents: tuple[int, ...]
@@ -74,7 +74,7 @@ class Description:
     co_simulation: Attributes | None = None
     experiment: Attributes = field(default_factory=dict)
     log_categories: list[str] = field(default_factory=list)
-    units: dict[str, Unit] = field(default_factory=dict)
+    units: dict[str, UnitDefinition] = field(default_factory=dict)
     variables: Variables = field(default_factory=lambda: Variables({}))
     outputs: Table = field(default_factory=dict)
     initial_unknowns: Table = field(default_factory=dict)
@@ -203,7 +203,7 @@ class _Reader:
 
     def _base_unit(self, attributes: Attributes) -> None:
         exponents = tuple(int(attributes.get(base, 0)) for base in _BASE_UNITS)
-        self.description.units[self._unit] = Unit(exponents, *scale(self._unit, attributes))
+        self.description.units[self._unit] = UnitDefinition(exponents, *scale(self._unit, attributes))
 
     def _open_type(self, attributes: Attributes) -> None:
         self._type = attributes["name"]

@@ -8,7 +8,7 @@ wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -50,14 +50,6 @@ def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Dec
         expected = None if item.unit in (None, units.ANY) else units.powers(item.unit)
         if graph.wrong or (expected is not None and graph.units[node] not in (None, expected)):
             graph.report(item.label, node, expected, item.unit)
-
-
-@dataclass(frozen=True, slots=True)
-class _Operation:
-    """How an operation is written, and the unit of its result, if there is one, from those of the operands."""
-
-    name: str
-    unit: Callable[[_Graph, Sequence[int]], Powers | None]
 
 
 class _UnitError(Exception):
@@ -103,11 +95,10 @@ class _Graph:
         return results
 
     def _unit(self, node: int, code: int, operands: Sequence[int]) -> Powers | None:
-        operation = _OPERATIONS.get(code)
-        if operation is None:
+        if code not in _RULES:
             return None
         try:
-            return operation.unit(self, operands)
+            return _RULES[code](self, operands)
         except _UnitError as error:
             self.wrong[node] = str(error) or self._unlike(node)
             return None
@@ -179,8 +170,7 @@ class _Graph:
         code = self.codes[node]
         parts = [self._text(operand, depth - 1) for operand in self.operands[node]]
         if code not in _WRITTEN:
-            name = _OPERATIONS[code].name if code in _OPERATIONS else "call"
-            return f"{name}({', '.join(text for text, _ in parts)})", 3
+            return f"{_NAMES.get(code, 'call')}({', '.join(text for text, _ in parts)})", 3
         pattern, wanted, precedence = _WRITTEN[code]
         texts = (text if own >= least else f"({text})" for (text, own), least in zip(parts, wanted, strict=True))
         return pattern.format(*texts), precedence
@@ -188,6 +178,9 @@ class _Graph:
 
 def _called(unit: Powers | None) -> str:
     return "a pure number" if unit == NUMBER else written(unit or NUMBER)
+
+
+_Rule = Callable[[_Graph, Sequence[int]], Powers | None]
 
 
 # ---- the rules ---------------------------------------------------------------------------------------------------
@@ -201,14 +194,6 @@ def _alike(graph: _Graph, operands: Sequence[int]) -> Powers | None:
     return right if left is None else left
 
 
-def _unknown(_graph: _Graph, _operands: Sequence[int]) -> None:
-    return None
-
-
-def _number(_graph: _Graph, _operands: Sequence[int]) -> Powers:
-    return NUMBER
-
-
 def _ratio(graph: _Graph, operands: Sequence[int]) -> Powers | None:
     _alike(graph, operands)
     return NUMBER
@@ -218,7 +203,7 @@ def _compared(graph: _Graph, operands: Sequence[int]) -> None:
     _alike(graph, operands)
 
 
-def _pure(name: str) -> Callable[[_Graph, Sequence[int]], Powers | None]:
+def _pure(name: str) -> _Rule:
     def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
         taken = graph.units[operands[0]]
         if taken is not None and taken != NUMBER:
@@ -229,7 +214,7 @@ def _pure(name: str) -> Callable[[_Graph, Sequence[int]], Powers | None]:
     return unit
 
 
-def _raised(exponent: int | Fraction) -> Callable[[_Graph, Sequence[int]], Powers | None]:
+def _raised(exponent: int | Fraction) -> _Rule:
     def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
         base = graph.units[operands[0]]
         return base if base is None or base is NUMBER else product([(base, exponent)])
@@ -252,38 +237,49 @@ def _rational(value: float) -> int | Fraction:
     return int(value) if value.is_integer() else Fraction(value).limit_denominator(1000)
 
 
-def _product(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-    left, right = (graph.units[operand] for operand in operands)
-    return None if left is None or right is None else tuple(a + b for a, b in zip(left, right, strict=True))
+def _multiplied(sign: int) -> _Rule:
+    def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
+        left, right = (graph.units[operand] for operand in operands)
+        return None if left is None or right is None else product([(left, 1), (right, sign)])
+
+    return unit
 
 
-def _quotient(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-    left, right = (graph.units[operand] for operand in operands)
-    return None if left is None or right is None else tuple(a - b for a, b in zip(left, right, strict=True))
-
-
-def _of(place: int) -> Callable[[_Graph, Sequence[int]], Powers | None]:
+def _of(place: int) -> _Rule:
     return lambda graph, operands: graph.units[operands[place]]
 
 
-def _rules() -> Iterable[tuple[str, str, Callable[[_Graph, Sequence[int]], Powers | None]]]:
-    yield from (("ADD", "+", _alike), ("SUB", "-", _alike), ("FMIN", "fmin", _alike), ("FMAX", "fmax", _alike))
-    yield from (("FMOD", "fmod", _alike), ("REMAINDER", "remainder", _alike), ("HYPOT", "hypot", _alike))
-    yield from (("LT", "<", _compared), ("LE", "<=", _compared), ("EQ", "==", _compared), ("NE", "!=", _compared))
-    yield from (("ATAN2", "atan2", _ratio), ("MUL", "*", _product), ("DIV", "/", _quotient))
-    yield from (("INV", "1/", _raised(-1)), ("SQ", "^2", _raised(2)), ("SQRT", "sqrt", _raised(Fraction(1, 2))))
-    yield from (("POW", "^", _power), ("CONSTPOW", "^", _power), ("SIGN", "sign", _number))
-    yield from (("NOT", "not", _unknown), ("AND", "and", _unknown), ("OR", "or", _unknown))
-    yield from (("IF_ELSE_ZERO", "if_else", _of(1)), ("COPYSIGN", "copysign", _of(0)))
-    for same in ("ASSIGN", "NEG", "TWICE", "FABS", "FLOOR", "CEIL"):
-        yield same, same.lower(), _of(0)
-    for name in ("exp", "log", "log1p", "expm1", "erf", "erfinv", "sin", "cos", "tan", "asin", "acos", "atan"):
-        yield name.upper(), name, _pure(name)
-    for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"):
-        yield name.upper(), name, _pure(name)
+def _named(*codes: str) -> Iterator[tuple[int, str]]:
+    return ((getattr(ca, f"OP_{code}"), code.lower()) for code in codes)
 
 
-_OPERATIONS = {getattr(ca, f"OP_{code}"): _Operation(name, unit) for code, name, unit in _rules()}
+_NAMES = dict(_named("FMIN", "FMAX", "FMOD", "REMAINDER", "HYPOT", "ATAN2", "SQRT", "SIGN", "NOT", "AND", "OR"))
+_NAMES |= dict(_named("COPYSIGN", "FABS", "FLOOR", "CEIL")) | {ca.OP_IF_ELSE_ZERO: "if_else"}
+_PURE = dict(_named("EXP", "LOG", "LOG1P", "EXPM1", "ERF", "ERFINV", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN"))
+_PURE |= dict(_named("SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH"))
+_NAMES |= _PURE
+"""How the operations are called that are calls."""
+
+_RULES: dict[int, _Rule] = {
+    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_HYPOT), _alike),
+    **dict.fromkeys((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE), _compared),
+    **dict.fromkeys(
+        (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_COPYSIGN), _of(0)
+    ),
+    **{code: _pure(name) for code, name in _PURE.items()},
+    ca.OP_IF_ELSE_ZERO: _of(1),
+    ca.OP_ATAN2: _ratio,
+    ca.OP_MUL: _multiplied(1),
+    ca.OP_DIV: _multiplied(-1),
+    ca.OP_INV: _raised(-1),
+    ca.OP_SQ: _raised(2),
+    ca.OP_SQRT: _raised(Fraction(1, 2)),
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_SIGN: lambda _graph, _operands: NUMBER,
+}
+"""The unit of the result from those of the operands; of what is not here it is unknown."""
+
 _WRITTEN: dict[int, tuple[str, tuple[int, ...], int]] = {
     ca.OP_ADD: ("{} + {}", (0, 0), 0),
     ca.OP_SUB: ("{} - {}", (0, 1), 0),

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.markup import document, element
-from liaisons.language.variables import Port, PortMember
+from liaisons.language.variables import Terminal, TerminalMember
 from liaisons.mechanics.model import Model
 
 MOST_ELEMENTS = 100
@@ -37,7 +37,7 @@ def terminals_and_icons(model: Model, fmi: Fmi) -> bytes:
     return document(element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"}, _content(ports)))
 
 
-def _content(ports: tuple[Port, ...]) -> Iterator[str]:
+def _content(ports: tuple[Terminal, ...]) -> Iterator[str]:
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     graphics = [
         *element("CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}),
@@ -48,8 +48,8 @@ def _content(ports: tuple[Port, ...]) -> Iterator[str]:
         yield from element("Terminals", {}, _terminals(ports))
 
 
-def _terminals(ports: tuple[Port, ...]) -> Iterator[str]:
-    places: dict[tuple[str, str], dict[str, Port]] = {}  # (kind, place) -> components by axis
+def _terminals(ports: tuple[Terminal, ...]) -> Iterator[str]:
+    places: dict[tuple[str, str], dict[str, Terminal]] = {}  # (kind, place) -> components by axis
     for port in ports:
         if match := _COMPONENT.fullmatch(port.name):
             place = match["place"] + (match["index"] or "")
@@ -66,14 +66,14 @@ def _terminals(ports: tuple[Port, ...]) -> Iterator[str]:
             yield from element("Terminal", {"name": place[1], "matchingRule": "bus", "description": text}, inner)
 
 
-def _terminal(port: Port, name: str) -> Iterator[str]:
+def _terminal(port: Terminal, name: str) -> Iterator[str]:
     yield from _members(port, name, port.members)
     if port.kind == "signal":  # it goes with either kind of coordinate
-        members = tuple(PortMember(_ROTATION[member.role], member.variable) for member in port.members)
+        members = tuple(TerminalMember(_ROTATION[member.role], member.variable) for member in port.members)
         yield from _members(port, f"{name}_rotation", members)
 
 
-def _members(port: Port, name: str, members: tuple[PortMember, ...]) -> Iterator[str]:
+def _members(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> Iterator[str]:
     attributes = {
         "name": name,
         # An active port can do without its force, which an operator does not take.
@@ -91,7 +91,7 @@ def _members(port: Port, name: str, members: tuple[PortMember, ...]) -> Iterator
     )
 
 
-def _elements(model: Model) -> Iterator[Port]:
+def _elements(model: Model) -> Iterator[Terminal]:
     """Ports by the numbers of arrays, as FMI 2.0 names them."""
     variables = {variable.name: variable for variable in model.variables}
     for port in model.ports:
@@ -100,5 +100,5 @@ def _elements(model: Model) -> Iterator[Port]:
             yield port
         elif count <= MOST_ELEMENTS:
             for i in range(1, count + 1):
-                members = (PortMember(member.role, f"{member.variable}[{i}]") for member in port.members)
-                yield Port(f"{port.name}[{i}]", port.kind, tuple(members))
+                members = (TerminalMember(member.role, f"{member.variable}[{i}]") for member in port.members)
+                yield Terminal(f"{port.name}[{i}]", port.kind, tuple(members))

@@ -28,7 +28,7 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
-from liaisons.language.variables import Experiment, Port, Variable
+from liaisons.language.variables import Experiment, Terminal, Variable
 
 __all__ = [
     "ActiveCoordinate",
@@ -45,8 +45,8 @@ __all__ = [
     "Operator",
     "Orientation",
     "Parameter",
-    "Port",
     "Size",
+    "Terminal",
     "Values",
     "Variable",
     "calculated",

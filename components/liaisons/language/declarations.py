@@ -359,7 +359,7 @@ class Orientation(Declaration[Attitude]):
         return Attitude(*(ca.vertcat(*(picture.symbols[name] for name in names)) for names in columns))
 
 
-class Formula(Declaration[T]):
+class DeclaredFormula(Declaration[T]):
     """A declared expression: stands above a method of the component, as ``@output("m/s", "speed")``; abstract."""
 
     method: Callable[[Any], T]
@@ -380,7 +380,7 @@ class Formula(Declaration[T]):
         return picture.formulas[self.name]
 
 
-class point(Formula[Mapping[str, ca.SX]]):
+class point(DeclaredFormula[Mapping[str, ca.SX]]):
     """A named point, which is a port: other mechanisms may be attached to it.
 
     The method returns its components, for example ``{"x": ..., "z": ...}``, which all have the unit.
@@ -389,31 +389,31 @@ class point(Formula[Mapping[str, ca.SX]]):
     example = '@point("m", "the bob")'
 
 
-class output(Formula[ca.SX]):
+class output(DeclaredFormula[ca.SX]):
     """An output of the FMU beyond the systematic ones: of coordinates, rates, momenta, forces."""
 
     example = '@output("m/s", "speed of the bob")'
 
 
-class calculated(Formula[ca.SX]):
+class calculated(DeclaredFormula[ca.SX]):
     """A number that follows from the parameters alone."""
 
     example = '@calculated("rad/s", "angular frequency")'
 
 
-class constraint(Formula[ca.SX]):
+class constraint(DeclaredFormula[ca.SX]):
     """An expression of the configuration that stays zero (K eq. 2)."""
 
     example = '@constraint("m", "the rod keeps its length")'
 
 
-class non_holonomic(Formula[ca.SX]):
+class non_holonomic(DeclaredFormula[ca.SX]):
     """An expression of configuration and rates that stays zero, upheld by Gauss's principle (K eq. 107)."""
 
     example = '@non_holonomic("m/s", "the wheel does not slip")'
 
 
-class condition(Formula[ca.SX]):
+class condition(DeclaredFormula[ca.SX]):
     """An expression that must stay positive; a singularity lies where it vanishes.
 
     :param text: the message when it does not, for example ``"r must stay > 0"``.
@@ -425,7 +425,7 @@ class condition(Formula[ca.SX]):
         super().__init__("1", text, unchecked=unchecked)
 
 
-class submersion(Formula[ca.SX]):
+class submersion(DeclaredFormula[ca.SX]):
     """An active constraint π(x) = σ(t) on coordinates that are not adapted to it (M eq. 20); σ is an FMU input.
 
     :param start: value of σ until the operator gives another; the start of the motion has to fit it.

@@ -9,14 +9,23 @@ from liaisons import units
 from liaisons.language.declarations import (
     ActiveCoordinate,
     Coordinate,
-    Formula,
+    DeclaredFormula,
     InternalState,
     Orientation,
     Symbol,
     calculated,
     point,
 )
-from liaisons.language.variables import ActiveInput, Causality, Dimension, Port, PortKind, PortMember, State, Variable
+from liaisons.language.variables import (
+    ActiveInput,
+    Causality,
+    Dimension,
+    State,
+    Terminal,
+    TerminalKind,
+    TerminalMember,
+    Variable,
+)
 
 # Names of connector members as in the Modelica Standard Library: position, rate, acceleration, force.
 _TRANSLATION = ("s", "v", "a", "f")
@@ -31,7 +40,7 @@ class Layout:
     inputs: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
     states: tuple[State, ...]
-    ports: tuple[Port, ...]
+    ports: tuple[Terminal, ...]
     active: tuple[ActiveInput, ...] = ()
     dimensions: tuple[Dimension, ...] = ()
 
@@ -105,12 +114,12 @@ def of_internal(state: InternalState) -> Iterator[Variable]:
     yield _rate(state.name, units.rate(state.unit), f"rate of {state.name}")
 
 
-def residual(item: Formula) -> Variable:
+def residual(item: DeclaredFormula) -> Variable:
     """What a constraint is not kept by."""
     return readable(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}")
 
 
-def multiplier(item: Formula, unit: str) -> Variable:
+def multiplier(item: DeclaredFormula, unit: str) -> Variable:
     """λ of a constraint."""
     return readable(f"lambda_{item.name}", unit, f"multiplier of: {item.description} (K eq. 7)")
 
@@ -161,11 +170,11 @@ def moving(names: Iterable[str]) -> tuple[State, ...]:
     return (*motion, State("work", "power"), State("dissipated", "dissipation"))
 
 
-def port(name: str, unit: str, kind: PortKind) -> Port:
+def port(name: str, unit: str, kind: TerminalKind) -> Terminal:
     """A connector: position, rate, acceleration, and force or load."""
     variables = (name, f"{name}_dot", f"{name}_ddot", f"{name}_{'force' if kind == 'active' else 'load'}")
     roles = _ROTATION if unit == "rad" else _TRANSLATION
-    return Port(name, kind, tuple(PortMember(role, name) for role, name in zip(roles, variables, strict=True)))
+    return Terminal(name, kind, tuple(TerminalMember(role, name) for role, name in zip(roles, variables, strict=True)))
 
 
 def start_of_internal(state: Symbol) -> Variable:

@@ -14,7 +14,7 @@ from liaisons.language.checks import Formulas, call
 from liaisons.language.component import Component, Every
 from liaisons.language.declarations import Input, InternalState
 from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
-from liaisons.language.variables import Port, PortMember, State
+from liaisons.language.variables import State, Terminal, TerminalMember
 
 TRIPLE = ("y", "y_dot", "y_ddot")
 _TEXTS = ("signal", "first derivative of the signal", "second derivative of the signal")
@@ -67,7 +67,7 @@ class Operator(Component, abstract=True):
                 *(rate for _, rate in of_states),
             ),
             states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
-            ports=(Port("y", "signal", tuple(map(PortMember, ("s", "v", "a"), TRIPLE))),),
+            ports=(Terminal("y", "signal", tuple(map(TerminalMember, ("s", "v", "a"), TRIPLE))),),
         )
 
     def _check(self) -> None:

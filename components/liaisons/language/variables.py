@@ -11,7 +11,7 @@ from typing import Literal
 from liaisons.errors import ComponentError
 
 Causality = Literal["parameter", "calculatedParameter", "input", "output", "local"]
-PortKind = Literal["free", "active", "point", "signal"]
+TerminalKind = Literal["free", "active", "point", "signal"]
 Variability = Literal["fixed", "tunable", "discrete", "continuous"]
 
 
@@ -104,7 +104,7 @@ class ActiveInput:
 
 
 @dataclass(frozen=True, slots=True)
-class PortMember:
+class TerminalMember:
     """One member of a port: its role (``"s"``, ``"v"``, ``"a"``, ``"f"``, ``"phi"``, ...) and its variable."""
 
     role: str
@@ -112,12 +112,12 @@ class PortMember:
 
 
 @dataclass(frozen=True, slots=True)
-class Port:
+class Terminal:
     """A coordinate or a component of a named point, seen as a connector (terminal)."""
 
     name: str
-    kind: PortKind
-    members: tuple[PortMember, ...]
+    kind: TerminalKind
+    members: tuple[TerminalMember, ...]
 
 
 @dataclass(frozen=True, slots=True)

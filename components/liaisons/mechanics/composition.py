@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.variables import Experiment, Port, PortMember, Variable
+from liaisons.language.variables import Experiment, Terminal, TerminalMember, Variable
 from liaisons.mechanics.bookkeeping import function
 from liaisons.mechanics.model import ActiveInput, Model, State
 
@@ -232,9 +232,13 @@ def _named(part: str, model: Model, group: str) -> list[Variable]:
     ]
 
 
-def _ports(part: str, model: Model) -> list[Port]:
+def _ports(part: str, model: Model) -> list[Terminal]:
     return [
-        Port(f"{part}.{port.name}", port.kind, tuple(PortMember(m.role, f"{part}.{m.variable}") for m in port.members))
+        Terminal(
+            f"{part}.{port.name}",
+            port.kind,
+            tuple(TerminalMember(m.role, f"{part}.{m.variable}") for m in port.members),
+        )
         for port in model.ports
     ]
 

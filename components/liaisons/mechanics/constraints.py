@@ -33,13 +33,13 @@ class Constraints:
     of_position: tuple[int, ...]  # rows that restrict the configuration
 
 
-def constraints(m: Mechanism) -> Constraints:
+def upheld(m: Mechanism) -> Constraints:
     """Differentiate the constraints of a mechanism until accelerations appear (K eq. 8, 9; KC2 of the errata).
 
     A residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, α = STABILISATION, where it would grow linearly.
     """
     alpha, zero = STABILISATION, ca.SX.zeros(m.free.q_ddot.shape)
-    upheld: list[ca.SX] = []
+    accelerated: list[ca.SX] = []
     residuals: list[ca.SX] = []
     rate_residuals: list[ca.SX] = []
 
@@ -47,7 +47,7 @@ def constraints(m: Mechanism) -> Constraints:
         phi_dot = m.dot(phi)
         residuals.append(phi - sigma)
         rate_residuals.append(phi_dot - sigma_dot)
-        upheld.append(m.dot(phi_dot) - sigma_ddot + 2 * alpha * rate_residuals[-1] + alpha**2 * residuals[-1])
+        accelerated.append(m.dot(phi_dot) - sigma_ddot + 2 * alpha * rate_residuals[-1] + alpha**2 * residuals[-1])
 
     for item in m.constraints:
         keep(getattr(m, item.name), *(ca.SX(0),) * 3)
@@ -55,11 +55,11 @@ def constraints(m: Mechanism) -> Constraints:
         rho = getattr(m, item.name)
         residuals.append(rho)
         rate_residuals.append(rho)
-        upheld.append(m.dot(rho) + alpha * rho)
+        accelerated.append(m.dot(rho) + alpha * rho)
     for item in m.submersions:
         keep(getattr(m, item.name), *(m.symbols[f"{item.name}{end}"] for end in ("", "_dot", "_ddot")))
 
-    rows = stack(upheld)
+    rows = stack(accelerated)
     first, last = len(m.constraints), len(m.constraints) + len(m.non_holonomic)
     matrix = ca.jacobian(rows, m.free.q_ddot)
     return Constraints(
@@ -68,7 +68,7 @@ def constraints(m: Mechanism) -> Constraints:
         targets=-ca.substitute(rows, m.free.q_ddot, zero),
         residuals=stack(residuals),
         rate_residuals=stack(rate_residuals),
-        of_position=tuple(i for i in range(len(upheld)) if not first <= i < last),
+        of_position=tuple(i for i in range(len(accelerated)) if not first <= i < last),
     )
 
 

@@ -36,7 +36,7 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics import constraints
 from liaisons.mechanics.constraints import Constraints
 from liaisons.mechanics.friction import Dissipation
-from liaisons.mechanics.inertia import inertia
+from liaisons.mechanics.inertia import inertia_of
 
 QUANTITIES = (
     "mass_matrix",
@@ -177,7 +177,7 @@ def derive(component: type[Mechanism]) -> Equations:
 
     # Momentum and its inverse: p = A ẋ + b.
     p = gradient(L, q_dot)
-    metric = inertia(m, L)
+    metric = inertia_of(m, L)
     A = metric.matrix
     b = ca.substitute(p, q_dot, ca.SX.zeros(q_dot.shape))
     loose = metric.solve(m.free.frame.T @ m.free.p - b)
@@ -185,7 +185,7 @@ def derive(component: type[Mechanism]) -> Equations:
     # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     force = K.T @ gradient(L, q) + Q
     f = force + _gyroscopic(component, m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
-    kept = constraints.constraints(m)
+    kept = constraints.upheld(m)
     C = kept.matrix
     velocities, mu = constraints.kept_velocities(m, metric, loose, kept)
     lambdas = constraints.multipliers(metric, f, kept)

@@ -86,7 +86,7 @@ def mass_matrix(m: Mechanism, lagrangian: ca.SX) -> ca.SX:
     return ca.hessian(lagrangian, m.free.q_dot)[0]
 
 
-def inertia(m: Mechanism, lagrangian: ca.SX) -> Inertia:
+def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
     """The mass matrix of a mechanism and the cheapest way to solve by it."""
     A = mass_matrix(m, lagrangian)
     if A.shape[0] < MANY:

@@ -24,7 +24,16 @@ import casadi as ca
 
 from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component
-from liaisons.language.variables import ActiveInput, Dimension, Experiment, Port, PortMember, State, Variable, element
+from liaisons.language.variables import (
+    ActiveInput,
+    Dimension,
+    Experiment,
+    State,
+    Terminal,
+    TerminalMember,
+    Variable,
+    element,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +83,7 @@ class Model:
     start_only: int = 0  # so many of the conditions, the last ones, are asked of the start alone
     active: tuple[ActiveInput, ...] = ()
     module: str = ""  # where the component is declared
-    ports: tuple[Port, ...] = ()
+    ports: tuple[Terminal, ...] = ()
     experiment: Experiment = field(default_factory=Experiment)
     equations: tuple[Equation, ...] = ()  # for the documentation
     closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
@@ -97,12 +106,12 @@ class Model:
             count = sized.get(of[0], 1)
             return (tuple(element(n, i) if n in sized else n for n in of) for i in range(1, count + 1))
 
-        def port(p: Port) -> Iterator[Port]:
+        def terminal(p: Terminal) -> Iterator[Terminal]:
             members = names(tuple(member.variable for member in p.members))
             for i, variables in enumerate(members, start=1):
                 name = element(p.name, i) if p.name in sized else p.name
                 roles = (member.role for member in p.members)
-                yield Port(name, p.kind, tuple(map(PortMember, roles, variables)))
+                yield Terminal(name, p.kind, tuple(map(TerminalMember, roles, variables)))
 
         return replace(
             self,
@@ -113,7 +122,7 @@ class Model:
             active=tuple(
                 ActiveInput(*triple) for a in self.active for triple in names((a.value, a.rate, a.acceleration))
             ),
-            ports=tuple(element for p in self.ports for element in port(p)),
+            ports=tuple(element for p in self.ports for element in terminal(p)),
         )
 
 

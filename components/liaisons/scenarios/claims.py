@@ -24,13 +24,13 @@ class Bound:
     because: str
 
 
-class Signals(Protocol):
+class NamedArrays(Protocol):
     """What has arrays by name: a result, a closed form."""
 
     def __getitem__(self, name: str, /) -> NDArray[Any]: ...
 
 
-class Run(Signals, Protocol):
+class Simulated(NamedArrays, Protocol):
     """A result."""
 
     @property
@@ -66,7 +66,7 @@ class Claims:
     def __call__(
         self,
         text: str,
-        got: ArrayLike | Signals,
+        got: ArrayLike | NamedArrays,
         expected: ArrayLike | Mapping[str, ArrayLike],
         bound: Bound,
         *,
@@ -92,7 +92,7 @@ class Claims:
         """Claim that errors go as the sizes to this power: the slope of their logarithms, three at least."""
         self(text, slope(sizes, errors), order, bound)
 
-    def energy(self, text: str, *runs: Run, tolerance: float) -> None:
+    def energy(self, text: str, *runs: Simulated, tolerance: float) -> None:
         """Claim that mechanisms gained what their operators, drives and loads gave them, less what was dissipated.
 
         The bound is 10 x tolerance x mean kinetic energy x time; of several the one that comes nearest to it counts.

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.model_description import Unit, scale
+from liaisons.cosim.model_description import UnitDefinition, scale
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
 from liaisons.ssp.xml import BASE_UNITS, path, tag
@@ -20,29 +20,29 @@ Number = float | int | bool | str
 
 @final
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class ParameterValue:
     """A parameter of a set: its values (several: an array), and the unit that they are in, if it is defined."""
 
     name: str
     values: tuple[Number, ...]
-    unit: Unit | None = None
+    unit: UnitDefinition | None = None
 
 
-def parameters(parameter_set: Element) -> list[Parameter]:
+def parameters(parameter_set: Element) -> list[ParameterValue]:
     """The parameters of a set.
 
     :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
     """
     units = _units(parameter_set)
     return [
-        Parameter(name, _values(name, element), units.get(element.get("unit", "")))
+        ParameterValue(name, _values(name, element), units.get(element.get("unit", "")))
         for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
     ]
 
 
-def mapped(found: list[Parameter], entries: list[Element], *, prefix: str) -> Iterator[Parameter]:
+def mapped(found: list[ParameterValue], entries: list[Element], *, prefix: str) -> Iterator[ParameterValue]:
     """The parameters under the names of their targets; all of them under their own where there is no mapping."""
     known = {f"{prefix}{parameter.name}": parameter for parameter in found}
     if not entries:
@@ -53,10 +53,10 @@ def mapped(found: list[Parameter], entries: list[Element], *, prefix: str) -> It
             target = entry.get("target", "")
             values = tuple(_transformed(target, value, entry) for value in parameter.values)
             unit = None if entry.get("suppressUnitConversion") in {"true", "1"} else parameter.unit
-            yield Parameter(target, values, unit)
+            yield ParameterValue(target, values, unit)
 
 
-def fitted(owner: str, fmu: Fmu, variable: str, parameter: Parameter) -> object:
+def fitted(owner: str, fmu: Fmu, variable: str, parameter: ParameterValue) -> object:
     """The value as the variable takes it, in its unit.
 
     :raises SimulationError: if the units are of different kinds, or there is no such whole number.
@@ -105,7 +105,7 @@ def _transformed(name: str, value: Number, entry: Element) -> Number:
     return value
 
 
-def _converted(label: str, value: Number, given: Unit | None, wanted: Unit | None) -> Number:
+def _converted(label: str, value: Number, given: UnitDefinition | None, wanted: UnitDefinition | None) -> Number:
     if isinstance(value, str) or given is None or wanted is None:
         return value
     if given.exponents != wanted.exponents:
@@ -115,12 +115,12 @@ def _converted(label: str, value: Number, given: Unit | None, wanted: Unit | Non
     return (value * given.factor + given.offset - wanted.offset) / wanted.factor
 
 
-def _units(parameter_set: Element) -> Mapping[str, Unit]:
-    found: dict[str, Unit] = {}
+def _units(parameter_set: Element) -> Mapping[str, UnitDefinition]:
+    found: dict[str, UnitDefinition] = {}
     for unit in parameter_set.iterfind(path("ssv:Units", "ssc:Unit")):
         base = unit.find(tag("ssc:BaseUnit"))
         if base is not None:
             exponents = tuple(int(base.get(name, 0)) for name in BASE_UNITS)
             name = unit.get("name", "")
-            found[name] = Unit(exponents, *scale(name, base.attrib))
+            found[name] = UnitDefinition(exponents, *scale(name, base.attrib))
     return found

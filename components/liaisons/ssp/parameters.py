@@ -11,7 +11,7 @@ from liaisons.cosim.starts import Value
 from liaisons.ssp.connectors import Form, Units, add_type, add_units
 from liaisons.ssp.xml import document, tag
 
-Parameter = tuple[str, Part, str]
+Listed = tuple[str, Part, str]
 """Its name in the set, and the component and variable that it is for."""
 
 _INITIAL = "initialValues"  # the set that OSP's masters look for
@@ -36,7 +36,7 @@ def scalars(part: Part) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def parameter_set(listed: Iterable[Parameter], units: Units, form: Form) -> bytes:
+def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
     """The file of a parameter set."""
     root = Element(tag("ssv:ParameterSet"), version="1.0" if form == "portable" else "2.0", name=_INITIAL)
     group = SubElement(root, tag("ssv:Parameters"))
@@ -53,7 +53,7 @@ def parameter_set(listed: Iterable[Parameter], units: Units, form: Form) -> byte
     return document(root)
 
 
-def mapping(listed: Iterable[Parameter]) -> bytes:
+def mapping(listed: Iterable[Listed]) -> bytes:
     """The file that maps the parameters of a set to the variables of a system's components."""
     root = Element(tag("ssm:ParameterMapping"), version="2.0")
     for name, part, variable in listed:

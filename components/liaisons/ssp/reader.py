@@ -22,10 +22,10 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.parts import Part, Port
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.folders import passing_folder
-from liaisons.ssp.assignment import Parameter, fitted, mapped, parameters
+from liaisons.ssp.assignment import ParameterValue, fitted, mapped, parameters
 from liaisons.ssp.experiment import read_experiment
-from liaisons.ssp.structure import Node, Structure, read_structure
 from liaisons.ssp.structure import Path as Place
+from liaisons.ssp.structure import Pin, Structure, read_structure
 from liaisons.ssp.xml import STRUCTURE, path, tag
 
 _VERSIONS = ("1.0", "2.0")
@@ -156,7 +156,7 @@ def _starts(files: _Files, structure: Structure, fmus: dict[Place, Fmu]) -> dict
     return starts
 
 
-def _bound(files: _Files, element: Place, binding: Element) -> Iterable[Parameter]:
+def _bound(files: _Files, element: Place, binding: Element) -> Iterable[ParameterValue]:
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
     source = binding.get("source")
     if source is not None:
@@ -194,13 +194,13 @@ def _connections(structure: Structure, parts: dict[Place, Part]) -> list[Connect
     return [found[source.place, target.place] for source, target in pairs]
 
 
-def _ends(node: Node, parts: dict[Place, Part]) -> list[Port]:
+def _ends(node: Pin, parts: dict[Place, Part]) -> list[Port]:
     """The scalars that a connector or an element of it stands for."""
     name = f"{node.connector}[{','.join(map(str, node.indices))}]" if node.indices else node.connector
     return parts[node.element][name].elements()
 
 
-def _matched(start: Node, sources: list[Port], end: Node, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
+def _matched(start: Pin, sources: list[Port], end: Pin, targets: list[Port]) -> Iterable[tuple[Port, Port]]:
     if len(sources) != len(targets):
         raise ConnectError(
             f"{start} has {len(sources)} elements, {end} has {len(targets)}: they cannot be connected as a whole"

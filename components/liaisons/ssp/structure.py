@@ -19,7 +19,7 @@ _FMU = "application/x-fmu-sharedlibrary"
 _MOST_COMPONENTS, _LONGEST_WAY = 10_000, 1000  # beyond that reading would take minutes
 
 
-class Node(NamedTuple):
+class Pin(NamedTuple):
     """A connector of an element; indices pick one element of an array."""
 
     element: Path
@@ -44,15 +44,15 @@ class Structure:
     name: str
     sources: dict[Path, str] = field(default_factory=dict)
     bindings: list[tuple[Path, Element]] = field(default_factory=list)
-    edges: list[tuple[Node, Node]] = field(default_factory=list)
+    edges: list[tuple[Pin, Pin]] = field(default_factory=list)
     shown: set[tuple[Path, str]] = field(default_factory=set)
 
-    def connections(self) -> Iterator[tuple[Node, Node]]:
+    def connections(self) -> Iterator[tuple[Pin, Pin]]:
         """From component to component, whatever lies between.
 
         :raises SimulationError: if an input has several sources, or connections go round without a component.
         """
-        into: dict[tuple[Path, str], list[tuple[Node, Node]]] = {}
+        into: dict[tuple[Path, str], list[tuple[Pin, Pin]]] = {}
         for start, end in self.edges:
             into.setdefault((end.element, end.connector), []).append((start, end))
         for start, end in self.edges:
@@ -61,7 +61,7 @@ class Structure:
                 if source is not None:
                     yield source, end
 
-    def _origin(self, node: Node, into: dict[tuple[Path, str], list[tuple[Node, Node]]]) -> Node | None:
+    def _origin(self, node: Pin, into: dict[tuple[Path, str], list[tuple[Pin, Pin]]]) -> Pin | None:
         """The output of a component that a connector shows; None if nothing is connected with it."""
         seen = {node}
         while node.element not in self.sources:
@@ -107,9 +107,9 @@ class Structure:
         return []
 
     @cached_property
-    def _shows(self) -> Mapping[tuple[Path, str], list[Node]]:
+    def _shows(self) -> Mapping[tuple[Path, str], list[Pin]]:
         """What the connectors of systems are connected with."""
-        found: dict[tuple[Path, str], list[Node]] = {place: [] for place in self.shown}
+        found: dict[tuple[Path, str], list[Pin]] = {place: [] for place in self.shown}
         for start, end in self.edges:
             found.get((start.element, start.connector), []).append(end)
         return found
@@ -178,17 +178,17 @@ def _source(part: Element, here: Path) -> str:
     return source
 
 
-def _end(connection: Element, role: str, here: Path, inside: dict[str, Path]) -> Node:
+def _end(connection: Element, role: str, here: Path, inside: dict[str, Path]) -> Pin:
     element, connector = connection.get(f"{role}Element"), _required(connection, f"{role}Connector")
     index = tuple(map(int, connection.get(f"{role}Indices", "").split()))
     if not element:  # some tools write an empty name for the system itself
-        return Node(here, connector, index)
+        return Pin(here, connector, index)
     if element not in inside:
         raise SimulationError(f"a connection names {element}.{connector}, but there is no element {element!r}")
-    return Node(inside[element], connector, index)
+    return Pin(inside[element], connector, index)
 
 
-def _check_plain(connection: Element, start: Node, end: Node) -> None:
+def _check_plain(connection: Element, start: Pin, end: Pin) -> None:
     for child in connection:
         kind = child.tag.rpartition("}")[2]
         identity = float(child.get("factor", 1)) == 1.0 and float(child.get("offset", 0)) == 0.0

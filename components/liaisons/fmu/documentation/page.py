@@ -17,7 +17,7 @@ from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jumps
-from liaisons.language import Port, Variable
+from liaisons.language import Terminal, Variable
 from liaisons.mechanics.model import Model
 from liaisons.version import __version__
 
@@ -212,11 +212,11 @@ def _variable(variable: Variable, notation: Notation) -> tuple[str, ...]:
     )
 
 
-def _ports(ports: tuple[Port, ...], variables: dict[str, Variable]) -> list[str]:
+def _ports(ports: tuple[Terminal, ...], variables: dict[str, Variable]) -> list[str]:
     if not ports:
         return []
 
-    def members(port: Port, causality: str) -> str:
+    def members(port: Terminal, causality: str) -> str:
         found = (m for m in port.members if variables[m.variable].causality == causality)
         return ", ".join(f"<code>{escape(m.variable)}</code> <small>({m.role})</small>" for m in found)
 
