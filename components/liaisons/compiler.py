@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import re
 import shutil
 import signal
 import subprocess
@@ -93,7 +94,6 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         tool = "binaries for other platforms need" if cross else "no C compiler is found; install one, or"
         raise BuildError(f"{tool} the compiler in the ziglang package: pip install ziglang")
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
-    headers = sorted(item for item in sources.items() if item[0].endswith(".h"))
     flags = [flag for flag in (*FLAGS, *target.flags) if not _is_of_linker(flag)]
     with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
         for name, content in sources.items():
@@ -101,7 +101,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         objects = []
         for name in sorted(name for name in sources if name.endswith(".c")):
             command = [*compiler, *aim, *flags, "-I.", "-c", name, "-o", f"{name}.o"]
-            key = hashlib.sha256(repr((command, sources[name], headers)).encode()).digest()
+            key = hashlib.sha256(repr((command, _with_headers(name, sources))).encode()).digest()
             compiled = Path(folder, f"{name}.o")
             if key in _objects:
                 compiled.write_bytes(_objects[key])
@@ -113,6 +113,17 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         # Names relative to the folder: no path gets into the library.
         _run([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
         return library.read_bytes()
+
+
+def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, bytes]]:
+    """A file and what it includes of the others: most of a runtime is the same for both versions of FMI."""
+    found, open_ends = {name}, [name]
+    while open_ends:
+        included = re.findall(rb'^#include "([^"]+)"', sources[open_ends.pop()], re.MULTILINE)
+        new = {header.decode() for header in included} & sources.keys() - found
+        found |= new
+        open_ends += new
+    return [(file, sources[file]) for file in sorted(found)]
 
 
 def _is_of_linker(flag: str) -> bool:

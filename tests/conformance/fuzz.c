@@ -121,20 +121,22 @@ static int make_call(Operation *operation, unsigned long call, double *longest) 
     return 0;
 }
 
-/* Take over from the end of the plan where the standard allows each call; returns how many there are. */
+/* The operations of this version, in front of the others, with what the end of the plan says of them: where the standard
+ * allows each; returns how many there are. */
 static size_t read_calls(const char *plan) {
-    const size_t n = sizeof OPERATIONS / sizeof *OPERATIONS;
+    size_t n = 0;
     char name[64] = "";
     FILE *file = fopen(plan, "r");
+    for (size_t i = 0; i < sizeof OPERATIONS / sizeof *OPERATIONS; i++)
+        if (OPERATIONS[i].names[it.library->plan.version - 2] != NULL) OPERATIONS[n++] = OPERATIONS[i];
     while (file && strcmp(name, "calls") != 0)
         if (fscanf(file, "%63s", name) != 1) fail("plan", "the calls are missing");
     for (unsigned a[2], t[2]; file && fscanf(file, "%63s %u %u %u %u", name, &a[0], &t[0], &a[1], &t[1]) == 5;)
-        for (Operation *operation = OPERATIONS; operation < OPERATIONS + n; operation++) {
-            const char *here = operation->names[it.library->plan.version - 2];
-            if (here == NULL || strcmp(here, name) != 0) continue;
-            memcpy(operation->allowed, a, sizeof a);
-            memcpy(operation->tolerated, t, sizeof t);
-        }
+        for (Operation *operation = OPERATIONS; operation < OPERATIONS + n; operation++)
+            if (strcmp(operation->names[it.library->plan.version - 2], name) == 0) {
+                memcpy(operation->allowed, a, sizeof a);
+                memcpy(operation->tolerated, t, sizeof t);
+            }
     if (file) fclose(file);
     return n;
 }
@@ -157,16 +159,13 @@ int main(int count, char **words) {
     const unsigned long calls = strtoul(words[4], NULL, 10);
     for (unsigned long call = 0; call < calls; call++) {
         Operation *operation = &OPERATIONS[below(n)];
-        const char *name = operation->names[version];
-        if (name == NULL) continue;
         /* Calls that would be refused wherever they come, and those that end a life, are rarer than the others. */
         const int ends = operation->call == terminate_instance || operation->call == reset || operation->call == free_instance;
         if ((ends || !(operation->allowed[it.fmu.kind != MODEL_EXCHANGE] & it.phase)) && !one_in(8)) continue;
         if (make_call(operation, call, &longest)) return 1;
     }
     for (const Operation *operation = OPERATIONS; operation < OPERATIONS + n; operation++)
-        if (operation->names[version] != NULL)
-            printf("%s %lu %lu\n", operation->names[version], operation->accepted, operation->refused);
+        printf("%s %lu %lu\n", operation->names[version], operation->accepted, operation->refused);
     printf("damaged %lu %lu\nforged %lu %lu\n", damaged.taken, damaged.refused, sealed.taken, sealed.refused);
     printf("longest %g\n", longest);
     free_saved();
