@@ -54,10 +54,8 @@ def is_refused(T: float) -> bool:
 def main(claim: Claims) -> None:
     paths, *axes = panels(
         ("Fig. 4: the motion and its variations", "t [s]", "x [m]"),
-        *(
-            (f"{label} the conjugate point: ωT = {OMEGA * T / np.pi:g} π", "ε [m]", "S [J.s]")
-            for label, T in TIMES.items()
-        ),
+        ("before the conjugate point: ωT = 0.75 π", "ε [m]", "S [J.s]"),
+        ("beyond the conjugate point: ωT = 1.6 π", "ε [m]", "S [J.s]"),
     )
     first = within(1e-8, "J.s", because="interpolation of the samples, (nπ/200)⁴/720 times an action of 1 J.s")
     second = within(1e-6, "J.s", because="interpolation of the sine, (nπ/200)⁴/720 times a δ²S of 30 J.s")
@@ -80,8 +78,8 @@ def main(claim: Claims) -> None:
         for n, colour in zip(modes, ("tab:red", "tab:green", "tab:purple"), strict=True):
             axis.plot(EPSILON, S[n], color=colour, label=f"n = {n}")
             for epsilon in (-0.2, 0.2) if label == "before" else ():
-                paths.plot(t, varied(t, x, n, epsilon)["x"], "--", color=colour, linewidth=1)
+                paths.plot(t, varied(t, x, n, epsilon)["x"], "--", color=colour)
         if label == "before":
-            paths.plot(t, x["x"], color="tab:blue", linewidth=2.5, label="motion of the FMU")
-    refused = [is_refused(k * np.pi / OMEGA) for k in (1, 2, 3)]
+            paths.plot(t, x["x"], label="motion of the FMU")
+    refused = [is_refused(k * np.pi / OMEGA) for k in modes]
     claim("ends with ωT = π, 2π, 3π are refused as conjugate", refused, True, count)

@@ -83,7 +83,9 @@ def test_a_component_is_one_short_file(path: Path) -> None:
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_a_scenario_states_its_claim_and_uses_the_public_api(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 90
+    tree = ast.parse(text)
     documentation = ast.get_docstring(tree)
     assert documentation
     assert documentation.split("\n\n")[0].rstrip().endswith(".")
