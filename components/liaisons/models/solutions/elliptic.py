@@ -71,11 +71,11 @@ def pendulum(t: ArrayLike, angle: float, rate: float, frequency: float) -> tuple
         half = 2 * np.arctan(np.tanh(u / 2))
         half_rate = sense * 2 * np.exp(-np.abs(u)) / (1 + np.exp(-2 * np.abs(u)))  # sech, without overflow
     elif complement > 0:
-        _, sn, cn, dn = jacobi(phase + _inverse(start.sine, start.speed, complement), complement)
+        _, sn, cn, dn = jacobi(phase + inverse(start.sine, start.speed, complement), complement)
         half, half_rate = np.arctan2(k * sn, dn), k * cn
     else:
         inverse_square = -complement / k**2  # 1 - 1/k²
-        u_0 = _inverse(sense * start.sine, start.cosine, inverse_square)
+        u_0 = inverse(sense * start.sine, start.cosine, inverse_square)
         am, _, _, dn = jacobi(k * phase + u_0, inverse_square)
         half, half_rate = sense * am, sense * k * dn
     return 2 * half + 2 * np.pi * start.valley, 2 * frequency * half_rate
@@ -118,7 +118,7 @@ def jacobi(u: ArrayLike, complement: float) -> tuple[NDArray, NDArray, NDArray, 
     return amplitude + np.pi * half_periods, parity * sine, parity * cosine, dn
 
 
-def _inverse(sine: float, cosine: float, complement: float) -> float:
+def inverse(sine: float, cosine: float, complement: float) -> float:
     """u with sn u : cn u = sine : cosine, |u| <= 2K: Legendre's F in Carlson's form."""
     length = np.hypot(sine, cosine)
     if length == 0:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import ellipkm1, elliprf, elliprj
 
 from liaisons.models.solutions import rotations
-from liaisons.models.solutions.elliptic import jacobi
+from liaisons.models.solutions.elliptic import inverse, jacobi
 from liaisons.models.solutions.validity import require
 
 _STEADY = 1e-15  # sine of the angle between ω and H that is rounding
@@ -62,7 +62,7 @@ def euler_top(t: NDArray, inertia: NDArray, rate: NDArray, attitude: NDArray) ->
     big_a = np.sqrt(about_c / (A * (A - C)))
     big_b = np.sqrt(about_a / (B * (B - A)))
     big_c = np.sqrt(about_a / (C * (C - A)))
-    u_0 = _phase(omega_b * np.sqrt(B * abs(B - A)), omega_c * np.sqrt(C * abs(C - A)), complement)
+    u_0 = inverse(omega_b * np.sqrt(B * abs(B - A)), omega_c * np.sqrt(C * abs(C - A)), complement)
     speed = np.sign(A - C) * np.sqrt((A - B) * about_c / (A * B * C))
     u = u_0 + speed * t
     am, sn, cn, dn = jacobi(u, complement)
@@ -89,13 +89,6 @@ def _to_momentum(omega: NDArray, moments: NDArray, am: NDArray) -> NDArray:
     spin = spin + 2 * np.pi * np.round((am - spin) / (2 * np.pi))  # it lies in the quadrant of am: continuous
     tilt = np.arctan2(np.hypot(H_b, H_c), H_a)
     return rotations.product(rotations.about(1, -tilt), rotations.about(2, -spin))
-
-
-def _phase(sine: float, cosine: float, complement: float) -> float:
-    """u with sn u : cn u = sine : cosine, |u| <= 2K, by Carlson's form of Legendre's F."""
-    sn, cn = sine / np.hypot(sine, cosine), cosine / np.hypot(sine, cosine)
-    u = float(sn * elliprf(cn**2, cn**2 + complement * sn**2, 1.0))
-    return u if cn >= 0 else float(np.copysign(2 * ellipkm1(complement), sn)) - u
 
 
 def _third_kind(u: NDArray, n: float, complement: float) -> NDArray:
