@@ -13,7 +13,7 @@ import fmpy
 
 from liaisons.array_names import Shape, split
 from liaisons.cosim.archive import Archive, plain_file
-from liaisons.cosim.model_description import Description, Table, Unit, parse
+from liaisons.cosim.model_description import Description, Table, UnitDefinition, parse
 from liaisons.cosim.variables import Array, Variables
 from liaisons.errors import SimulationError, suggestion
 
@@ -70,7 +70,7 @@ class Fmu:
     log_categories: tuple[str, ...]
     experiment: DefaultExperiment
     variables: Variables
-    units: Mapping[str, Unit]
+    units: Mapping[str, UnitDefinition]
     _outputs: Table = field(repr=False)
     _initial: Table = field(repr=False)
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import final
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.model_description import Unit, scale
+from liaisons.cosim.model_description import UnitDefinition, scale
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
 from liaisons.ssp.xml import BASE_UNITS, path, tag
@@ -18,54 +16,47 @@ from liaisons.ssp.xml import BASE_UNITS, path, tag
 Number = float | int | bool | str
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A parameter of a set: its values (several: an array), and the unit that they are in, if it is defined."""
-
-    name: str
-    values: tuple[Number, ...]
-    unit: Unit | None = None
+Quantity = tuple[tuple[Number, ...], UnitDefinition | None]
+"""Values of a parameter (several: an array), and the unit that they are in, if it is defined."""
 
 
-def parameters(parameter_set: Element) -> list[Parameter]:
-    """The parameters of a set.
+def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
+    """The parameters of a set by name, as often as they are there.
 
     :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
     """
     units = _units(parameter_set)
     return [
-        Parameter(name, _values(name, element), units.get(element.get("unit", "")))
+        (name, (_values(name, element), units.get(element.get("unit", ""))))
         for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
     ]
 
 
-def mapped(found: list[Parameter], entries: list[Element], *, prefix: str) -> Iterator[Parameter]:
+def mapped(found: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str) -> Iterator[tuple[str, Quantity]]:
     """The parameters under the names of their targets; all of them under their own where there is no mapping."""
-    known = {f"{prefix}{parameter.name}": parameter for parameter in found}
+    known = {f"{prefix}{name}": quantity for name, quantity in found}
     if not entries:
-        yield from (replace(parameter, name=name) for name, parameter in known.items())
+        yield from known.items()
     for entry in entries:
-        parameter = known.get(entry.get("source", ""))
-        if parameter is not None:
+        if entry.get("source", "") in known:
+            values, unit = known[entry.get("source", "")]
             target = entry.get("target", "")
-            values = tuple(_transformed(target, value, entry) for value in parameter.values)
-            unit = None if entry.get("suppressUnitConversion") in {"true", "1"} else parameter.unit
-            yield Parameter(target, values, unit)
+            suppressed = entry.get("suppressUnitConversion") in {"true", "1"}
+            yield target, (tuple(_transformed(target, value, entry) for value in values), None if suppressed else unit)
 
 
-def fitted(owner: str, fmu: Fmu, variable: str, parameter: Parameter) -> object:
+def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     """The value as the variable takes it, in its unit.
 
     :raises SimulationError: if the units are of different kinds, or there is no such whole number.
     """
     entry = fmu.variables.entries.get(variable)
     like = entry.like if isinstance(entry, Array) else fmu.variables[variable]
-    values = parameter.values
+    values, unit = quantity
     if like.type == "Real":
-        values = tuple(_converted(f"{owner}.{variable}", v, parameter.unit, fmu.units.get(like.unit)) for v in values)
+        values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(like.unit)) for v in values)
     elif like.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
     if isinstance(entry, Array) and len(values) == entry.size:
@@ -105,7 +96,7 @@ def _transformed(name: str, value: Number, entry: Element) -> Number:
     return value
 
 
-def _converted(label: str, value: Number, given: Unit | None, wanted: Unit | None) -> Number:
+def _converted(label: str, value: Number, given: UnitDefinition | None, wanted: UnitDefinition | None) -> Number:
     if isinstance(value, str) or given is None or wanted is None:
         return value
     if given.exponents != wanted.exponents:
@@ -115,12 +106,12 @@ def _converted(label: str, value: Number, given: Unit | None, wanted: Unit | Non
     return (value * given.factor + given.offset - wanted.offset) / wanted.factor
 
 
-def _units(parameter_set: Element) -> Mapping[str, Unit]:
-    found: dict[str, Unit] = {}
+def _units(parameter_set: Element) -> Mapping[str, UnitDefinition]:
+    found: dict[str, UnitDefinition] = {}
     for unit in parameter_set.iterfind(path("ssv:Units", "ssc:Unit")):
         base = unit.find(tag("ssc:BaseUnit"))
         if base is not None:
             exponents = tuple(int(base.get(name, 0)) for name in BASE_UNITS)
             name = unit.get("name", "")
-            found[name] = Unit(exponents, *scale(name, base.attrib))
+            found[name] = UnitDefinition(exponents, *scale(name, base.attrib))
     return found

@@ -10,14 +10,14 @@ from xml.etree.ElementTree import Element, SubElement
 from liaisons.array_names import Shape, split
 from liaisons.cosim.connections import Connection
 from liaisons.cosim.description import LONGEST
-from liaisons.cosim.model_description import Unit
+from liaisons.cosim.model_description import UnitDefinition
 from liaisons.cosim.parts import Part
 from liaisons.cosim.variables import Array, Scalar
 from liaisons.ssp.xml import BASE_UNITS, tag
 
 Form = Literal["portable", "full"]
 
-Units = Mapping[str, Unit]
+Units = Mapping[str, UnitDefinition]
 
 Place = tuple[str, str]
 """Component and connector."""
@@ -102,9 +102,9 @@ def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form:
     return SubElement(parent, tag(f"{prefix}:{name}"), unit)
 
 
-def units_of(parts: Iterable[Part]) -> dict[str, Unit]:
+def units_of(parts: Iterable[Part]) -> dict[str, UnitDefinition]:
     """The units that components define; one that two of them define differently is left out."""
-    found: dict[str, Unit] = {}
+    found: dict[str, UnitDefinition] = {}
     torn: set[str] = set()
     for part in parts:
         for name, unit in part.fmu.units.items():
