@@ -34,6 +34,13 @@ class SimulationError(LiaisonsError):
     """An FMU refused a value or a step; the message carries the FMU's own words."""
 
 
+class RefusedError(SimulationError):
+    """An FMU has answered Discard or Error, or an iteration did not converge.
+
+    The FMU may go on from a saved state, and a shorter step may go.  After any other status it may not.
+    """
+
+
 class ValidityError(LiaisonsError, ValueError):
     """A closed form or a measure was asked for a case that it does not cover."""
 

@@ -16,8 +16,8 @@ from liaisons.cosim.calls import Call
 from liaisons.cosim.coupling.coupled import Coupled
 from liaisons.cosim.coupling.signals import Snapshot, Vector
 from liaisons.cosim.instances import Instance
-from liaisons.cosim.messages import RefusedError
 from liaisons.cosim.simulation import Simulation
+from liaisons.errors import RefusedError
 
 _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
 _SHORTEST = 1e-12

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import IO, Protocol
-from xml.etree.ElementTree import Element, ParseError, XMLParser
+from collections.abc import Callable
+from typing import IO
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
 _PORTION = 2**20
 _LONGEST_ELEMENT = 2**24  # bytes from one tag to the next; expat looks through them again with every portion
@@ -13,26 +14,20 @@ _MOST_NODES = 1_000_000  # elements and attributes of a tree
 _LONGEST_TREE = 2**26  # bytes
 
 
-class Reader(Protocol):
-    """What is told of the tags of a document."""
-
-    def start(self, tag: str, attributes: dict[str, str], /) -> None:
-        """A tag is opened."""
-        ...
-
-    def end(self, tag: str, /) -> None:
-        """A tag is closed."""
-        ...
+Start = Callable[[str, dict[str, str]], object]
+"""Is told that a tag is opened, and its attributes."""
+End = Callable[[str], object]
+"""Is told that a tag is closed."""
 
 
-def parse(file: IO[bytes], reader: Reader, longest: float = math.inf) -> None:
+def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: float = math.inf) -> None:
     """Read a document, tag by tag.
 
     :param longest: number of bytes that it may have.
     :raises ValueError: if it is no well-formed XML, is in an unknown encoding, declares a document type (only those
         can define entities that grow without bounds), is nested endlessly, or has elements without end.
     """
-    target = _Target(reader)
+    target = _Target(start, end)
     parser = XMLParser(target=target)
     try:
         size = 0
@@ -61,18 +56,25 @@ def tree(file: IO[bytes]) -> Element:
 
     :raises ValueError: as :func:`parse`, and if there are too many of them.
     """
-    builder = _Builder()
-    parse(file, builder, _LONGEST_TREE)
-    assert builder.root is not None  # a document without an element is not well-formed
-    return builder.root
+    builder, nodes = TreeBuilder(), 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal nodes
+        nodes += 1 + len(attributes)
+        if nodes > _MOST_NODES:
+            raise ValueError(f"it has more than {_MOST_NODES} elements and attributes")
+        builder.start(tag, attributes)
+
+    parse(file, start, builder.end, _LONGEST_TREE)
+    return builder.close()
 
 
 class _Target:
     """What the parser calls."""
 
-    def __init__(self, reader: Reader) -> None:
+    def __init__(self, start: Start, end: End) -> None:
         self.tags = self.silent = 0
-        self._reader = reader
+        self._start, self._end = start, end
         self._depth = 0
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
@@ -80,32 +82,11 @@ class _Target:
         self._depth += 1
         if self._depth > _DEEPEST:
             raise ValueError(f"its elements are nested more than {_DEEPEST} deep")
-        self._reader.start(tag, attributes)
+        self._start(tag, attributes)
 
     def end(self, tag: str) -> None:
         self._depth -= 1
-        self._reader.end(tag)
+        self._end(tag)
 
     def doctype(self, *_: object) -> None:
         raise ValueError("it declares a document type (<!DOCTYPE ...>), which neither FMI nor SSP has; leave that out")
-
-
-class _Builder:
-    def __init__(self) -> None:
-        self.root: Element | None = None
-        self._open: list[Element] = []
-        self._nodes = 0
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        self._nodes += 1 + len(attributes)
-        if self._nodes > _MOST_NODES:
-            raise ValueError(f"it has more than {_MOST_NODES} elements and attributes")
-        element = Element(tag, attributes)
-        if self._open:
-            self._open[-1].append(element)
-        else:
-            self.root = element
-        self._open.append(element)
-
-    def end(self, _: str) -> None:
-        self._open.pop()

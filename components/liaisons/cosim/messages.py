@@ -1,11 +1,8 @@
-"""Statuses of FMI, what FMUs say of them, and the error of one that says no."""
+"""Statuses of FMI, and where what FMUs say of them goes."""
 
 from __future__ import annotations
 
 import logging
-from typing import final
-
-from liaisons.errors import SimulationError
 
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
@@ -14,11 +11,3 @@ COMPLAINTS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStat
 """The log categories that come with a status."""
 
 logger = logging.getLogger("liaisons.cosim")
-
-
-@final
-class RefusedError(SimulationError):
-    """An FMU has answered Discard or Error, or an iteration did not converge.
-
-    The FMU may go on from a saved state, and a shorter step may go.  After any other status it may not.
-    """

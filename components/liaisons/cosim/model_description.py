@@ -65,32 +65,19 @@ Table = dict[int, frozenset[int] | None]
 """Index of an unknown -> indices of the inputs that it depends on directly; None: not said, so possibly all."""
 
 
-@final
-@dataclass
-class Description:
-    """What the file says; ``co_simulation`` is None where the FMU is made for something else only."""
-
-    root: Attributes = field(default_factory=dict)
-    co_simulation: Attributes | None = None
-    experiment: Attributes = field(default_factory=dict)
-    log_categories: list[str] = field(default_factory=list)
-    units: dict[str, UnitDefinition] = field(default_factory=dict)
-    variables: Variables = field(default_factory=lambda: Variables({}))
-    outputs: Table = field(default_factory=dict)
-    initial_unknowns: Table = field(default_factory=dict)
-    exact: set[int] = field(default_factory=set)  # outputs with a start value of their own
-    fixed_inputs: set[int] = field(default_factory=set)  # those that cannot be set within a communication step
-
-
 def parse(file: IO[bytes]) -> Description:
     """Read a model description.
 
     :raises ValueError: if it is no well-formed XML, misses an attribute, has a number that is none or that cannot be,
         refers to what is not there, or has more in it than fits into memory.
     """
-    reader = _Reader()
-    documents.parse(file, reader)
-    return reader.finished()
+    description = Description()
+    documents.parse(file, description.start)
+    return description.finished()
+
+
+_Pending = tuple[Scalar, list[tuple[str | None, str | None]], list[str]]
+"""An FMI 3.0 variable whose sizes are not known yet, its dimensions (start, value reference), its start values."""
 
 
 @dataclass(slots=True)
@@ -130,11 +117,25 @@ class _Elements:
 
 
 @final
-class _Reader:
-    """Target of the XML parser: looks at start tags only, since the order of the sections is fixed."""
+class Description:
+    """What the file says; it looks at start tags only, since the order of the sections is fixed.
+
+    :ivar co_simulation: None where the FMU is made for something else only.
+    :ivar exact: outputs with a start value of their own.
+    :ivar fixed_inputs: those that cannot be set within a communication step.
+    """
 
     def __init__(self) -> None:
-        self.description = Description()
+        self.root: Attributes = {}
+        self.co_simulation: Attributes | None = None
+        self.experiment: Attributes = {}
+        self.log_categories: list[str] = []
+        self.units: dict[str, UnitDefinition] = {}
+        self.variables = Variables({})
+        self.outputs: Table = {}
+        self.initial_unknowns: Table = {}
+        self.exact: set[int] = set()
+        self.fixed_inputs: set[int] = set()
         self._unit = ""
         self._type = ""
         self._type_units: dict[str, str] = {}
@@ -150,7 +151,7 @@ class _Reader:
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "fmiModelDescription": self._root,
             "CoSimulation": self._co_simulation,
-            "Category": lambda a: self.description.log_categories.append(a["name"]),
+            "Category": lambda a: self.log_categories.append(a["name"]),
             "DefaultExperiment": self._experiment,
             "Unit": self._open_unit,
             "BaseUnit": self._base_unit,
@@ -165,9 +166,6 @@ class _Reader:
             handler(attributes)
             self._take(_BYTES_OF_TAG)
 
-    def end(self, tag: str) -> None:
-        """Called by the parser."""
-
     def _take(self, size: int) -> None:
         """Count memory, in bytes, about."""
         self._memory += size
@@ -177,14 +175,14 @@ class _Reader:
     def finished(self) -> Description:
         """Everything, after the last tag."""
         self._close_variables({})
-        if not self.description.root:
+        if not self.root:
             raise ValueError("its root is not fmiModelDescription")
-        return self.description
+        return self
 
     # ---- header
 
     def _root(self, attributes: Attributes) -> None:
-        self.description.root = dict(attributes)
+        self.root = dict(attributes)
         version = attributes["fmiVersion"]
         if version.startswith("2."):
             self._handlers["SimpleType"] = self._open_type
@@ -193,17 +191,17 @@ class _Reader:
             self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._float_type)
 
     def _co_simulation(self, attributes: Attributes) -> None:
-        self.description.co_simulation = dict(attributes)
+        self.co_simulation = dict(attributes)
 
     def _experiment(self, attributes: Attributes) -> None:
-        self.description.experiment = dict(attributes)
+        self.experiment = dict(attributes)
 
     def _open_unit(self, attributes: Attributes) -> None:
         self._unit = attributes["name"]
 
     def _base_unit(self, attributes: Attributes) -> None:
         exponents = tuple(int(attributes.get(base, 0)) for base in _BASE_UNITS)
-        self.description.units[self._unit] = UnitDefinition(exponents, *scale(self._unit, attributes))
+        self.units[self._unit] = UnitDefinition(exponents, *scale(self._unit, attributes))
 
     def _open_type(self, attributes: Attributes) -> None:
         self._type = attributes["name"]
@@ -217,7 +215,7 @@ class _Reader:
     # ---- variables
 
     def _open_variables(self, _: Attributes) -> None:
-        if self.description.root["fmiVersion"].startswith("2."):
+        if self.root["fmiVersion"].startswith("2."):
             self._handlers["ScalarVariable"] = self._open_scalar
             self._handlers |= {tag: self._scalar_of(tag, kind) for tag, kind in _FMI_2.items()}
             return
@@ -243,7 +241,7 @@ class _Reader:
         def handle(attributes: Attributes) -> None:
             variable = self._variable(kind, base, attributes, attributes)
             self._index[variable.reference] = variable.index
-            self._pending = _Pending(variable)
+            self._pending = (variable, [], [])
             self._entries[variable.name] = self._pending
             self._take(_BYTES_OF_VARIABLE)
 
@@ -260,9 +258,9 @@ class _Reader:
         if causality == "input":
             self._inputs.add(index)
             if attributes.get("intermediateUpdate", "false") not in {"true", "1"}:
-                self.description.fixed_inputs.add(index)
+                self.fixed_inputs.add(index)
         if causality == "output" and initial == "exact":
-            self.description.exact.add(index)
+            self.exact.add(index)
         free = causality in {"parameter", "input"} or initial in {"exact", "approx"}
         return Scalar(
             name=attributes["name"],
@@ -291,41 +289,39 @@ class _Reader:
 
     def _dimension(self, attributes: Attributes) -> None:
         if self._pending is not None:
-            self._pending.dimensions.append((attributes.get("start"), attributes.get("valueReference")))
+            self._pending[1].append((attributes.get("start"), attributes.get("valueReference")))
 
     def _start(self, attributes: Attributes) -> None:
         if self._pending is not None:
-            self._pending.starts.append(attributes["value"])
+            self._pending[2].append(attributes["value"])
 
     def _alias(self, attributes: Attributes) -> None:
         if self._pending is not None:
-            self._entries[attributes["name"]] = replace(
-                self._pending, variable=replace(self._pending.variable, name=attributes["name"])
-            )
+            variable, dimensions, starts = self._pending
+            self._entries[attributes["name"]] = replace(variable, name=attributes["name"]), dimensions, starts
             self._take(_BYTES_OF_VARIABLE)
 
     # ---- structure
 
     def _close_variables(self, _: Attributes) -> None:
         """Put together what belongs together; from here on, tags have to do with dependencies."""
-        if "Unknown" in self._handlers or not self.description.root:
+        if "Unknown" in self._handlers or not self.root:
             return
+        pending = [entry for entry in self._entries.values() if isinstance(entry, tuple)]
         sizes = {
-            entry.variable.reference: int(entry.variable.start or 0)
-            for entry in self._entries.values()
-            if isinstance(entry, _Pending)
-            and entry.variable.causality == "structuralParameter"
-            and not entry.dimensions
+            variable.reference: int(variable.start or 0)
+            for variable, dimensions, _ in pending
+            if variable.causality == "structuralParameter" and not dimensions
         }
         entries: dict[str, Scalar | Array] = {}
         for name, entry in self._entries.items():
             if isinstance(entry, _Elements):
                 entries |= entry.entries(free=entry.like.name not in self._entries)
             else:
-                entries[name] = entry.entry(sizes) if isinstance(entry, _Pending) else entry
-        self.description.variables = Variables(entries)
+                entries[name] = _entry(entry, sizes) if isinstance(entry, tuple) else entry
+        self.variables = Variables(entries)
         self._entries, self._pending = {}, None
-        outputs, initial = self.description.outputs, self.description.initial_unknowns
+        outputs, initial = self.outputs, self.initial_unknowns
         for tag in (*_FMI_2, *_FMI_3, "Dimension", "Start", "Alias", "ScalarVariable"):
             self._handlers.pop(tag, None)
         self._handlers |= {
@@ -355,34 +351,27 @@ class _Reader:
         return self._known[words]
 
 
-@dataclass(slots=True)
-class _Pending:
-    """An FMI 3.0 variable whose dimensions and sizes are not known yet."""
+def _entry(pending: _Pending, sizes: Mapping[int, int]) -> Scalar | Array:
+    """The variable, or the array, once the sizes of dimensions are known."""
+    variable, dimensions, given = pending
+    starts = given or ([] if variable.start is None else variable.start.split())
+    if not dimensions:
+        return replace(variable, start=starts[0]) if given else variable
+    shape = tuple(_size(variable.name, start, reference, sizes) for start, reference in dimensions)
+    if math.prod(shape) > MOST_ELEMENTS:
+        raise ValueError(f"the array {variable.name!r} has {math.prod(shape)} elements, more than {MOST_ELEMENTS}")
+    return Array(variable, shape, (variable.reference,), starts, (variable.index,), whole=True)
 
-    variable: Scalar
-    dimensions: list[tuple[str | None, str | None]] = field(default_factory=list)
-    starts: list[str] = field(default_factory=list)
 
-    def entry(self, sizes: Mapping[int, int]) -> Scalar | Array:
-        variable = self.variable
-        starts = self.starts or ([] if variable.start is None else variable.start.split())
-        if not self.dimensions:
-            return replace(variable, start=starts[0]) if self.starts else variable
-        shape = tuple(self._size(start, reference, sizes) for start, reference in self.dimensions)
-        if math.prod(shape) > MOST_ELEMENTS:
-            raise ValueError(f"the array {variable.name!r} has {math.prod(shape)} elements, more than {MOST_ELEMENTS}")
-        return Array(variable, shape, (variable.reference,), starts, (variable.index,), whole=True)
-
-    def _size(self, start: str | None, reference: str | None, sizes: Mapping[int, int]) -> int:
-        if start is None and int(reference or -1) not in sizes:
-            raise ValueError(
-                f"a dimension of {self.variable.name!r} is that of value reference {reference}, which is no structural "
-                "parameter"
-            )
-        size = sizes[int(reference or 0)] if start is None else int(start)
-        if size < 0:
-            raise ValueError(f"a dimension of {self.variable.name!r} is {size}")
-        return size
+def _size(name: str, start: str | None, reference: str | None, sizes: Mapping[int, int]) -> int:
+    if start is None and int(reference or -1) not in sizes:
+        raise ValueError(
+            f"a dimension of {name!r} is that of value reference {reference}, which is no structural parameter"
+        )
+    size = sizes[int(reference or 0)] if start is None else int(start)
+    if size < 0:
+        raise ValueError(f"a dimension of {name!r} is {size}")
+    return size
 
 
 def _alike(one: Scalar, other: Scalar) -> bool:

@@ -131,7 +131,7 @@ def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> lis
 
 def consistent(ordered: Sequence[str], feeds: Feeds, depends: Depends) -> list[Operation]:
     """Make all outputs and inputs belong to the present instant: for initialization, and after it."""
-    program = _Program(ordered, feeds, depends)
+    program = _Writer(ordered, feeds, depends)
     for name in ordered:
         program.get(name)
     return program.finish()
@@ -144,7 +144,7 @@ def step(
 
     :param newest: components that are given the newest values before a step, instead of those at t.
     """
-    program = _Program(ordered, feeds, depends)
+    program = _Writer(ordered, feeds, depends)
     if coupling == "jacobi":
         for name in ordered:
             program.step(name)
@@ -161,7 +161,7 @@ def step(
 
 
 @final
-class _Program:
+class _Writer:
     """Operations that are written down, and which values belong to the new instant after them."""
 
     def __init__(self, ordered: Sequence[str], feeds: Feeds, depends: Depends) -> None:

@@ -1,14 +1,14 @@
 """Starts an FMU in a process of its own, for :mod:`liaisons.cosim.probe`; says on stdout what comes next.
 
 Needs little but the standard library, so that it takes some hundredths of a second.  Statuses do not matter: what an
-FMU refuses it will refuse again, with a message.  Its stdin is a JSON object; see :class:`Task`.
+FMU refuses it will refuse again, with a message.  Its stdin is a JSON object; see :data:`Task`.
 """
 
 import ctypes as c
 import json
 import os
 import sys
-from typing import Any, TypedDict
+from typing import Any
 
 from liaisons.processes import die_with_parent
 
@@ -30,28 +30,9 @@ _ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
 _RELEASE = c.CFUNCTYPE(None, c.c_void_p)
 
 
-class _Callbacks2(c.Structure):
-    _fields_ = [
-        ("log", _LOG_2),
-        ("allocate", _ALLOCATE),
-        ("release", _RELEASE),
-        ("finished", c.c_void_p),
-        ("environment", c.c_void_p),
-    ]
-
-
-class Task(TypedDict):
-    """What is tried: resources are a URI for FMI 2.0, a path for FMI 3.0; starts are types, references, values."""
-
-    parent: int
-    version: int
-    library: str
-    name: str
-    guid: str
-    resources: str
-    start_time: float
-    step_size: float
-    starts: list[tuple[str, list[int], list[Any]]]
+Task = dict[str, Any]
+"""What is tried: parent, version, library, name, guid, resources (a URI for FMI 2.0, a path for FMI 3.0), start_time,
+step_size, starts (types, references, values)."""
 
 
 def main() -> None:
@@ -76,7 +57,8 @@ def _words(task: Task) -> tuple[bytes, bytes, bytes]:
 
 def _start_2(functions: c.CDLL, task: Task) -> None:
     log, allocate, release = _LOG_2(lambda *_: None), _ALLOCATE(_LIBC.calloc), _RELEASE(_LIBC.free)
-    callbacks = _Callbacks2(log, allocate, release, None, None)
+    functions_and_environment = *(c.cast(function, c.c_void_p) for function in (log, allocate, release)), None, None
+    callbacks = (c.c_void_p * 5)(*functions_and_environment)  # fmi2CallbackFunctions
     functions.fmi2Instantiate.restype = c.c_void_p
     name, guid, resources = _words(task)
     made = functions.fmi2Instantiate(name, 1, guid, resources, c.byref(callbacks), 0, 0)

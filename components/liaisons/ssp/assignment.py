@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import final
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -18,54 +16,47 @@ from liaisons.ssp.xml import BASE_UNITS, path, tag
 Number = float | int | bool | str
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class ParameterValue:
-    """A parameter of a set: its values (several: an array), and the unit that they are in, if it is defined."""
-
-    name: str
-    values: tuple[Number, ...]
-    unit: UnitDefinition | None = None
+Quantity = tuple[tuple[Number, ...], UnitDefinition | None]
+"""Values of a parameter (several: an array), and the unit that they are in, if it is defined."""
 
 
-def parameters(parameter_set: Element) -> list[ParameterValue]:
-    """The parameters of a set.
+def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
+    """The parameters of a set by name, as often as they are there.
 
     :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
     """
     units = _units(parameter_set)
     return [
-        ParameterValue(name, _values(name, element), units.get(element.get("unit", "")))
+        (name, (_values(name, element), units.get(element.get("unit", ""))))
         for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
     ]
 
 
-def mapped(found: list[ParameterValue], entries: list[Element], *, prefix: str) -> Iterator[ParameterValue]:
+def mapped(found: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str) -> Iterator[tuple[str, Quantity]]:
     """The parameters under the names of their targets; all of them under their own where there is no mapping."""
-    known = {f"{prefix}{parameter.name}": parameter for parameter in found}
+    known = {f"{prefix}{name}": quantity for name, quantity in found}
     if not entries:
-        yield from (replace(parameter, name=name) for name, parameter in known.items())
+        yield from known.items()
     for entry in entries:
-        parameter = known.get(entry.get("source", ""))
-        if parameter is not None:
+        if entry.get("source", "") in known:
+            values, unit = known[entry.get("source", "")]
             target = entry.get("target", "")
-            values = tuple(_transformed(target, value, entry) for value in parameter.values)
-            unit = None if entry.get("suppressUnitConversion") in {"true", "1"} else parameter.unit
-            yield ParameterValue(target, values, unit)
+            suppressed = entry.get("suppressUnitConversion") in {"true", "1"}
+            yield target, (tuple(_transformed(target, value, entry) for value in values), None if suppressed else unit)
 
 
-def fitted(owner: str, fmu: Fmu, variable: str, parameter: ParameterValue) -> object:
+def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     """The value as the variable takes it, in its unit.
 
     :raises SimulationError: if the units are of different kinds, or there is no such whole number.
     """
     entry = fmu.variables.entries.get(variable)
     like = entry.like if isinstance(entry, Array) else fmu.variables[variable]
-    values = parameter.values
+    values, unit = quantity
     if like.type == "Real":
-        values = tuple(_converted(f"{owner}.{variable}", v, parameter.unit, fmu.units.get(like.unit)) for v in values)
+        values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(like.unit)) for v in values)
     elif like.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
     if isinstance(entry, Array) and len(values) == entry.size:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar, final
+from typing import Any, TypeVar
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
@@ -22,7 +21,7 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.parts import Part, Port
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.folders import passing_folder
-from liaisons.ssp.assignment import ParameterValue, fitted, mapped, parameters
+from liaisons.ssp.assignment import Quantity, fitted, mapped, parameters
 from liaisons.ssp.experiment import read_experiment
 from liaisons.ssp.structure import Path as Place
 from liaisons.ssp.structure import Pin, Structure, read_structure
@@ -49,7 +48,7 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
         directory = stack.enter_context(passing_folder())
         try:
             with Archive(file) as archive:
-                system = _read(_Files(archive), directory, make, starts or {})
+                system = _read(archive, directory, make, starts or {})
         except LiaisonsError as error:
             if str(file) not in str(error):
                 raise type(error)(f"{file}: {error}") from error
@@ -58,49 +57,43 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
     return system
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class _Files:
-    """The files of an archive, by their relative URIs."""
+def _name_of(archive: Archive, source: str, owner: str) -> str:
+    """The file of the archive that a relative URI names.
 
-    archive: Archive
-
-    def name(self, source: str, owner: str) -> str:
-        """The file that a URI names.
-
-        :param owner: what names it, for messages.
-        """
-        if ":" in source or source.startswith("/") or ".." in PurePosixPath(unquote(source)).parts:
-            raise SimulationError(f"{owner} lies at {source!r}, outside the archive; put it inside")
-        name = str(PurePosixPath(unquote(source)))
-        if name not in self.archive.names:
-            raise SimulationError(f"{owner} is to be in {name!r}, but the archive lacks that file")
-        return name
-
-    def xml(self, source: str, owner: str, root: str) -> Element:
-        """An XML file with this root."""
-        with self.archive.open(self.name(source, owner)) as file:
-            try:
-                element = tree(file)
-            except ValueError as error:
-                raise SimulationError(f"{source} cannot be read: {error}") from None
-        if element.tag != tag(root):
-            raise SimulationError(f"{source} has the root {element.tag!r}, expected {root}")
-        return element
+    :param owner: what names it, for messages.
+    """
+    if ":" in source or source.startswith("/") or ".." in PurePosixPath(unquote(source)).parts:
+        raise SimulationError(f"{owner} lies at {source!r}, outside the archive; put it inside")
+    name = str(PurePosixPath(unquote(source)))
+    if name not in archive.names:
+        raise SimulationError(f"{owner} is to be in {name!r}, but the archive lacks that file")
+    return name
 
 
-def _read(files: _Files, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
-    if STRUCTURE not in files.archive.names:  # half an archive can end in a whole one, that of an FMU inside
+def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
+    """An XML file with this root."""
+    with archive.open(_name_of(archive, source, owner)) as file:
+        try:
+            element = tree(file)
+        except ValueError as error:
+            raise SimulationError(f"{source} cannot be read: {error}") from None
+    if element.tag != tag(root):
+        raise SimulationError(f"{source} has the root {element.tag!r}, expected {root}")
+    return element
+
+
+def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
+    if STRUCTURE not in archive.names:  # half an archive can end in a whole one, that of an FMU inside
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
-    root = files.xml(STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
+    root = _xml(archive, STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
     if root.get("version") not in _VERSIONS:
         raise SimulationError(f"SSP version {root.get('version')!r} is not known; known: {', '.join(_VERSIONS)}")
     try:
         structure, experiment = read_structure(root), read_experiment(root)
     except ValueError as error:
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
-    fmus = _unpacked(files, structure, directory)
-    starts = _starts(files, structure, fmus)
+    fmus = _unpacked(archive, structure, directory)
+    starts = _starts(archive, structure, fmus)
     owners = {_name(place): place for place in fmus}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
@@ -121,46 +114,46 @@ def _name(place: Place) -> str:
     return "_".join(place).replace(".", "_")  # names of components have no dots here
 
 
-def _unpacked(files: _Files, structure: Structure, directory: Path) -> dict[Place, Fmu]:
+def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[Place, Fmu]:
     fmus: dict[str, Fmu] = {}
-    size = files.archive.size
+    size = archive.size
     for place, source in structure.sources.items():
         if source not in fmus:
-            name = files.name(source, f"the FMU of component {'.'.join(place)}")
+            name = _name_of(archive, source, f"the FMU of component {'.'.join(place)}")
             path = directory / str(len(fmus)) / PurePosixPath(name).name
-            files.archive.copy(name, path)
+            archive.copy(name, path)
             try:
                 fmus[source] = read_fmu(path)
             except SimulationError as error:  # it names a file that nobody has seen
                 raise SimulationError(str(error).replace(str(path), name)) from error
             size += fmus[source].unpacked
             if size > unpacked_limit():
-                raise too_big(f"{files.archive.path} with its FMUs", size)
+                raise too_big(f"{archive.path} with its FMUs", size)
     return {place: fmus[source] for place, source in structure.sources.items()}
 
 
-def _starts(files: _Files, structure: Structure, fmus: dict[Place, Fmu]) -> dict[Place, dict[str, Any]]:
+def _starts(archive: Archive, structure: Structure, fmus: dict[Place, Fmu]) -> dict[Place, dict[str, Any]]:
     starts: dict[Place, dict[str, Any]] = {place: {} for place in fmus}
     for element, binding in structure.bindings:
-        for parameter in _bound(files, element, binding):
-            meant = structure.meant(element, parameter.name)
+        for name, quantity in _bound(archive, element, binding):
+            meant = structure.meant(element, name)
             if not meant:
-                logger.warning("%s: parameter %s fits nothing and is ignored", files.archive.path, parameter.name)
+                logger.warning("%s: parameter %s fits nothing and is ignored", archive.path, name)
             for place, variable in meant:
                 fmu = fmus[place]
                 if variable in fmu.arrays or variable in fmu.variables:
                     starts[place].pop(variable, None)  # what is named later counts
-                    starts[place][variable] = fitted(_name(place), fmu, variable, parameter)
+                    starts[place][variable] = fitted(_name(place), fmu, variable, quantity)
                 else:
-                    logger.warning("%s: %s; the parameter is ignored", files.archive.path, fmu.unknown(variable))
+                    logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
     return starts
 
 
-def _bound(files: _Files, element: Place, binding: Element) -> Iterable[ParameterValue]:
+def _bound(archive: Archive, element: Place, binding: Element) -> Iterable[tuple[str, Quantity]]:
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
     source = binding.get("source")
     if source is not None:
-        values = files.xml(source, owner, "ssv:ParameterSet")
+        values = _xml(archive, source, owner, "ssv:ParameterSet")
     else:
         inline = binding.find(path("ssd:ParameterValues", "ssv:ParameterSet"))
         if inline is None:
@@ -171,7 +164,7 @@ def _bound(files: _Files, element: Place, binding: Element) -> Iterable[Paramete
         source = mapping.get("source")
         inner = mapping.find(tag("ssm:ParameterMapping"))
         if source is not None:
-            inner = files.xml(source, f"the mapping of {owner}", "ssm:ParameterMapping")
+            inner = _xml(archive, source, f"the mapping of {owner}", "ssm:ParameterMapping")
         entries += [] if inner is None else inner.findall(tag("ssm:MappingEntry"))
     try:
         return list(mapped(parameters(values), entries, prefix=binding.get("prefix", "")))

@@ -32,7 +32,7 @@ _FAR = 2**31 - 1  # the byte that is locked on Windows, where nobody could read 
 class Journal:
     """A context manager that opens the file for appending; it is created if need be.
 
-    :param key: :meth:`liaisons.sweeps.plan.Plan.key` of the sweep.
+    :param key: :meth:`liaisons.sweeps.study.Study.key` of the sweep.
     :param cases: number of cases.
     :param columns: so many numbers are kept of a case.
     :param retry: what the model has refused is to be done again, too.

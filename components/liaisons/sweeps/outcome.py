@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
-from liaisons.cosim.messages import RefusedError
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, RefusedError
 
 
 @final

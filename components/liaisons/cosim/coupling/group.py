@@ -11,10 +11,9 @@ from scipy.sparse.linalg import splu
 
 from liaisons.cosim.coupling.member import Member
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
-from liaisons.cosim.messages import RefusedError
 from liaisons.cosim.schedule import Depends
 from liaisons.cosim.simulation import Simulation
-from liaisons.errors import SimulationError
+from liaisons.errors import RefusedError, SimulationError
 
 MOST_ITERATIONS = 100
 _DENSE = 60

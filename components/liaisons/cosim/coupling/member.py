@@ -11,7 +11,7 @@ import numpy as np
 
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
-from liaisons.cosim.coupling.polynomials import HIGHEST, Polynomials
+from liaisons.cosim.coupling.polynomials import HIGHEST, polynomials
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
 from liaisons.cosim.instances.protocol import ASKED, Instance
 from liaisons.cosim.parts import Part, Port, Way
@@ -72,7 +72,7 @@ class Member:
             self._again = [restore, *first_calls]
 
     def _before(self) -> list[Call]:
-        self._polynomials: Polynomials | None = None
+        self._polynomials: Callable[[Vector, float], Vector] | None = None
         self._middle: Vector | None = None
         if not self.inputs or self._way == "interpolate":
             return self._put
@@ -80,11 +80,11 @@ class Member:
             self._middle, buffer = _buffer(len(self.inputs))
             return [self._instance.setter(self.inputs, buffer)]
         highest = 1 if self.part.reconstruction is None else HIGHEST
-        self._polynomials = Polynomials(self.curves, self._signals.zero + 1, highest)
+        which, self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
         if self._way == "asked":
             self._inside = np.empty((ASKED, len(self.inputs)))
             return [self._instance.guide(self.inputs, self._inside)]
-        self._derivatives, tell = self._telling(self._polynomials.which)
+        self._derivatives, tell = self._telling(which)
         return [tell]
 
     def _after(self) -> list[Call]:

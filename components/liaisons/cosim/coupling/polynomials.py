@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, final
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,45 +39,43 @@ def coefficients(count: int) -> NDArray[np.float64]:
     return np.block([[first, np.zeros((count, count))], [-last @ taylor, last]])
 
 
-@final
-class Polynomials:
+def polynomials(
+    curves: Sequence[Curve], width: int, highest: int
+) -> tuple[list[tuple[int, int]], Callable[[Vector, float], Vector]]:
     """Derivatives of some inputs at the begin of a step, a linear function of the signals at both its ends.
 
     :param curves: what each input follows.
     :param width: number of signals at one end.
     :param highest: order of the highest derivative; 1 leaves straight lines.
+    :returns: input and order of each derivative; and what calculates them from the signals at t and t + H, flat, and
+        H [s].
     """
+    which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
+    rows, columns, factors, after = [], [], [], []
+    for row, (k, order) in enumerate(which):
+        curve = curves[k] if highest > 1 else curves[k].alone()
+        power = order + curve.order
+        after.append(-power)
+        if power >= 2 * len(curve.data):
+            continue
+        for place, factor in enumerate(coefficients(len(curve.data))[power]):
+            end, i = divmod(place, len(curve.data))
+            rows.append(row)
+            columns.append((end * width + curve.data[i], i))
+            factors.append(factor * math.factorial(power))
+    known = {column: k for k, column in enumerate(dict.fromkeys(columns))}
+    shape = len(which), len(known)
+    sparse = coo_array((factors, (rows, [known[column] for column in columns])), shape)
+    matrix: Any = sparse.toarray() if math.prod(shape) <= _DENSE else sparse.tocsr()
+    signals = np.array([signal for signal, _ in known], dtype=np.intp)
+    powers = np.array([power for _, power in known], dtype=float), np.array(after, dtype=float)
 
-    def __init__(self, curves: Sequence[Curve], width: int, highest: int) -> None:
-        self.which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
-        rows, columns, factors, powers = [], [], [], []
-        for row, (k, order) in enumerate(self.which):
-            curve = curves[k] if highest > 1 else curves[k].alone()
-            power = order + curve.order
-            powers.append(-power)
-            if power >= 2 * len(curve.data):
-                continue
-            for place, factor in enumerate(coefficients(len(curve.data))[power]):
-                end, i = divmod(place, len(curve.data))
-                rows.append(row)
-                columns.append((end * width + curve.data[i], i))
-                factors.append(factor * math.factorial(power))
-        known = {column: k for k, column in enumerate(dict.fromkeys(columns))}
-        shape = len(self.which), len(known)
-        matrix = coo_array((factors, (rows, [known[column] for column in columns])), shape)
-        self._matrix: Any = matrix.toarray() if math.prod(shape) <= _DENSE else matrix.tocsr()
-        self._signals = np.array([signal for signal, _ in known], dtype=np.intp)
-        self._powers = np.array([power for _, power in known], dtype=float), np.array(powers, dtype=float)
-        self._size = math.nan
-        self._before = self._after = np.empty(0)
+    @lru_cache(maxsize=2)
+    def scales(size: float) -> tuple[Vector, Vector]:  # the matrix is that for H = 1; H changes by rounding at least
+        return size ** powers[0], size ** powers[1]
 
-    def __call__(self, ends: Vector, size: float) -> Vector:
-        """The derivatives, in the order of :attr:`which`.
+    def derivatives(ends: Vector, size: float) -> Vector:
+        before, after = scales(size)
+        return after * (matrix @ (before * ends[signals]))
 
-        :param ends: the signals at t and t + H, flat.
-        :param size: H [s].
-        """
-        if size != self._size:  # the matrix is that for H = 1; between steps H changes by rounding at least
-            self._before, self._after = (size**powers for powers in self._powers)
-            self._size = size
-        return self._after * (self._matrix @ (self._before * ends[self._signals]))
+    return which, derivatives

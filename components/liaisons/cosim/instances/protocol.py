@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.calls import Action, Call
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, RefusedError, logger
+from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.cosim.variables import Array as Elements
 from liaisons.cosim.variables import Scalar
-from liaisons.errors import SimulationError
+from liaisons.errors import RefusedError, SimulationError
 
 ASKED = 5
 """How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
