@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import ExitStack
 from ctypes import c_double
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -20,6 +21,7 @@ from liaisons.errors import SimulationError
 from liaisons.folders import passing_folder
 from liaisons.pictures import Picture, together
 from liaisons.pictures.declared import MEMBER
+from liaisons.results import Result
 
 Values = Mapping[str, NDArray[np.float64]]
 
@@ -54,6 +56,15 @@ class FmuScene:
             if wanted:
                 found |= {f"{prefix}{name}": values for name, values in _asked(part, wanted, own).items()}
         return found
+
+
+def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
+    """A result that was read from a CSV file, with the picture of the FMU that it is of.
+
+    :param starts: parameters with which it was simulated, where they differ from the FMU's.
+    :raises SimulationError: if a file cannot be read.
+    """
+    return replace(Result.from_csv(result), scene=FmuScene({"": Part.of(fmu.stem, fmu, starts)}))
 
 
 def picture_of(part: Part) -> Picture:

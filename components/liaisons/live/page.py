@@ -20,6 +20,7 @@ from liaisons.cosim.archive import Archive
 from liaisons.cosim.scenes import picture_of
 from liaisons.cosim.schedule import order
 from liaisons.errors import SimulationError
+from liaisons.files import replacing
 from liaisons.pictures import together
 from liaisons.pictures.inline import page
 
@@ -31,8 +32,10 @@ _LONGEST = 20.0  # [s] that a default experiment takes on the page
 _INTERPOLATE = 2
 
 
-def live_page(subject: Path | System) -> bytes:
+def live_page(subject: Path | System, starts: Mapping[str, object] | None = None) -> bytes:
     """The page of an FMU or of a system: sliders, picture, plot, energy account.
+
+    :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own.
 
     :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0.
     :raises BuildError: if there is no compiler for WebAssembly, or it fails.
@@ -41,7 +44,7 @@ def live_page(subject: Path | System) -> bytes:
         parts = {f"{name}.": part for name, part in subject.filled().items()}
         title, text, connections = subject.name, "", subject.connections
     else:
-        part = Part.of(subject.stem, subject, {})
+        part = Part.of(subject.stem, subject, starts or {})
         description = fmpy.read_model_description(subject, validate=False)
         parts, connections, title, text = {"": part}, (), description.modelName, description.description or ""
     feeds = {connection.target.place: connection.source.place for connection in connections}
@@ -129,16 +132,17 @@ def _variable(v: ScalarVariable, part: Part, *, read: bool, hidden: bool) -> dic
     given = part.starts.get(v.name, v.start)
     start = float(str(given)) if v.causality in {"parameter", "input"} and given is not None else None
     few = index is None or index[-1] <= _MOST_SLIDERS
+    settable = start is not None and few and not hidden and not base.endswith("_load")
     return {
         "name": v.name,
         "reference": v.valueReference,
         "unit": v.unit or "",
-        "description": v.description or "",
+        "description": (v.description or "") if settable else "",
         "start": start,
         "minimum": None if v.min is None else float(v.min),
         "maximum": None if v.max is None else float(v.max),
         "read": read,
-        "set": start is not None and few and not hidden and not base.endswith("_load"),
+        "set": settable,
         "initial": v.causality == "parameter" and base.endswith("_0"),
         "tunable": v.causality == "input" or v.variability == "tunable",
     }
@@ -152,10 +156,8 @@ def _signals(component: Mapping[str, Any]) -> Sequence[str]:
     return [component["prefix"] + name for name in (angles or sorted(free))[:2]]
 
 
-def write_live_page(subject: Path | System, output: Path) -> None:
-    """Write the page."""
-    from liaisons.files import replacing
-
-    content = live_page(subject)
+def write_live_page(subject: Path | System, output: Path, starts: Mapping[str, object] | None = None) -> None:
+    """Write the page; see :func:`live_page`."""
+    content = live_page(subject, starts)
     with replacing(output) as whole:
         whole.write_bytes(content)

@@ -33,7 +33,7 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
         "policy": policy,
         "style": style,
         "script": script,
-        "plan": json.dumps(plan, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c"),
+        "plan": json.dumps(plan, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
     }
     text = (folder / template).read_text(encoding="utf-8")
     return re.sub(r"\{(\w+)\}", lambda found: given[found[1]], text).encode()
