@@ -133,16 +133,23 @@ def _variable(v: ScalarVariable, part: Part, *, read: bool, hidden: bool) -> dic
     start = float(str(given)) if v.causality in {"parameter", "input"} and given is not None else None
     few = index is None or index[-1] <= _MOST_SLIDERS
     settable = start is not None and few and not hidden and not base.endswith("_load")
-    return {
+    found = {
         "name": v.name,
         "reference": v.valueReference,
-        "unit": v.unit or "",
-        "description": (v.description or "") if settable else "",
+        "unit": v.unit,
         "start": start,
-        "minimum": None if v.min is None else float(v.min),
-        "maximum": None if v.max is None else float(v.max),
         "read": read,
         "set": settable,
+        **(_of_slider(v, base) if settable else {}),
+    }
+    return {name: value for name, value in found.items() if value is not None and value is not False}
+
+
+def _of_slider(v: ScalarVariable, base: str) -> dict[str, Any]:
+    return {
+        "description": v.description,
+        "minimum": None if v.min is None else float(v.min),
+        "maximum": None if v.max is None else float(v.max),
         "initial": v.causality == "parameter" and base.endswith("_0"),
         "tunable": v.causality == "input" or v.variability == "tunable",
     }
@@ -150,9 +157,9 @@ def _variable(v: ScalarVariable, part: Part, *, read: bool, hidden: bool) -> dic
 
 def _signals(component: Mapping[str, Any]) -> Sequence[str]:
     """What is plotted at first: coordinates, whose accelerations are read, too."""
-    known = {v["name"] for v in component["variables"] if v["read"] and v["start"] is None}
+    known = {v["name"] for v in component["variables"] if v.get("read") and "start" not in v}
     free = {n for n in known if not split(n)[1] and {f"{n}_dot", f"{n}_ddot"} <= known}
-    angles = [v["name"] for v in component["variables"] if v["name"] in free and v["unit"] == "rad"]
+    angles = [v["name"] for v in component["variables"] if v["name"] in free and v.get("unit") == "rad"]
     return [component["prefix"] + name for name in (angles or sorted(free))[:2]]
 
 

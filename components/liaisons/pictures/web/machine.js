@@ -77,7 +77,7 @@ export class Machine {
 
   #part(component, module) {
     const reference = Object.fromEntries(component.variables.map((v) => [v.name, v.reference]));
-    const starts = new Map(component.variables.filter((v) => v.start !== null).map((v) => [v.name, v.start]));
+    const starts = new Map(component.variables.filter((v) => v.start !== undefined).map((v) => [v.name, v.start]));
     return {
       ...component, reference, starts, sources: new Map(), fmu: new Fmu(module, component.guid),
       read: component.variables.filter((v) => v.read), interpolates: component.reconstruction === INTERPOLATE,

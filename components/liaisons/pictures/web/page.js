@@ -21,7 +21,7 @@ function make(tag, properties = {}, ...children) {
 /** Where a slider for a variable goes from and to. */
 function range({ start, minimum, maximum, unit }) {
   const span = start ? 2 * Math.abs(start) : unit === "rad" ? Math.PI : 1;
-  const low = minimum === null ? start - span : Math.max(minimum, start - span);
+  const low = minimum === undefined ? start - span : Math.max(minimum, start - span);
   return [low === minimum && start > 0 ? Math.max(low, start / 10) : low, Math.min(maximum ?? Infinity, start + span)];
 }
 
@@ -192,7 +192,7 @@ class Page {
         const name = part.prefix + variable.name;
         if (part.free.some(([first]) => first === variable.name)) {
           $("sigma").append(this.#slider(name, variable, (value) => this.#move(part, variable.name, value)), this.#preset(part, variable.name));
-        } else if (variable.start !== null && variable.set && !prescribed.has(variable.name)) {
+        } else if (variable.start !== undefined && variable.set && !prescribed.has(variable.name)) {
           $(variable.initial ? "starts" : "parameters").append(this.#slider(name, variable, (value) => this.#set(part, variable, value)));
         }
       }
@@ -208,7 +208,7 @@ class Page {
     number.onchange = () => { slider.value = number.value; moved(Number(number.value)); };
     slider.setAttribute("aria-label", name);
     number.setAttribute("aria-label", `${name}, value`);
-    return make("label", { title: variable.description, className: "row" }, make("span", { textContent: name }), slider, number, make("span", { className: "unit", textContent: variable.unit }));
+    return make("label", { title: variable.description ?? "", className: "row" }, make("span", { textContent: name }), slider, number, make("span", { className: "unit", textContent: variable.unit ?? "" }));
   }
 
   #preset(part, name) {
