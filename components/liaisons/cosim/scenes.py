@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from liaisons.array_names import split
 from liaisons.cosim.archive import Archive
-from liaisons.cosim.instances import extract, make
+from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.parts import Part
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
@@ -91,8 +91,8 @@ def _asked(part: Part, wanted: list[str], known: Values) -> Values:
     buffer = (c_double * len(wanted))()
     found = np.empty((len(wanted), count))
     with ExitStack() as stack:
-        folder = extract(part.fmu.path, stack.enter_context(passing_folder()) / "fmu")
-        instance = stack.enter_context(make(part.name, part.fmu, folder))
+        folders = extracted([part.fmu], stack.enter_context(passing_folder()))
+        instance = stack.enter_context(make(part.name, part.fmu, folders[part.fmu.path]))
         instance.setup(None, 0.0, 1.0)
         for name, value in part.starts.items():
             instance.assign(name, value)
