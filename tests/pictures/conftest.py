@@ -23,7 +23,8 @@ def moved(fmu: Callable[..., Path]) -> Callable[[str], Result]:
     @cache
     def of(name: str) -> Result:
         component = getattr(liaisons.models, name)
-        rates = {s.name: (lambda t, s=s: (s.start + 0.3 * t, 0.3, 0.0)) for s in component.actives}
+        pace = 0.0 if component.submersions else 0.3  # a submersion's rate has to agree with the start
+        rates = {s.name: (lambda t, s=s: (s.start + pace * t, pace, 0.0)) for s in component.actives}
         return simulate(fmu(component), stop_time=0.6, step_size=0.05, inputs=rates)
 
     return of

@@ -123,7 +123,7 @@ class _Toy(Mechanism):
 
 def test_without_a_picture_points_are_shown() -> None:
     model = assemble(_Toy)
-    assert model.picture == {"version": "1.0", "shapes": [{"shape": "ball", "at": ["x", 0.0, 0.0]}]}
+    assert model.picture == {"version": "1.0", "shapes": [{"shape": "ball", "at": ["place_x", 0.0, 0.0]}]}
     assert model.drawn == ()
 
 
