@@ -6,6 +6,7 @@ import json
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,7 +65,8 @@ def test_glb_has_the_positions_to_single_precision(name: str, moved: Callable[[s
 
 def test_a_gif_lasts_as_long_as_the_motion(swing: Result, tmp_path: Path) -> None:
     assert swing.animate(tmp_path / "swing.gif") == 1
-    with Image.open(tmp_path / "swing.gif") as image:
+    with Image.open(tmp_path / "swing.gif") as opened:
+        image: Any = opened  # of several frames
         durations = []
         for k in range(image.n_frames):
             image.seek(k)
