@@ -165,3 +165,27 @@ def _kill(process: subprocess.Popen[str]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
     else:
         subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)
+
+
+def compile_wasm(sources: Mapping[str, bytes]) -> bytes:
+    """Compile and link C sources to a WebAssembly module whose public functions, malloc and free can be called.
+
+    :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
+    """
+    zig = zig_compiler()
+    if zig is None:
+        raise BuildError("WebAssembly needs the compiler in the ziglang package: pip install ziglang")
+    flags = ["-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz", "-s", "-ffp-contract=off"]
+    flags += [
+        "-fno-math-errno",
+        "-fvisibility=hidden",
+        "-Wl,--export-dynamic",
+        "-Wl,--export=malloc",
+        "-Wl,--export=free",
+    ]
+    with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
+        for name, content in sources.items():
+            Path(folder, name).write_bytes(content)
+        names = sorted(name for name in sources if name.endswith(".c"))
+        _run([*zig, *flags, "-I.", *names, "-o", "module.wasm"], folder)
+        return Path(folder, "module.wasm").read_bytes()

@@ -131,7 +131,8 @@ class Run:
         """What was recorded so far."""
         simulation = self._simulation
         values = np.ascontiguousarray(self._rows[: len(self._times)].T[self._columns])
-        return Result(simulation.title, np.asarray(self._times), tuple(simulation.recorded), values, simulation.units)
+        times, names = np.asarray(self._times), tuple(simulation.recorded)
+        return Result(simulation.title, times, names, values, simulation.units, scene=simulation.scene)
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the begin."""

@@ -17,6 +17,7 @@ from liaisons.cosim.connections import Connection
 from liaisons.cosim.drives import Drive, Function, drives
 from liaisons.cosim.memory import check_memory
 from liaisons.cosim.parts import Part
+from liaisons.cosim.scenes import FmuScene
 from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.errors import SimulationError, suggestion
 
@@ -53,6 +54,12 @@ class Simulation:
         """Input -> the output, or function of time, that feeds it."""
         driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.places, strict=True)}
         return driven | _feeds(self.connections)
+
+    @property
+    def scene(self) -> FmuScene:
+        """What it looks like."""
+        prefix = {part: name.removesuffix(variable) for name, (part, variable) in self.recorded.items()}
+        return FmuScene({prefix.get(name, f"{name}."): part for name, part in self.parts.items()})
 
     @property
     def iterates(self) -> bool:

@@ -62,6 +62,7 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
     loops = loop_functions(model.programs, coupled(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rates(model)
     members = {"distances": model.conditions, "instants": model.events}
+    members |= {} if model.draw is None else {"draw": model.draw}
     members |= {} if loops else _functions(model, adjoint=adjoint)
     functions = [*members.values(), *(function for pair in rates for function in pair)]
     code, reals = function_code(functions)
@@ -220,7 +221,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
     numbers = {
         "parameters": sum(variable.count for variable in model.parameters),
         "inputs": sum(variable.count for variable in model.inputs),
-        "outputs": sum(variable.count for variable in model.outputs),
+        "outputs": sum(variable.count for variable in (*model.outputs, *model.drawn)),
         "states": model.start.numel_out(0),
         "memory": model.start.numel_out(1),
         "events": model.events.numel_out(0),
@@ -239,6 +240,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
         "tolerance": _number(model.experiment.tolerance),
         **{name: str(number) for name, number in numbers.items()},
         **{name: name for name in tables},
+        **({"drawn": str(sum(variable.count for variable in model.drawn))} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
     }
 

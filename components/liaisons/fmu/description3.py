@@ -5,7 +5,7 @@ A variable's value reference is its position in the file, from 1; see :mod:`liai
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 
 import numpy as np
@@ -26,7 +26,7 @@ from liaisons.fmu.description import (
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import TIME, first_reference, settings, size_references
 from liaisons.fmu.markup import document, element
-from liaisons.language.variables import Variable
+from liaisons.language.variables import Dimension, Variable
 from liaisons.mechanics.model import Model
 
 _BOTH = {
@@ -89,7 +89,7 @@ def _variables(model: Model) -> Iterator[str]:
         if variable.variability == "continuous":
             attributes["intermediateUpdate"] = "true"
         size = variable.dimension
-        shape = element("Dimension", {"valueReference": str(reference_of_size[size.name])}) if size else ()
+        shape = element("Dimension", _extent(size, reference_of_size)) if size else ()
         yield from element("Float64", attributes, shape)
     attributes = general_attributes(TIME, TIME.name, reference[TIME.name]) | real_attributes(TIME, 1.0)
     del attributes["initial"]
@@ -105,6 +105,11 @@ def _start(variable: Variable) -> dict[str, str]:
         return {}
     values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
     return {"start": " ".join(repr(float(value)) for value in values)}
+
+
+def _extent(size: Dimension, references: Mapping[str, int]) -> dict[str, str]:
+    """A size that can be asked for, or a number."""
+    return {"valueReference": str(references[size.name])} if size.name in references else {"start": str(size.count)}
 
 
 def _references(model: Model) -> dict[str, int]:

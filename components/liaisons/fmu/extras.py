@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from importlib import metadata
 
@@ -28,7 +29,8 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
     :param fmi: FMI 2.0 shows the elements of arrays as variables of their own.
     :returns: the same bytes for the same arguments, on every machine.
     """
-    return {
+    picture = {} if model.picture is None else {"resources/picture.json": json.dumps(model.picture, indent=1).encode()}
+    return picture | {
         "documentation/index.html": index_page(model),
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(model, fmi),
         "documentation/licenses/license.txt": _license(),

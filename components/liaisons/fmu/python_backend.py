@@ -77,6 +77,8 @@ def _component(model: Model, guid: str) -> bytes:
     }
     if model.project is not None:
         functions["project"] = model.project
+    if model.draw is not None:
+        functions["draw"] = model.draw
     document = {
         "name": model.name,
         "guid": guid,
@@ -84,6 +86,7 @@ def _component(model: Model, guid: str) -> bytes:
         "parameters": [_entry(variable) for variable in model.parameters],
         "inputs": [_entry(variable) for variable in model.inputs],
         "outputs": [_entry(variable) for variable in model.outputs],
+        "drawn": [_entry(variable) for variable in model.drawn],
         "sizes": [[size.name, size.count] for size in model.dimensions],
         "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
         "mismatches": [-1 if (place := mismatch_place(model, s)) is None else place for s in model.active],

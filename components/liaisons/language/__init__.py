@@ -28,10 +28,13 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
+from liaisons.language.shapes import Ball, Box, Rod, Shape, Spring, Trail, Wire, circle, turned
 from liaisons.language.variables import Experiment, Terminal, Variable
 
 __all__ = [
     "ActiveCoordinate",
+    "Ball",
+    "Box",
     "Chain",
     "Component",
     "Coordinate",
@@ -45,11 +48,17 @@ __all__ = [
     "Operator",
     "Orientation",
     "Parameter",
+    "Rod",
+    "Shape",
     "Size",
+    "Spring",
     "Terminal",
+    "Trail",
     "Values",
     "Variable",
+    "Wire",
     "calculated",
+    "circle",
     "closed_form",
     "condition",
     "constraint",
@@ -57,5 +66,6 @@ __all__ = [
     "output",
     "point",
     "submersion",
+    "turned",
     "unchecked",
 ]

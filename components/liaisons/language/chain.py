@@ -48,6 +48,7 @@ class Chain(MechanicalComponent, abstract=True):
         links = size.checked(owner, size.default if n is None else n)
         self.sizes = {"n": links}
         self.dimension = Dimension("n", links, size.description)
+        self.number = ca.SX.sym("number")  # of the link, from 1; for its picture
         for q in self.coordinates:
             if len(q.leading) > links:
                 raise ComponentError(

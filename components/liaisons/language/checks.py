@@ -207,7 +207,7 @@ def reject_reserved_names(cls: type) -> None:
 def reject_clashes(cls: type, names: Iterable[str]) -> None:
     """Raise a ComponentError for two variables of one name."""
     seen: set[str] = set()
-    for name in [*names, "input_reconstruction", "symplectic_steps", "time"]:
+    for name in [*names, "input_reconstruction", "symplectic_steps", "time", "picture"]:
         if name in seen:
             raise ComponentError(
                 f"{cls.__name__}: two variables would be called {name!r}; rename the parameter, coordinate, "

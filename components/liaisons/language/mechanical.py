@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -26,6 +26,7 @@ from liaisons.language.declarations import (
     submersion,
 )
 from liaisons.language.layout import Layout
+from liaisons.language.shapes import Ball, Shape
 from liaisons.language.variables import ActiveInput, Dimension, Variable
 
 
@@ -77,6 +78,10 @@ class MechanicalComponent(Component, abstract=True):
     def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
         """|ṙ|² of a point given by its Cartesian components."""
         return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
+
+    def picture(self) -> Sequence[Shape]:
+        """What it looks like: shapes between its points; of a chain one link, the ``self.number``-th."""
+        return [Ball(getattr(self, item.name)) for item in self.points]
 
     def point_components(self) -> dict[str, ca.SX]:
         """Components of all named points, ``"bob_x"`` and so on."""

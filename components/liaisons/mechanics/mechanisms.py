@@ -13,6 +13,7 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.bookkeeping import Vectors, function, functions
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_mechanism
 
 CONSISTENT = 1e-6
@@ -56,6 +57,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         nominals=sizes,
         landed=None if projection is None else landed,
     )
+    shown = mechanism_picture(m, read | symbols)
     return Model(
         **described(m),
         **booked,
@@ -64,6 +66,9 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         start_only=len(at_start),
         events=ca.Function("events", [k], [ca.SX(0, 1)]),
         equations=of_mechanism(equations),
+        picture=shown.document,
+        drawn=shown.variables,
+        draw=function("draw", [t, y, u, k], stack(shown.expressions)) if shown.expressions else None,
     )
 
 

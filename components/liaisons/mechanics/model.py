@@ -16,7 +16,7 @@ vectors, always in this order, all dense columns of doubles:
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -60,6 +60,7 @@ class Model:
     * ``project``     (t, y, u, k) → (y,)           state put back onto constraints after a solver's step; None: no need
     * ``conditions``  (t, y, u, k) → (c,)           each entry must stay > 0 (a singularity lies at 0)
     * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted
+    * ``draw``        (t, y, u, k) → (d,)           what only the picture needs, when it is read; None: nothing
     """
 
     name: str
@@ -89,15 +90,18 @@ class Model:
     closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
     dimensions: tuple[Dimension, ...] = ()
     programs: tuple[RowProgram, ...] = ()  # what those of the functions that run along links were made from
+    picture: Mapping[str, Any] | None = field(default=None, hash=False)  # content of resources/picture.json
+    drawn: tuple[Variable, ...] = ()  # what only the picture needs
+    draw: ca.Function | None = None
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """All real variables; the place in this tuple is the value reference: parameters, inputs, outputs."""
-        return self.parameters + self.inputs + self.outputs
+        """All real variables; the place in this tuple is the value reference: parameters, inputs, outputs, drawn."""
+        return self.parameters + self.inputs + self.outputs + self.drawn
 
     def flat(self) -> Model:
         """The same model with the elements of its arrays as variables, which is how FMI 2.0 shows them."""
-        if not self.dimensions:
+        if not any(v.dimension for v in self.variables):
             return self
         sized = {v.name: v.count for v in self.variables if v.dimension is not None}
 
@@ -118,6 +122,7 @@ class Model:
             parameters=tuple(element for v in self.parameters for element in v.elements()),
             inputs=tuple(element for v in self.inputs for element in v.elements()),
             outputs=tuple(element for v in self.outputs for element in v.elements()),
+            drawn=tuple(element for v in self.drawn for element in v.elements()),
             states=tuple(State(*pair) for s in self.states for pair in names((s.name, s.derivative))),
             active=tuple(
                 ActiveInput(*triple) for a in self.active for triple in names((a.value, a.rate, a.acceleration))

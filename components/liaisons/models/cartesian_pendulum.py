@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
 from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
+from liaisons.language.shapes import Ball, Rod, Shape, Trail
 from liaisons.models.solutions import pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
@@ -42,6 +45,10 @@ class CartesianPendulum(Mechanism):
     @constraint("m", "distance from the plane of the motion")
     def plane(self) -> ca.SX:
         return self.y
+
+    def picture(self) -> Sequence[Shape]:
+        bob = {"x": self.x, "y": self.y, "z": self.z}
+        return [Trail(bob), Rod({"z": self.height}, bob), Ball(bob)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})

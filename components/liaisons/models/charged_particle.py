@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, output
+from liaisons.language.shapes import Ball, Shape, Trail
 from liaisons.models.solutions import uniform_fields
 
 
@@ -36,6 +39,10 @@ class ChargedParticle(Mechanism):
     _r = property(lambda self: ca.vertcat(self.x, self.y, self.z))
     _B = property(lambda self: ca.vertcat(self.B_x, self.B_y, self.B_z))
     _E = property(lambda self: ca.vertcat(self.E_x, self.E_y, self.E_z))
+
+    def picture(self) -> Sequence[Shape]:
+        place = {"x": self.x, "y": self.y, "z": self.z}
+        return [Trail(place), Ball(place)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * ca.sumsqr(self.dot(self._r))

@@ -31,6 +31,8 @@ class CircularHoop(Hoop):
     def inside(self) -> ca.SX:
         return self.radius - self.offset
 
+    once_round = property(lambda self: 2 * np.pi * self.radius)
+
     def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
         psi = u / self.radius
         return self.offset + self.radius * ca.cos(psi), self.radius * ca.sin(psi)

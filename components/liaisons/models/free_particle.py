@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Friction, Gravity, Mechanism, Parameter, Values, closed_form
+from liaisons.language.shapes import Ball, Shape, Trail
 from liaisons.models.solutions.linear import oscillation
 
 
@@ -29,6 +32,10 @@ class FreeParticle(Mechanism):
     y = Coordinate("m", "horizontal position, across x")
     z = Coordinate("m", "height", start_rate=9.81)
     experiment = Experiment(stop_time=2.0)
+
+    def picture(self) -> Sequence[Shape]:
+        place = {"x": self.x, "y": self.y, "z": self.z}
+        return [Trail(place), Ball(place)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import casadi as ca
 
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Mechanism, condition, output, unchecked
+from liaisons.language.shapes import Ball, Rod, Shape
 from liaisons.models.solutions import swing
 
 Function = Callable[..., Any]
@@ -52,6 +53,10 @@ class GeneralSwing(Mechanism, abstract=True):
         count = len(self.actives)
         I, J, g = self._matrix("I"), self._matrix("J", count), self._matrix("g", count, count)  # noqa: E741
         return ca.blockcat([[I, J.T], [J, g]])
+
+    def picture(self) -> Sequence[Shape]:
+        direction = {"x": ca.sin(self.theta), "z": -ca.cos(self.theta)}
+        return [Rod({}, direction), Ball(direction)]
 
     @unchecked(_NUMBERS)
     def kinetic_energy(self) -> ca.SX:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Parameter, output, point
+from liaisons.language.shapes import Ball, Rod, Shape, Wire
 
 
 class Hoop(Mechanism, abstract=True):
@@ -29,6 +32,7 @@ class Hoop(Mechanism, abstract=True):
     hoop_inertia = Parameter(0.1, "kg.m2", "moment of inertia of the hoop about O", minimum=0, symbol="I")
     beta = ActiveCoordinate("rad", "angle of the axis OA in the fixed frame")
     experiment = Experiment(reference={"beta_dot": 1.0, "beta_ddot": 0.2})
+    once_round: Any  # what u grows by
 
     @abstractmethod
     def curve(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -37,8 +41,7 @@ class Hoop(Mechanism, abstract=True):
     def _rates(self, u: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Components of dOP/du."""
         v = ca.SX.sym("v")
-        rates = ca.vertcat(*(ca.jacobian(component, v) for component in self.curve(v)))
-        along, left = ca.vertsplit(ca.substitute(rates, v, u))
+        along, left = (ca.substitute(ca.jacobian(component, v), v, u) for component in self.curve(v))
         return along, left
 
     def _speed(self, u: ca.SX) -> ca.SX:
@@ -60,25 +63,25 @@ class Hoop(Mechanism, abstract=True):
         (x, y), cosine, sine = self.curve(self.free.q), ca.cos(direction), ca.sin(direction)
         return direction + ca.atan2(y * cosine - x * sine, x * cosine + y * sine)
 
-    @property
-    def _a(self) -> ca.SX:
-        """r²θ' at the bead."""
-        return self._moment(self.free.q) / self._speed(self.free.q)
+    _a = property(lambda self: self._moment(self.free.q) / self._speed(self.free.q))  # r²θ' at the bead
+    _xi_dot = property(lambda self: self._speed(self.free.q) * self.free.q_dot)
 
     @property
     def _r_r_dash(self) -> ca.SX:
         """rr' at the bead."""
-        u = self.free.q
-        return ca.jacobian(self._r_squared(u), u) / (2 * self._speed(u))
+        return ca.jacobian(self._r_squared(self.free.q), self.free.q) / (2 * self._speed(self.free.q))
 
-    @property
-    def _xi_dot(self) -> ca.SX:
-        return self._speed(self.free.q) * self.free.q_dot
+    def _place(self, u: ca.SX) -> dict[str, ca.SX]:
+        (x, y), cosine, sine = self.curve(u), ca.cos(self.beta), ca.sin(self.beta)
+        return {"x": x * cosine - y * sine, "y": x * sine + y * cosine}
 
     @point("m", "the bead, in the fixed frame")
     def bead(self) -> dict[str, ca.SX]:
-        (x, y), cosine, sine = self.curve(self.free.q), ca.cos(self.beta), ca.sin(self.beta)
-        return {"x": x * cosine - y * sine, "y": x * sine + y * cosine}
+        return self._place(self.free.q)
+
+    def picture(self) -> Sequence[Shape]:
+        hoop = [self._place(self.once_round * k / 48) for k in range(48)]
+        return [Wire(hoop, closed=True), Rod({}, hoop[0]), Ball(self.bead)]
 
     def kinetic_energy(self) -> ca.SX:
         u, u_dot, beta_dot = self.free.q, self.free.q_dot, self.dot(self.beta)

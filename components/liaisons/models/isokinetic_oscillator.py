@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
+from liaisons.language.shapes import Ball, Shape, Spring, Trail
 from liaisons.models.solutions import isokinetic
 
 
@@ -37,6 +40,10 @@ class IsokineticOscillator(Mechanism):
     @non_holonomic("J", "kinetic energy less 3/2 of the thermal energy")
     def kinetic(self) -> ca.SX:
         return self.kinetic_energy() - 1.5 * self.thermal_energy
+
+    def picture(self) -> Sequence[Shape]:
+        place = {"x": self.x, "y": self.y, "z": self.z}
+        return [Trail(place), Spring({}, place), Ball(place)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self._speed_squared()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from types import new_class
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
+from liaisons.language.shapes import Rod, Shape
 from liaisons.models.solutions import parallelograms
 
 
@@ -40,6 +42,11 @@ class FourBars(Mechanism, abstract=True):
     @point("m", "B_0, the top of the first rod")
     def top(self) -> dict[str, ca.SX]:
         return self._top(0)
+
+    def picture(self) -> Sequence[Shape]:
+        tops = [self._top(i) for i in self._rods]
+        standing = [Rod({"x": i * self.length}, top) for i, top in enumerate(tops)]
+        return [*standing, *(Rod(one, other) for one, other in pairwise(tops))]
 
     def kinetic_energy(self) -> ca.SX:
         standing = ca.SX(sum(self.length**2 * self.dot(self.symbols[f"theta_{i}"]) ** 2 for i in self._rods))

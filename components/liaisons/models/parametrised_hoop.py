@@ -22,6 +22,8 @@ class ParametrisedHoop(Hoop, abstract=True):
     area and arc length come by quadrature unless the subclass knows better.
     """
 
+    once_round = ca.SX(2 * np.pi)
+
     @condition("the hoop must be star-shaped about O, which lies inside it")
     def star_shaped(self) -> ca.SX:
         """Least moment of the samples."""

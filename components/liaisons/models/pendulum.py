@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.language import ActiveCoordinate, Coordinate, Friction, Gravity, Mechanism, Parameter, output, point
 from liaisons.language.closed_forms import Values, closed_form
+from liaisons.language.shapes import Ball, Rod, Shape, Trail
 from liaisons.models.solutions import elliptic, pendulum
 
 
@@ -36,6 +39,10 @@ class Pendulum(Mechanism):
     def bob(self) -> dict[str, ca.SX]:
         sine, cosine = ca.sin(self.theta), ca.cos(self.theta)
         return {"x": self.pivot_x + self.length * sine, "z": self.pivot_z - self.length * cosine}
+
+    def picture(self) -> Sequence[Shape]:
+        pivot = {"x": self.pivot_x, "z": self.pivot_z}
+        return [Trail(self.bob), Rod(pivot, self.bob), Ball(self.bob)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared(self.bob)

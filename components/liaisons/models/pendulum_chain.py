@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
+from liaisons.language.shapes import Ball, Rod, Shape
 from liaisons.models.solutions import chains
 
 
@@ -44,6 +45,9 @@ class PendulumChain(Chain):
 
     def tip(self) -> Mapping[str, ca.SX]:
         return self.bob
+
+    def picture(self) -> Sequence[Shape]:
+        return [Rod(self.joint, self.bob), Ball(self.bob)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared(self.bob)

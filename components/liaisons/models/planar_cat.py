@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
+from liaisons.language.shapes import Ball, Rod, Shape
 from liaisons.models.solutions import attitudes
 
 
@@ -61,9 +62,8 @@ class PlanarCat(Mechanism):
 
     @property
     def _bodies(self) -> Iterator[_Body]:
-        masses = self.mass_0, self.mass_1, self.mass_2
+        masses, hinge = (self.mass_0, self.mass_1, self.mass_2), ca.vertcat(self.hinge, 0)
         inertias = self.inertia_0, self.inertia_1, self.inertia_2
-        hinge = ca.vertcat(self.hinge, 0)
         limb_1, limb_2 = (ca.vertcat(ca.cos(psi), ca.sin(psi)) for psi in (self.psi_1, self.psi_2))
         places = ca.SX.zeros(2), hinge + self.arm_1 * limb_1, -hinge - self.arm_2 * limb_2
         centre = sum(mass * place for mass, place in zip(masses, places, strict=True)) / self._total_mass
@@ -72,6 +72,20 @@ class PlanarCat(Mechanism):
         for mass, inertia, place, spin in zip(masses, inertias, places, spins, strict=True):
             x, z = ca.vertsplit(place - centre)
             yield _Body(mass, inertia, (x, z), (self.dot(x) - turn * z, self.dot(z) + turn * x), spin)
+
+    def picture(self) -> Sequence[Shape]:
+        h, (x, z), cosine, sine = self.hinge, next(self._bodies).position, ca.cos(self.phi), ca.sin(self.phi)
+
+        def place(along: ca.SX, across: Any = 0.0) -> dict[str, ca.SX]:  # in the trunk's axes, from its centre
+            a, b = x + along, z + across
+            return {"x": self.com_x + cosine * a - sine * b, "z": self.com_z + sine * a + cosine * b}
+
+        c_1, c_2 = 2 * self.arm_1, 2 * self.arm_2
+        head = place(h + c_1 * ca.cos(self.psi_1), c_1 * ca.sin(self.psi_1))
+        tail = place(-h - c_2 * ca.cos(self.psi_2), -c_2 * ca.sin(self.psi_2))
+        limbs = [Rod(place(h), head, 0.25 * h), Rod(place(-h), tail, 0.2 * h)]
+        feet = [Rod(place(at * h), place(at * h, -h), 0.1 * h) for at in (-0.8, 0.8)]
+        return [Rod(place(-h), place(h), 0.3 * h), *limbs, *feet, Ball(head, 0.4 * h)]
 
     def kinetic_energy(self) -> ca.SX:
         fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)
@@ -83,7 +97,7 @@ class PlanarCat(Mechanism):
 
     @output("kg.m2/s", "angular momentum about the centre of mass, summed over the bodies")
     def angular_momentum(self) -> ca.SX:
-        turning = ((b, *b.position, *b.velocity) for b in self._bodies)
-        return sum((b.mass * (x * w - z * v) + b.inertia * b.spin for b, x, z, v, w in turning), ca.SX(0))
+        parts = ((b, *b.position, *b.velocity) for b in self._bodies)
+        return sum((b.mass * (x * w - z * v) + b.inertia * b.spin for b, x, z, v, w in parts), ca.SX(0))
 
     exact, turn_rate = attitudes.falling, attitudes.turn_rate

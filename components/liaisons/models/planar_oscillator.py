@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
+from liaisons.language.shapes import Ball, Shape, Spring, Trail
 from liaisons.models.solutions.linear import oscillation
 
 
@@ -28,6 +31,10 @@ class PlanarOscillator(Mechanism):
     x = Coordinate("m", "position along x", start=1.0)
     y = Coordinate("m", "position along y", start_rate=0.5)
     experiment = Experiment(stop_time=20.0)
+
+    def picture(self) -> Sequence[Shape]:
+        place = {"x": self.x, "y": self.y}
+        return [Trail(place), Spring({}, place), Ball(place)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter
+from liaisons.language.shapes import Ball, Shape, Spring, Trail
 from liaisons.models.solutions import oscillator
 
 
@@ -28,6 +31,10 @@ class PolarOscillator(Mechanism):
     r = Coordinate("m", "distance from the origin", start=1.0, above=0)
     phi = Coordinate("rad", "polar angle", start_rate=0.5)  # at rest the default would fall into the origin
     experiment = Experiment(stop_time=20.0)
+
+    def picture(self) -> Sequence[Shape]:
+        place = {"x": self.r * ca.cos(self.phi), "y": self.r * ca.sin(self.phi)}
+        return [Trail(place), Spring({}, place), Ball(place)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * (self.dot(self.r) ** 2 + (self.r * self.dot(self.phi)) ** 2)

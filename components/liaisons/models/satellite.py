@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
+from liaisons.language.shapes import Box, Rod, Shape, circle
 from liaisons.models.solutions import attitudes
 
 _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
@@ -52,6 +55,17 @@ class Satellite(Mechanism):
     @property
     def _inertia(self) -> ca.SX:
         return ca.reshape(ca.vertcat(*(self.symbols[name] for name in _TENSOR)), 3, 3)
+
+    def picture(self) -> Sequence[Shape]:
+        R, spins = self.attitude.matrix, (self.wheel_1, self.wheel_2, self.wheel_3)
+        shapes: list[Shape] = [Box({}, R, (1.0, 1.0, 1.0))]
+        for i, spin in enumerate(spins):
+            axis, a, b = R[:, i], R[:, (i + 1) % 3], R[:, (i + 2) % 3]
+            centre = dict(zip("xyz", ca.vertsplit(0.7 * axis), strict=True))
+            spoke = 0.7 * axis + 0.4 * (ca.cos(spin) * a + ca.sin(spin) * b)
+            rim = dict(zip("xyz", ca.vertsplit(spoke), strict=True))
+            shapes += [Rod({}, centre), circle(centre, 0.4, (a, b), 24), Rod(centre, rim)]
+        return shapes
 
     def kinetic_energy(self) -> ca.SX:
         omega = self.attitude.rate

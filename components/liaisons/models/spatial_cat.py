@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
+from liaisons.language.shapes import Ball, Rod, Shape, turned
 from liaisons.models.solutions import attitudes
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
@@ -59,6 +62,20 @@ class SpatialCat(Mechanism):
         azimuth_rate = self.dot(self.azimuth)
         spin = azimuth_rate * _A + self.dot(self.bend) * hinge + (self.dot(self.twist) - azimuth_rate) * axis
         return axis, spin
+
+    def picture(self) -> Sequence[Shape]:
+        d, R, (axis, _) = self.joint_distance, self.attitude.matrix, self._half_B()
+        B = turned("z", self.azimuth) @ turned("x", self.bend) @ turned("z", self.twist - self.azimuth)
+
+        def place(from_joint: ca.SX) -> dict[str, ca.SX]:
+            x, y, z = ca.vertsplit(R @ (d * from_joint + d / 2 * (_A - axis)))
+            return {"x": self.com_x + x, "y": self.com_y + y, "z": self.com_z + z}
+
+        joint, end_A, end_B = place(ca.SX.zeros(3)), place(-2 * _A), place(2 * axis)
+        feet = [(-at * _A, ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
+        feet += [(at * axis, B @ ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
+        legs = [Rod(place(hip), place(hip + leg), radius=0.08 * d) for hip, leg in feet]
+        return [Rod(joint, end, radius=0.4 * d) for end in (end_A, end_B)] + [Ball(end_B, radius=0.5 * d), *legs]
 
     def kinetic_energy(self) -> ca.SX:
         omega, (axis, spin) = self.attitude.rate, self._half_B()

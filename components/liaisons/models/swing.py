@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
+from liaisons.language.shapes import Ball, Box, Rod, Shape, turned
 from liaisons.models.solutions import swing
 
 
@@ -44,6 +47,10 @@ class Swing(Mechanism):
             "x": self.seat["x"] + self.torso_length * ca.sin(direction),
             "z": self.seat["z"] - self.torso_length * ca.cos(direction),
         }
+
+    def picture(self) -> Sequence[Shape]:
+        board = Box(self.seat, turned("y", -self.theta), (0.5, 0.3, 0.05))
+        return [Rod({}, self.seat), board, Rod(self.seat, self.torso, radius=0.08), Ball(self.torso, radius=0.14)]
 
     def kinetic_energy(self) -> ca.SX:
         seat, torso = self.speed_squared(self.seat), self.speed_squared(self.torso)

@@ -13,12 +13,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.arguments import as_path, listed, shown
 from liaisons.array_names import Shape, complete, split
 from liaisons.errors import SimulationError, suggestion
 from liaisons.files import replacing
+from liaisons.pictures import Scene, animate
 from liaisons.results.notebook import curve, html_table
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ class Result:
     :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
         (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
+    :param scene: what was simulated looks like; None after reading from a file, a sweep or an ensemble.
     """
 
     title: str
@@ -64,6 +66,7 @@ class Result:
     unfinished: tuple[int, ...] = ()
     errors: NDArray[np.float64] | None = None
     compiled: bool = False
+    scene: Scene | None = None
 
     def __post_init__(self) -> None:
         self.time.flags.writeable = False
@@ -335,6 +338,33 @@ class Result:
         horizontal = f"{axis} [{unit}]" if unit else axis, values
         joined = bool(self.time.size) or over is not None
         return draw(self.title, horizontal, signals, self.units, joined=joined, path=path)
+
+    def animate(
+        self,
+        path: Path | str,
+        *,
+        speed: float | None = None,
+        against: Mapping[str, ArrayLike] | None = None,
+        turns: float = 0.0,
+    ) -> float:
+        """Write the motion as a film or a page.
+
+        :param path: ends in ``.gif``, ``.png`` (a strip of instants), ``.mp4`` (needs the extra ``film``), ``.glb``
+            (glTF, for Blender, slides and model viewers) or ``.html`` (one file, to be dragged and zoomed).
+        :param speed: seconds of motion a second; real time unless that takes longer than 20 s.
+        :param against: signals that a ghost of the mechanism follows, e.g. ``Pendulum.exact(result.time)``.
+        :param turns: how often the camera goes round a spatial mechanism.
+        :returns: the speed.
+        :raises SimulationError: for another ending, a missing extra, a result without a picture, or numbers that are
+            not finite.
+        """
+        path = as_path("path", path)
+        if self.scene is None:
+            raise SimulationError(f"the result of {self.title} has no picture; animate that of simulate() or System")
+        signals = dict(zip(self.names, self.values, strict=True))
+        return animate(
+            path, self.scene, self.time, signals, title=self.title, speed=speed, against=against, turns=turns
+        )
 
     def summary(self, most: int | None = None, *, few: int = 10) -> list[dict[str, str]]:
         """Rows of a table: what each signal did, cases that failed aside; or of a sweep, its cases.

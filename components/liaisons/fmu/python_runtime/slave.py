@@ -61,7 +61,8 @@ class Slave(Fmi2Slave):
         self._values = np.array([math.nan] * self._first + [entry.start or 0.0 for entry in table.variables])
         self._k = self._values[self._first : self._first_input]
         self._given = self._values[self._first_input : self._first_output]  # inputs as set by the importer
-        self._z = self._values[self._first_output :]
+        self._first_drawn = self._first_output + len(table.outputs)
+        self._z, drawn = self._values[self._first_output : self._first_drawn], self._values[self._first_drawn :]
         states = f["start"].numel_out(0)
         self._now = np.zeros(1 + states + self._given.size)
         self._t, self._y, self._u = np.split(self._now, [1, 1 + states])  # present time, state, inputs
@@ -74,6 +75,7 @@ class Slave(Fmi2Slave):
         self._start = Call(f["start"], (self._t, self._u, self._k), (self._y, self._m))
         self._measure = Call(f["nominals"], point, (self._size,))
         self._output = Call(f["outputs"], (*point, self._m), (self._z,))
+        self._draw = Call(f["draw"], point, (drawn,)) if "draw" in f else None
         self._jump = Call(f["jump"], (*point, self._m), (self._y_jumped,))
         self._remember = Call(f["remember"], (*point, self._m), (self._m_next,))
         self._instants = np.zeros(f["events"].numel_out(0))
@@ -244,6 +246,8 @@ class Slave(Fmi2Slave):
     def get_real(self, vrs: list[int]) -> list[float]:
         if not self._evaluated:
             self._evaluate()
+        if self._draw is not None and max(vrs, default=0) >= self._first_drawn:
+            self._draw.run()
         number = self._number
         try:
             if min(vrs, default=self._first) >= self._first:  # a negative one would be taken from the end

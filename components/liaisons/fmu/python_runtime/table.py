@@ -56,6 +56,7 @@ class Table:
     parameters: tuple[Entry, ...]
     inputs: tuple[Entry, ...]
     outputs: tuple[Entry, ...]
+    drawn: tuple[Entry, ...]  # what only a picture needs, calculated when it is read
     sizes: tuple[tuple[str, int], ...]  # structural sizes by name
     active: tuple[tuple[int, int, int], ...]  # places of s, s_dot, s_ddot among the inputs
     mismatches: tuple[int, ...]  # of these coordinates where the memory has what is found of them; -1: nothing is kept
@@ -76,7 +77,7 @@ class Table:
 
     @property
     def variables(self) -> tuple[Entry, ...]:
-        return self.settable + self.outputs
+        return self.settable + self.outputs + self.drawn
 
     @property
     def lasting(self) -> int:
@@ -117,7 +118,7 @@ def starts(resources: str) -> Iterator[tuple[str, int, Any]]:
 @lru_cache(maxsize=64)
 def _decode(text: str) -> Table:
     document = json.loads(text)
-    for kind in ("parameters", "inputs", "outputs"):
+    for kind in ("parameters", "inputs", "outputs", "drawn"):
         document[kind] = tuple(Entry(**entry) for entry in document[kind])
     for kind in ("sizes", "active", "mismatches", "jumps", "condition_texts"):
         document[kind] = tuple(document[kind])

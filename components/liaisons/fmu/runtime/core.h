@@ -1,7 +1,7 @@
 /* One instance of a component: its variables, initialization, motion and saved states.  Nothing here knows FMI.
  *
  * Vectors, as in the generated functions: t time, y continuous states, u inputs, k parameters, m memory, z everything
- * that is calculated.  The place of a number is its place in (k, u, z, t).
+ * that is calculated, at its end what only a picture needs, which is calculated when it is read.  The place of a number is its place in (k, u, z, t).
  * References of the importer's count from 1: structural sizes, places, settings.  Where they stand for whole variables,
  * which are numbers or arrays of them (see Options), those take the place of the places, and the time follows them.
  * A call that returns DISCARD or ERROR has reported why and has changed nothing. */
@@ -70,6 +70,7 @@ typedef struct {
     size_t parameters, inputs, outputs, states, memory, events; /* numbers */
     size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
     size_t conditions, start_conditions; /* asked of the motion, and of the start: these and more */
+    size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
     size_t variable_rows, start_rows, active_rows, state_rows, dimension_rows;
     const Variable *variables; /* in the order of their places; the time follows them */
     const Start *starts;
@@ -85,6 +86,7 @@ typedef struct {
     Function *remember;      /* (t, y, u, k, m) -> m */
     Function *nominals;      /* (t, y, u, k) -> sizes of y */
     Function *project;       /* (t, y, u, k) -> y put back onto the constraints after a step of the solver; or NULL */
+    Function *draw;          /* (t, y, u, k) -> the last numbers of z; or NULL */
     Function *distances;     /* (t, y, u, k) -> how far each condition is from failing: must stay > 0 */
     Function *instants;      /* (k) -> when the component is not smooth */
     /* directional derivatives: arguments, results, directions -> derivatives of the results */

@@ -87,7 +87,7 @@ static double *known(Instance *self, unsigned reference) {
 }
 
 static int calculated(const Instance *self, size_t place) {
-    return place >= self->model->parameters + self->model->inputs && place < self->layout.places;
+    return place >= self->model->parameters + self->model->inputs && place < self->layout.places - self->model->drawn;
 }
 
 static Status check(Instance *self, const unsigned unknowns[], size_t unknown_count, size_t unknown_numbers,

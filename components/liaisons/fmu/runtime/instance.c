@@ -218,6 +218,7 @@ void core_update(Instance *self) {
     if (self->s->phase == CONTINUOUS || self->s->phase == INTERMEDIATE) core_remember(self); /* nothing jumps there */
     evaluate(self, self->model->calculate, self->s->time, self->v.y, self->v.z);
     self->known.current = 1;
+    self->known.drawn = 0;
 }
 
 void core_measure(Instance *self) {

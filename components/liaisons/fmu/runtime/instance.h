@@ -77,6 +77,7 @@ typedef struct {
 
 typedef struct { /* what need not be done again */
     int current; /* z belongs to the state */
+    int drawn;   /* and so do its last numbers, which only a picture needs */
     int apart;   /* u may have moved away from set */
     int allowed; /* k and set are known to be in their domains */
 } Known;
@@ -213,7 +214,7 @@ void core_leap(Instance *);         /* move the states along with jumps */
 
 void core_start(Instance *);    /* y and m at initialization, if they do not yet follow from u and k */
 void core_measure(Instance *);  /* sizes of y */
-void core_update(Instance *);   /* z at the present time */
+void core_update(Instance *);   /* z at the present time, but for what only a picture needs */
 /* m; 0 if it would not be finite, which leaves it. */
 int core_remember(Instance *);
 void core_jump(Instance *);     /* the inputs have jumped: states that an impulse changes, say the work done */

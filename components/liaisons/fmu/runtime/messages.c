@@ -69,7 +69,7 @@ int core_because_infinite(Instance *self) {
     const size_t first = self->model->parameters + self->model->inputs;
     self->known.current = 0;
     evaluate(self, self->model->calculate, self->s->time, self->v.y, self->v.z);
-    for (size_t i = 0; i < self->model->outputs; i++)
+    for (size_t i = 0; i < self->model->outputs - self->model->drawn; i++)
         if (!isfinite(self->v.z[i]))
             return core_because(self, "%s = %s at t = %.9g: it must be finite", core_name(self, first + i),
                                 core_spelled(self->v.z[i]), self->s->time);

@@ -16,6 +16,7 @@ from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
 from liaisons.mechanics.bookkeeping import Vectors, definitions, memory_of
 from liaisons.mechanics.chains.link import ChainLink, link_of
+from liaisons.mechanics.chains.pictures import chain_picture
 from liaisons.mechanics.chains.sweeps import Base, Motion, inertias, momenta, motion
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.printing import of_chain
@@ -78,6 +79,9 @@ def chain_model(component: type[Chain], n: int) -> Model:
         "m": (False,) * len(memory),
         "z": _shape(layout.outputs),
     }
+    known = given | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
+    vectors = {name: (x, shapes[name]) for name, x in (("t", t), ("y", y), ("u", u), ("k", k))}
+    shown, draw = chain_picture(m, known, vectors)
     programs = _programs(found, [*steps, *to_start, *to_sizes], shapes, n)
     functions: dict[str, Any] = {name: graph(of) for name, of in programs.items()}
     at = [ca.MX.sym(name, functions["derivatives"].numel_in(i)) for i, name in enumerate("tyuk")]
@@ -90,6 +94,9 @@ def chain_model(component: type[Chain], n: int) -> Model:
         condition_texts=(),
         events=ca.Function("events", at[3:], [ca.MX(0, 1)]),
         equations=of_chain(m),
+        picture=shown.document,
+        drawn=shown.variables,
+        draw=draw,
     )
 
 

@@ -1,0 +1,113 @@
+"""``liaisons animate`` and ``liaisons show``: the mechanism in motion, as a file or as a live page."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from liaisons.cli._command import Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command, option, several, subject
+from liaisons.library import fmu_file
+from liaisons.project import ProjectError
+
+_WHAT = "FMU|SSP|NAME|FILE.py"
+
+
+@command("""
+    liaisons animate Pendulum --set theta_0=2 --output swing.gif
+    liaisons animate Swing --input rope="2 + 0.1*sin(4.4*t)" --stop 20 --output swing.mp4
+    liaisons animate SpatialCat --input bend=1 --input azimuth="3*t" --turns 1 --output cat.gif
+    liaisons animate system.ssp --output system.html
+    liaisons animate motion.csv --fmu fmus/Pendulum.fmu --output motion.glb
+""")
+def animate(
+    fmu: Annotated[str, subject(f"{_WHAT}|RESULT.csv", "a file, a component, or a result with --fmu")],
+    *,
+    output: Annotated[
+        Path, option("FILE", "ends in .gif, .png (a strip of instants), .mp4, .glb or .html", "--output", "-o")
+    ],
+    starts: Starts,
+    start: Start = None,
+    stop: Stop = None,
+    step: Step = None,
+    tolerance: Tolerance = None,
+    _limit: UnpackedLimit = None,
+    given: Annotated[
+        list[str], several("NAME=EXPRESSION|FILE.csv", "move an input, as of liaisons simulate", "--input")
+    ],
+    speed: Annotated[
+        float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)", parser=float)
+    ] = None,
+    turns: Annotated[float, option("N", "how often the camera goes round a spatial mechanism", parser=float)] = 0.0,
+    of: Annotated[Path | None, option("FILE", "the FMU of a result that is read from a file", "--fmu")] = None,
+) -> int:
+    """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
+    from liaisons import ssp
+    from liaisons.cli._inputs import drives
+    from liaisons.cosim import System
+    from liaisons.cosim.scenes import of_file
+
+    path = Path(fmu)
+    if path.suffix.lower() == ".csv":
+        if of is None:
+            raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
+        result = of_file(path, of, dict(starts))
+    else:
+        if path.suffix.lower() == ".ssp":
+            system, prefix = ssp.read(path, System, dict(starts)), ""
+        else:
+            path = fmu_file(fmu)
+            system, prefix = System(path.stem), f"{path.stem.replace('.', '_')}."
+            system.experiment = system.add(prefix[:-1], path, **dict(starts)).fmu.experiment
+        begin = (system.experiment.start_time or 0.0) if start is None else start
+        span = ssp.chosen(system, begin, stop, step)
+        if span.stop_time is None or span.step_size is None:
+            raise ProjectError(f"{path.name} does not say when to end, or by which steps; add --stop and --step")
+        result = system.simulate(
+            span.stop_time,
+            span.step_size,
+            start_time=begin,
+            tolerance=system.experiment.tolerance if tolerance is None else tolerance,
+            inputs=drives(system, given, prefix=prefix, start_time=begin, stop_time=span.stop_time),
+        )
+    found = result.animate(output, speed=speed, turns=turns)
+    print(f"motion: {output}{f', {found:g} times as fast as it is' if found != 1 else ''}")
+    return 0
+
+
+@command("""
+    liaisons show Pendulum
+    liaisons show SpatialCat --output cat.html --no-open
+    liaisons show my_component.py
+    liaisons show system.ssp
+""")
+def show(
+    fmu: Annotated[str, subject(_WHAT)],
+    *,
+    output: Annotated[
+        Path | None, option("FILE", "where the page goes (default: NAME.html here)", "--output", "-o")
+    ] = None,
+    launch: Annotated[bool, typer.Option("--open/--no-open", help="open it in the browser")] = True,
+    starts: Starts,
+    _limit: UnpackedLimit = None,
+) -> int:
+    """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account."""
+    from liaisons import ssp
+    from liaisons.cosim import System
+    from liaisons.live import write_live_page
+
+    path, given = Path(fmu), dict[str, Any](starts)
+    if path.suffix.lower() == ".ssp":
+        subject_of: Any = ssp.read(path, System, given)
+        name = path.stem
+    else:
+        subject_of = path = fmu_file(fmu)
+        name = path.stem
+    target = output or Path(f"{name}.html")
+    write_live_page(subject_of, target, given)
+    print(f"page: {target}")
+    if launch:
+        webbrowser.open(target.resolve().as_uri())
+    return 0

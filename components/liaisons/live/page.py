@@ -1,0 +1,170 @@
+"""A live page: one HTML file in which the FMUs' own C runs as WebAssembly; no network, no library."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from fmpy.model_description import ModelDescription, ScalarVariable
+
+from liaisons.array_names import split
+from liaisons.compiler import compile_wasm
+from liaisons.cosim import Part, System
+from liaisons.cosim.archive import Archive
+from liaisons.cosim.scenes import picture_of
+from liaisons.cosim.schedule import order
+from liaisons.errors import SimulationError
+from liaisons.files import replacing
+from liaisons.pictures import together
+from liaisons.pictures.inline import page
+
+_MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
+_MOST_READ = 400  # elements of arrays that are read each frame
+_MOST_SLIDERS = 12  # elements of an array with a slider each
+_FRAMES = 60  # a second
+_LONGEST = 20.0  # [s] that a default experiment takes on the page
+_INTERPOLATE = 2
+
+
+def live_page(subject: Path | System, starts: Mapping[str, object] | None = None) -> bytes:
+    """The page of an FMU or of a system: sliders, picture, plot, energy account.
+
+    :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own.
+
+    :raises SimulationError: if an FMU cannot be read, or has no C sources of FMI 2.0.
+    :raises BuildError: if there is no compiler for WebAssembly, or it fails.
+    """
+    if isinstance(subject, System):
+        parts = {f"{name}.": part for name, part in subject.filled().items()}
+        title, text, connections = subject.name, "", subject.connections
+    else:
+        part = Part.of(subject.stem, subject, starts or {})
+        description = fmpy.read_model_description(subject, validate=False)
+        parts, connections, title, text = {"": part}, (), description.modelName, description.description or ""
+    feeds = {connection.target.place: connection.source.place for connection in connections}
+    ordered = list(order([part.name for part in parts.values()], feeds))
+    parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
+    paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
+    components = [_component(prefix, part, paths, feeds) for prefix, part in parts.items()]
+    place = {part.name: i for i, part in enumerate(parts.values())}
+    stops = [part.fmu.experiment.stop_time for part in parts.values()]
+    speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
+    picture = together({prefix: picture_of(part) for prefix, part in parts.items()})
+    plan = {
+        "components": components,
+        "connections": [[place[s[0]], s[1], place[t[0]], t[1]] for t, s in feeds.items()],
+        "modules": [_module(path) for path in paths],
+        "step_size": speed / (2 * _FRAMES),
+        "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),
+        "speed": speed,
+        "plane": picture.plane,
+        "signals": [name for component in components for name in _signals(component)],
+    }
+    return page("page.html", _MODULES, title or "", text, plan)
+
+
+def _module(path: Path) -> str:
+    """An FMU's C as WebAssembly, gzipped, in base64."""
+    status = path.stat()
+    return _compiled(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=64)
+def _compiled(path: Path, *_identity: int) -> str:
+    with Archive(path) as archive:
+        members = [name for name in archive.names if name.startswith("sources/") and name.endswith((".c", ".h"))]
+        sources = {}
+        for member in members:
+            with archive.open(member) as file:
+                sources[member.removeprefix("sources/")] = file.read()
+    if "fmi2Functions.h" not in sources:
+        raise SimulationError(f"{path}: a live page needs the C sources of FMI 2.0 inside, as our FMUs have them")
+    sources["page.c"] = (files("liaisons.pictures") / "web" / "page.c").read_bytes()
+    return base64.b64encode(gzip.compress(compile_wasm(sources), 9, mtime=0)).decode()
+
+
+def _component(
+    prefix: str, part: Part, paths: Sequence[Path], feeds: Mapping[tuple[str, str], tuple[str, str]]
+) -> dict[str, Any]:
+    description: ModelDescription = fmpy.read_model_description(part.fmu.path, validate=False)
+    variables = {v.name: v for v in description.modelVariables if v.type == "Real"}
+    fed = {variable for name, variable in feeds if name == part.name}
+    free = [triple for name in variables if name not in fed and (triple := _triple(name, variables))]
+    hidden = fed | {member for triple in free for member in triple[1:]}
+    picture = picture_of(part)
+    outputs = [name for name, v in variables.items() if v.causality in {"output", "input"} and split(name)[1] is None]
+    elements = [name for name, v in variables.items() if v.causality == "output" and split(name)[1] is not None]
+    read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
+    mode = _INTERPOLATE if part.reconstruction is not None and not fed else part.reconstruction
+    reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
+    return {
+        "prefix": prefix,
+        "module": paths.index(part.fmu.path),
+        "guid": part.fmu.guid,
+        "variables": [
+            _variable(v, part, read=name in read, hidden=name in hidden)
+            for name, v in variables.items()
+            if name in read or v.start is not None
+        ],
+        "free": free,
+        "settings": {} if mode is None else {str(reference): mode},
+        "reconstruction": mode or 0,
+        "picture": picture.document,
+        "units": {s: [variables[f"{s}_force"].unit or "", "W"] for s, *_ in free if f"{s}_force" in variables},
+    }
+
+
+def _triple(name: str, variables: Mapping[str, ScalarVariable]) -> list[str]:
+    """σ, σ̇, σ̈, if this is the first of them; else nothing."""
+    base, _ = split(name)
+    found = [f"{base}{end}{name[len(base) :]}" for end in ("", "_dot", "_ddot")]
+    return found if all(n in variables and variables[n].causality == "input" for n in found) else []
+
+
+def _variable(v: ScalarVariable, part: Part, *, read: bool, hidden: bool) -> dict[str, Any]:
+    base, index = split(v.name)
+    given = part.starts.get(v.name, v.start)
+    start = float(str(given)) if v.causality in {"parameter", "input"} and given is not None else None
+    few = index is None or index[-1] <= _MOST_SLIDERS
+    settable = start is not None and few and not hidden and not base.endswith("_load")
+    found = {
+        "name": v.name,
+        "reference": v.valueReference,
+        "unit": v.unit,
+        "start": start,
+        "read": read,
+        "set": settable,
+        **(_of_slider(v, base) if settable else {}),
+    }
+    return {name: value for name, value in found.items() if value is not None and value is not False}
+
+
+def _of_slider(v: ScalarVariable, base: str) -> dict[str, Any]:
+    return {
+        "description": v.description,
+        "minimum": None if v.min is None else float(v.min),
+        "maximum": None if v.max is None else float(v.max),
+        "initial": v.causality == "parameter" and base.endswith("_0"),
+        "tunable": v.causality == "input" or v.variability == "tunable",
+    }
+
+
+def _signals(component: Mapping[str, Any]) -> Sequence[str]:
+    """What is plotted at first: coordinates, whose accelerations are read, too."""
+    known = {v["name"] for v in component["variables"] if v.get("read") and "start" not in v}
+    free = {n for n in known if not split(n)[1] and {f"{n}_dot", f"{n}_ddot"} <= known}
+    angles = [v["name"] for v in component["variables"] if v["name"] in free and v.get("unit") == "rad"]
+    return [component["prefix"] + name for name in (angles or sorted(free))[:2]]
+
+
+def write_live_page(subject: Path | System, output: Path, starts: Mapping[str, object] | None = None) -> None:
+    """Write the page; see :func:`live_page`."""
+    content = live_page(subject, starts)
+    with replacing(output) as whole:
+        whole.write_bytes(content)

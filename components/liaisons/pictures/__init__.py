@@ -1,0 +1,6 @@
+"""What a mechanism looks like and how it moves: its picture, frames of it, and the files they go into."""
+
+from liaisons.pictures.animation import Scene, animate
+from liaisons.pictures.declared import Picture, together
+
+__all__ = ["Picture", "Scene", "animate", "together"]

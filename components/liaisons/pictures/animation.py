@@ -1,0 +1,136 @@
+"""A motion as a file: gif, png (a strip of instants), mp4, glb, html."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from itertools import count
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.errors import SimulationError
+from liaisons.files import replacing
+from liaisons.pictures.declared import Picture
+from liaisons.pictures.drawing import RATE, Stage, pixels, write_gif, write_strip
+from liaisons.pictures.frames import Frames, frames
+from liaisons.pictures.gltf import glb
+from liaisons.pictures.recorded import recorded_page
+from liaisons.progress import progress_bar
+
+LONGEST = 20.0
+"""[s] that an animation takes at most, unless its speed is given."""
+
+_MANY = 100  # frames: from here on their progress is shown
+
+Values = Mapping[str, NDArray[np.float64]]
+
+
+class Scene(Protocol):
+    """Where the picture comes from, and what it needs beside what was recorded."""
+
+    @property
+    def picture(self) -> Picture:
+        """Shapes whose coordinates are numbers or names of signals."""
+        ...
+
+    def values(self, known: Values) -> Values:
+        """All variables of the picture at some frames, from what is known of the motion there."""
+        ...
+
+
+def animate(
+    path: Path,
+    scene: Scene,
+    time: NDArray[np.float64],
+    signals: Values,
+    *,
+    title: str,
+    speed: float | None = None,
+    against: Mapping[str, ArrayLike] | None = None,
+    turns: float = 0.0,
+) -> float:
+    """Write a motion; the ending of the path says as what.
+
+    :param time: of the signals [s].
+    :param speed: seconds of motion a second; real time unless that takes longer than :data:`LONGEST`.
+    :param against: signals that a ghost of the picture follows, e.g. those of the closed form, at the same times.
+    :param turns: how often the camera goes round a spatial mechanism; it stands still in glb, html and png.
+    :returns: the speed.
+    :raises SimulationError: for another ending, a missing extra, or nothing to draw.
+    """
+    kind = path.suffix.lower()
+    if kind not in _WRITERS:
+        raise SimulationError(f"{path}: no animation ends so; choose one of {', '.join(_WRITERS)}")
+    if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise SimulationError(f"{path}: films need imageio-ffmpeg; pip install 'liaisons[film]', or write a .gif")
+    if not scene.picture.shapes:
+        raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
+    span = float(time[-1] - time[0])
+    speed = max(1.0, span / LONGEST) if speed is None else speed
+    at = time[0] + np.arange(int(span / speed * RATE + 1e-9) + 1) * speed / RATE
+    known = {name: _between(time, values, at) for name, values in signals.items()}
+    shown = _frames(scene, at, known)
+    ghost = None
+    if against is not None:
+        followed = {name: _between(time, np.asarray(values, dtype=float), at) for name, values in against.items()}
+        drawn = scene.picture.variables  # these are to be calculated anew
+        kept = {name: values for name, values in known.items() if name in followed or name not in drawn}
+        ghost = _frames(scene, at, kept | followed)
+    many = title if len(at) > _MANY else ""
+    with replacing(path) as whole, progress_bar(many, "frame {:g} of {:g}", 0, len(at)) as show:
+        done = count(1)
+        say = {"turns": turns, "title": title, "speed": speed, "step": lambda: show(next(done))}
+        _WRITERS[kind](whole, scene.picture, shown, ghost, **say)
+    return speed
+
+
+def _frames(scene: Scene, at: NDArray[np.float64], known: Values) -> Frames:
+    return frames(scene.picture, at, scene.values(known).__getitem__)
+
+
+def _between(time: NDArray[np.float64], values: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values between communication points; curves without overshoot where a coordinate jumps (Akima)."""
+    if len(time) < 3:
+        return np.interp(at, time, values)
+    from scipy.interpolate import Akima1DInterpolator
+
+    return Akima1DInterpolator(time, values, method="makima")(np.minimum(at, time[-1]))
+
+
+def _gif(path: Path, _: Picture, shown: Frames, ghost: Frames | None, *, turns: float, step: Any, **__: Any) -> None:
+    write_gif(Stage(shown, ghost), path, turns=turns, progress=step)
+
+
+def _png(path: Path, _: Picture, shown: Frames, ghost: Frames | None, **__: Any) -> None:
+    write_strip(Stage(shown, ghost), path)
+
+
+def _mp4(path: Path, _: Picture, shown: Frames, ghost: Frames | None, *, turns: float, step: Any, **__: Any) -> None:
+    import imageio_ffmpeg
+
+    film = None
+    for image in pixels(Stage(shown, ghost), turns=turns, width=720):
+        if film is None:
+            size = image.shape[1], image.shape[0]
+            film = imageio_ffmpeg.write_frames(str(path), size, fps=RATE, output_params=["-f", "mp4"])
+            film.send(None)
+        film.send(np.ascontiguousarray(image))
+        step()
+    if film is not None:
+        film.close()
+
+
+def _glb(path: Path, _: Picture, shown: Frames, __: Frames | None, *, title: str, **___: Any) -> None:
+    path.write_bytes(glb(shown, title))
+
+
+def _html(
+    path: Path, picture: Picture, shown: Frames, _: Frames | None, *, title: str, speed: float, **__: Any
+) -> None:
+    path.write_bytes(recorded_page(picture, shown, title=title, speed=speed))
+
+
+_WRITERS: dict[str, Callable[..., None]] = {".gif": _gif, ".png": _png, ".mp4": _mp4, ".glb": _glb, ".html": _html}

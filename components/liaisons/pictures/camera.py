@@ -1,0 +1,41 @@
+"""Where points of space are seen; the live page has the same formulas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, sin
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_FACING = {"xz": (0.0, 0.0), "xy": (0.0, pi / 2), "yz": (pi / 2, 0.0), None: (-0.6, 0.35)}
+
+
+@final
+@dataclass(frozen=True)
+class Camera:
+    """Looks along a direction, without perspective.
+
+    :param yaw: angle [rad] by which the eye goes round the vertical, from -y towards x.
+    :param pitch: angle [rad] by which it is raised.
+    """
+
+    yaw: float
+    pitch: float
+
+    def see(self, points: NDArray) -> NDArray:
+        """Right, up and depth (larger towards the eye) of points (..., 3); any unit."""
+        return points @ self.axes.T
+
+    @property
+    def axes(self) -> NDArray:
+        """Rows: unit vectors to the right, up, and towards the eye."""
+        cy, sy, cp, sp = cos(self.yaw), sin(self.yaw), cos(self.pitch), sin(self.pitch)
+        return np.array([[cy, sy, 0.0], [-sp * sy, sp * cy, cp], [sy * cp, -cy * cp, sp]])
+
+
+def facing(plane: str | None, turn: float = 0.0) -> Camera:
+    """The camera that faces a plane, or circles a spatial mechanism: turned by an angle [rad]."""
+    yaw, pitch = _FACING[plane]
+    return Camera(yaw + (turn if plane is None else 0.0), pitch)

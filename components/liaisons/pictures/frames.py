@@ -1,0 +1,85 @@
+"""A picture in motion: where each shape is at each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.errors import SimulationError
+from liaisons.pictures.declared import Picture
+
+Signal = Callable[[str], NDArray]
+"""Values of a variable at the frames, (n,)."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """One shape at n frames.
+
+    :param kind: ``"rod"``, ``"ball"``, ``"box"``, ``"wire"``, ``"spring"`` or ``"trail"``.
+    :param points: (n, k, 3) [m]: both ends of a rod or spring, the centre of a ball, box or trail, all of a wire.
+    :param axes: (n, 3, 3), unit vectors, of a box.
+    :param size: (n, 3) [m] of a box; (n, 1), the radius, of a rod or ball that has one.
+    :param closed: whether the last point of a wire is joined to the first.
+    """
+
+    kind: str
+    points: NDArray
+    axes: NDArray | None = None
+    size: NDArray | None = None
+    closed: bool = False
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Shapes at the times of n frames [s]."""
+
+    time: NDArray
+    shapes: tuple[Moving, ...]
+    plane: str | None
+    values: NDArray  # (n, variables), in the order of the picture's
+
+    @property
+    def points(self) -> NDArray:
+        """All points of all shapes, (n, k, 3)."""
+        return np.concatenate([shape.points for shape in self.shapes], axis=1)
+
+
+def frames(picture: Picture, time: NDArray, signal: Signal) -> Frames:
+    """The shapes of a picture at some times.
+
+    :raises SimulationError: if a coordinate is not finite.
+    """
+    shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
+    values = np.stack([signal(name) for name in picture.variables] or [np.zeros(len(time))], axis=1)
+    found = Frames(time, shapes, picture.plane, values)
+    if shapes and not np.isfinite(found.points).all():
+        late = float(time[~np.isfinite(found.points).all(axis=(1, 2))][0])
+        raise SimulationError(
+            f"the picture has a coordinate that is not finite at t = {late:g} s: nothing to draw there"
+        )
+    return found
+
+
+def _moving(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
+    def values(given: float | str) -> NDArray:
+        return signal(given) if isinstance(given, str) else np.full(count, float(given))
+
+    def columns(members: list[Any]) -> NDArray:
+        return np.stack([values(member) for member in members], axis=-1)
+
+    ends = [shape[member] for member in ("from", "to", "at") if member in shape] or shape["points"]
+    size = shape.get("size") or ([shape["radius"]] if "radius" in shape else None)
+    return Moving(
+        shape["shape"],
+        np.stack([columns(point) for point in ends], axis=1),
+        axes=np.stack([columns(axis) for axis in shape["axes"]], axis=1) if "axes" in shape else None,
+        size=None if size is None else columns(size),
+        closed=shape.get("closed", False),
+    )

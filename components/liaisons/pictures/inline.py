@@ -1,0 +1,49 @@
+"""One HTML file: style, script and data inside, and a policy that lets nothing else in."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import re
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+
+def page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
+    """Fill a template.
+
+    :param template: name of its file.
+    :param modules: names of the ES modules, each after those that it imports.
+    :param title: text, as is ``description``; neither becomes markup.
+    :param plan: data for the script.
+    """
+    folder = files("liaisons.pictures") / "web"
+    style = (folder / "page.css").read_text(encoding="utf-8")
+    script = "\n".join(_inlined((folder / name).read_text(encoding="utf-8")) for name in modules)
+    policy = (
+        f"default-src 'none'; script-src '{_hash(script)}' 'wasm-unsafe-eval'; style-src '{_hash(style)}'; "
+        "img-src data:; base-uri 'none'; form-action 'none'"
+    )
+    given = {
+        "title": html.escape(title),
+        "description": html.escape(description),
+        "policy": policy,
+        "style": style,
+        "script": script,
+        "plan": json.dumps(plan, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
+    }
+    text = (folder / template).read_text(encoding="utf-8")
+    return re.sub(r"\{(\w+)\}", lambda found: given[found[1]], text).encode()
+
+
+def _inlined(module: str) -> str:
+    """A module as part of one script, because a file:// page loads none: what it imports stands above it."""
+    without_imports = re.sub(r"^import .*?;\n", "", module, flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"^export ", "", without_imports, flags=re.MULTILINE)
+
+
+def _hash(text: str) -> str:
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

@@ -1,0 +1,300 @@
+// The page: buttons, sliders, picture, plot and energy account round a machine.
+
+import { compile } from "./fmu.js";
+import { Machine } from "./machine.js";
+import { palette, shapesOf, View } from "./picture.js";
+import { colourOf, MOST, plot, short } from "./plot.js";
+import { Hand, Operator, operators } from "./sources.js";
+
+const BUDGET = 4; // ms of stepping a frame
+const KEPT = 900; // frames in the plot
+const $ = (id) => document.getElementById(id);
+
+function make(tag, properties = {}, ...children) {
+  const { data = {}, ...others } = properties;
+  const element = Object.assign(document.createElement(tag), others);
+  Object.assign(element.dataset, data);
+  element.append(...children);
+  return element;
+}
+
+/** Where a slider for a variable goes from and to. */
+function range({ start, minimum, maximum, unit }) {
+  const span = start ? 2 * Math.abs(start) : unit === "rad" ? Math.PI : 1;
+  const low = minimum === undefined ? start - span : Math.max(minimum, start - span);
+  return [low === minimum && start > 0 ? Math.max(low, start / 10) : low, Math.min(maximum ?? Infinity, start + span)];
+}
+
+class Page {
+  constructor(plan, modules) {
+    this.plan = plan;
+    this.machine = new Machine(plan, modules);
+    const shapes = this.machine.parts.flatMap((p) => shapesOf(p.picture, this.machine.place, p.prefix));
+    this.view = new View($("picture"), shapes, plan.plane);
+    this.view.changed = () => this.paint();
+    this.speed = plan.speed;
+    this.running = false;
+    this.chosen = plan.signals.slice(0, MOST);
+    this.colours = palette();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      this.colours = palette();
+      this.paint();
+    });
+    this.#buttons();
+    this.#controls();
+    this.#choices();
+    this.reset();
+    requestAnimationFrame((now) => this.#frame(now));
+  }
+
+  reset() {
+    this.times = [];
+    this.history = [];
+    this.view.forget();
+    this.owed = 0;
+    if (this.machine.restart()) this.#look();
+    for (const part of this.machine.parts) for (const [name, source] of part.sources) if (source instanceof Hand) this.#show(part.prefix + name, source.aim);
+    this.#tell();
+    this.paint();
+  }
+
+  toggle(running = !this.running) {
+    if (running && this.machine.broken && !this.machine.again) this.reset();
+    this.machine.broken = "";
+    this.running = running && !this.machine.broken;
+    this.#tell();
+  }
+
+  /** One step; what is refused is said, and the hand is where the last good step ended. */
+  step() {
+    if (this.machine.step()) {
+      this.#look();
+      return true;
+    }
+    this.running = false;
+    for (const part of this.machine.parts) {
+      for (const [name, source] of part.sources) {
+        const [value] = source.at(this.machine.time);
+        const held = new Hand(value);
+        held.time = this.machine.time;
+        part.sources.set(name, held);
+        this.#show(part.prefix + name, value);
+      }
+    }
+    this.#tell();
+    return false;
+  }
+
+  /** So many steps at once; for tests. */
+  run(count) {
+    for (let k = 0; k < count && this.step(); k += 1);
+    this.paint();
+    return Object.fromEntries(this.machine.signals.map((name, i) => [name, this.now[i]]));
+  }
+
+  paint() {
+    if (!this.now) return;
+    this.view.draw(this.now, this.colours, this.machine.time);
+    const place = this.machine.place;
+    plot($("plot"), this.times, this.chosen.map((name) => ({ name, values: this.history.map((v) => v[place.get(name)]) })), this.colours.of);
+    this.#account();
+    $("time").textContent = `t = ${this.machine.time.toFixed(2)} s`;
+  }
+
+  #frame(now) {
+    const past = Math.min((now - (this.last ?? now)) / 1000, 0.1);
+    this.last = now;
+    if (this.running) {
+      const begin = performance.now();
+      this.owed += past * this.speed;
+      const { step_size: size } = this.plan;
+      while (this.owed >= size && this.running) {
+        this.owed -= size;
+        this.step();
+        if (performance.now() - begin > BUDGET) this.owed = 0; // slower than time; no worse
+      }
+      this.paint();
+    }
+    requestAnimationFrame((next) => this.#frame(next));
+  }
+
+  /** Remember what can be read now. */
+  #look() {
+    this.now = this.machine.values();
+    this.times.push(this.machine.time);
+    this.history.push(this.now);
+    if (this.times.length > KEPT) {
+      this.times.shift();
+      this.history.shift();
+    }
+    if (this.times.length === 1) this.first = this.now;
+  }
+
+  #tell() {
+    const text = this.machine.broken;
+    $("said").textContent = text && (this.machine.again ? `${text} The step was refused; the motion can go on.` : `${text} Reset to begin anew.`);
+    $("run").textContent = this.running ? "Pause" : "Start";
+    $("run").setAttribute("aria-pressed", String(this.running));
+  }
+
+  /** Work on one side, what became of it on the other: both end at the same place. */
+  #account() {
+    const sum = (name, values) => this.machine.parts.reduce((s, p) => s + (values[this.machine.place.get(p.prefix + name)] ?? 0), 0);
+    if (!this.machine.parts.some((p) => this.machine.place.has(`${p.prefix}energy`))) return;
+    const work = sum("work", this.now), gain = sum("energy", this.now) - sum("energy", this.first), lost = sum("dissipated", this.now);
+    this.largest = Math.max(this.times.length > 1 ? this.largest : 0, Math.abs(work), Math.abs(gain), Math.abs(gain + lost), 1e-12);
+    const bar = (id, from, to) => {
+      const [a, b] = [from, to].sort((p, q) => p - q).map((v) => 50 + (48 * v) / this.largest);
+      $(id).setAttribute("x", a);
+      $(id).setAttribute("width", Math.max(b - a, 0.3));
+    };
+    bar("bar-work", 0, work);
+    bar("bar-gain", 0, gain);
+    bar("bar-lost", gain, gain + lost);
+    $("account").textContent = `work ${short(work)} J = energy gained ${short(gain)} J + dissipated ${short(lost)} J, `
+      + `to ${Math.abs(gain + lost - work).toExponential(0)} J`;
+    for (const part of this.machine.parts) {
+      for (const [name] of part.free) {
+        const value = (end) => this.now[this.machine.place.get(`${part.prefix}${name}${end}`)];
+        const shown = document.querySelector(`[data-force="${CSS.escape(part.prefix + name)}"]`);
+        if (shown && value("_force") !== undefined) {
+          const [force, power] = part.units[name] ?? ["", "W"];
+          shown.textContent = `force ${short(value("_force"))} ${force}, power ${short(value("_power"))} ${power}`;
+        }
+      }
+    }
+  }
+
+  #buttons() {
+    $("run").onclick = () => this.toggle();
+    $("step").onclick = () => { this.toggle(false); this.step(); this.paint(); };
+    $("reset").onclick = () => { this.running = false; this.reset(); };
+    $("speed").value = Math.log2(this.speed / this.plan.speed);
+    $("speed").oninput = () => {
+      this.speed = this.plan.speed * 2 ** Number($("speed").value);
+      $("speed-shown").textContent = `${short(this.speed)} ×`;
+    };
+    $("speed").oninput();
+    addEventListener("keydown", (event) => {
+      if (event.target.matches("input, select, button") || event.ctrlKey || event.metaKey) return;
+      const keys = { " ": $("run"), ".": $("step"), r: $("reset") };
+      if (keys[event.key]) {
+        event.preventDefault();
+        keys[event.key].click();
+      }
+    });
+  }
+
+  #controls() {
+    for (const part of this.machine.parts) {
+      const prescribed = new Set(part.free.flat());
+      for (const variable of part.variables) {
+        const name = part.prefix + variable.name;
+        if (part.free.some(([first]) => first === variable.name)) {
+          $("sigma").append(this.#slider(name, variable, (value) => this.#move(part, variable.name, value)), this.#preset(part, variable.name));
+        } else if (variable.start !== undefined && variable.set && !prescribed.has(variable.name)) {
+          $(variable.initial ? "starts" : "parameters").append(this.#slider(name, variable, (value) => this.#set(part, variable, value)));
+        }
+      }
+    }
+    for (const id of ["sigma", "starts", "parameters"]) $(id).hidden = $(id).childElementCount < 2;
+  }
+
+  #slider(name, variable, moved) {
+    const [low, high] = range(variable);
+    const slider = make("input", { type: "range", min: low, max: high, step: (high - low) / 500 || 1, value: variable.start, data: { name } });
+    const number = make("input", { type: "number", step: "any", value: short(variable.start), data: { number: name } });
+    slider.oninput = () => { number.value = short(Number(slider.value)); moved(Number(slider.value)); };
+    number.onchange = () => { slider.value = number.value; moved(Number(number.value)); };
+    slider.setAttribute("aria-label", name);
+    number.setAttribute("aria-label", `${name}, value`);
+    return make("label", { title: variable.description ?? "", className: "row" }, make("span", { textContent: name }), slider, number, make("span", { className: "unit", textContent: variable.unit ?? "" }));
+  }
+
+  #preset(part, name) {
+    const fields = make("span", { className: "fields" });
+    const choice = make("select", { data: { preset: part.prefix + name } }, ...["by hand", ...Object.keys(operators)].map((text) => make("option", { textContent: text })));
+    choice.setAttribute("aria-label", `what moves ${name}`);
+    choice.onchange = () => {
+      const [value] = part.sources.get(name).at(this.machine.time);
+      const hand = new Hand(value);
+      hand.time = this.machine.time;
+      const source = choice.value === "by hand" ? hand : new Operator(choice.value, value, this.machine.time);
+      part.sources.set(name, source);
+      fields.replaceChildren(...Object.entries(source.parameters ?? {}).map(([key, start]) => {
+        const field = make("input", { type: "number", step: "any", value: start, title: key });
+        field.onchange = () => { source.parameters[key] = Number(field.value); };
+        return make("label", {}, `${key} `, field);
+      }));
+    };
+    return make("div", { className: "preset" }, choice, fields, make("output", { data: { force: part.prefix + name } }));
+  }
+
+  #move(part, name, value) {
+    if (this.machine.time === 0) {
+      part.starts.set(name, value);
+      part.sources.set(name, new Hand(value));
+      this.reset();
+    } else if (part.sources.get(name) instanceof Hand) part.sources.get(name).move(value, this.machine.time);
+  }
+
+  #set(part, variable, value) {
+    part.starts.set(variable.name, value);
+    if (!variable.tunable) this.reset();
+    else {
+      try {
+        part.fmu.set([variable.reference], [value]);
+      } catch (refusal) {
+        this.machine.broken = refusal.message;
+        this.#tell();
+      }
+    }
+  }
+
+  #show(name, value) {
+    const slider = document.querySelector(`[data-name="${CSS.escape(name)}"]`);
+    if (!slider) return;
+    slider.value = value;
+    document.querySelector(`[data-number="${CSS.escape(name)}"]`).value = short(value);
+  }
+
+  #choices() {
+    const render = () => {
+      $("signals").replaceChildren(
+        ...this.chosen.map((name, i) => {
+          const button = make("button", { textContent: `${name} ×`, title: "take this curve away" });
+          button.style.setProperty("color", `var(${colourOf(i)})`);
+          button.onclick = () => { this.chosen = this.chosen.filter((other) => other !== name); render(); };
+          return button;
+        }),
+        choice,
+      );
+      this.paint();
+    };
+    const choice = make("select", { data: { signals: "" } }, make("option", { textContent: "plot ..." }), ...this.machine.signals.map((text) => make("option", { textContent: text })));
+    choice.setAttribute("aria-label", "signals to plot");
+    choice.onchange = () => {
+      if (!this.chosen.includes(choice.value)) this.chosen = [...this.chosen, choice.value].slice(-MOST);
+      choice.selectedIndex = 0;
+      render();
+    };
+    render();
+  }
+}
+
+async function open() {
+  const plan = JSON.parse($("plan").textContent);
+  if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
+    $("said").textContent = "This browser has no WebAssembly: take a newer one.";
+    return;
+  }
+  try {
+    const modules = await Promise.all(plan.modules.map(compile));
+    window.page = new Page(plan, modules);
+  } catch (error) {
+    $("said").textContent = `This page cannot run: ${error.message}`;
+    throw error;
+  }
+}
+
+open();

@@ -1,0 +1,138 @@
+"""Motions as files."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from liaisons import Result, simulate
+from liaisons.errors import SimulationError
+from liaisons.models import Pendulum
+from liaisons.pictures import Picture
+from liaisons.pictures.camera import facing
+from liaisons.pictures.frames import frames
+
+from .conftest import MECHANISMS
+
+
+@pytest.fixture(scope="module")
+def swing(fmu: Callable[..., Path]) -> Result:
+    return simulate(fmu(Pendulum), stop_time=1.0, step_size=0.01, theta_0=1.0)
+
+
+def content(path: Path) -> tuple[dict, bytes]:
+    """The two chunks of a .glb file."""
+    data = path.read_bytes()
+    magic, version, length = struct.unpack("<4sII", data[:12])
+    assert (magic, version, length) == (b"glTF", 2, len(data))
+    size = struct.unpack("<I", data[12:16])[0]
+    return json.loads(data[20 : 20 + size]), data[28 + size :]
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_glb_has_the_positions_to_single_precision(name: str, moved: Callable[[str], Result], tmp_path: Path) -> None:
+    result = moved(name)
+    assert result.scene is not None
+    result.animate(tmp_path / "motion.glb")
+    document, data = content(tmp_path / "motion.glb")
+    assert document["asset"]["version"] == "2.0"
+    moving = {c["target"]["node"]: c["sampler"] for c in document["animations"][0]["channels"]
+              if c["target"]["path"] == "translation"}  # fmt: skip
+    balls = [s for s in result.scene.picture.shapes if s["shape"] == "ball"]
+    nodes = [i for i, node in enumerate(document["nodes"]) if node["name"] == "ball"]
+    assert len(balls) == len(nodes)
+    for ball, node in zip(balls, nodes, strict=True):
+        first = document["nodes"][node]["translation"]
+        start = {n: result[n][:1] for n in result.names}
+        known = result.scene.values(start)
+        expected = [float(known[c][0]) if isinstance(c, str) else c for c in ball["at"]]
+        assert first == pytest.approx(expected, rel=1e-6, abs=1e-6)
+        if node in moving:
+            accessor = document["accessors"][document["animations"][0]["samplers"][moving[node]]["output"]]
+            view = document["bufferViews"][accessor["bufferView"]]
+            rows = np.frombuffer(data, "<f4", 3 * accessor["count"], view["byteOffset"]).reshape(-1, 3)
+            end = result.scene.values({n: result[n][-1:] for n in result.names})
+            last = [float(end[c][0]) if isinstance(c, str) else c for c in ball["at"]]
+            assert rows[-1] == pytest.approx(last, rel=1e-6, abs=1e-6)
+
+
+def test_a_gif_lasts_as_long_as_the_motion(swing: Result, tmp_path: Path) -> None:
+    assert swing.animate(tmp_path / "swing.gif") == 1
+    with Image.open(tmp_path / "swing.gif") as opened:
+        image: Any = opened  # of several frames
+        durations = []
+        for k in range(image.n_frames):
+            image.seek(k)
+            durations.append(image.info["duration"])
+        assert sum(durations) == pytest.approx(1000, abs=50)  # [ms], one frame more or less
+        image.seek(0)
+        first = np.asarray(image.convert("RGB"), dtype=int)
+        image.seek(image.n_frames // 2)
+        assert np.abs(np.asarray(image.convert("RGB"), dtype=int) - first).max() > 50  # it moves
+
+
+def test_the_other_kinds(swing: Result, tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    ghost = {"theta": 0.5 * swing["theta"]}
+    for name in ("strip.png", "film.mp4", "page.html"):
+        swing.animate(tmp_path / name, against=ghost)
+        assert (tmp_path / name).stat().st_size > 2000
+    with Image.open(tmp_path / "strip.png") as image:
+        assert image.width > 3 * image.height
+    assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_long_motions_are_shown_faster(swing: Result, tmp_path: Path) -> None:
+    stretched = Result("slow", swing.time * 1000, swing.names, swing.values.copy(), {}, scene=swing.scene)
+    assert stretched.animate(tmp_path / "slow.html") == pytest.approx(50)
+
+
+def test_a_ghost_follows_what_it_is_told(swing: Result) -> None:
+    assert swing.scene is not None
+    angle = np.array([0.3, -0.2])
+    known = swing.scene.values({"theta": angle, "length": np.ones(2)})
+    assert known["bob_x"] == pytest.approx(np.sin(angle), abs=1e-12)
+    assert known["bob_z"] == pytest.approx(-np.cos(angle), abs=1e-12)
+
+
+def test_refusals(swing: Result, tmp_path: Path) -> None:
+    with pytest.raises(SimulationError, match=r"swing.mov: no animation ends so; choose one of .gif, .png"):
+        swing.animate(tmp_path / "swing.mov")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(SimulationError, match="has no picture; animate that of"):
+        Result("table", swing.time, swing.names, swing.values.copy(), {}).animate(tmp_path / "a.gif")
+    picture = Picture(({"shape": "ball", "at": ["a", 0.0, 0.0]},))
+    with pytest.raises(SimulationError, match="not finite at t = 2 s"):
+        frames(picture, np.array([1.0, 2.0]), lambda _: np.array([0.0, np.nan]))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"{", "cannot be read"),
+        (b'{"version": "2.0", "shapes": []}', "of version 2.0; this liaisons reads 1.x"),
+        (b'{"version": "1.0", "shapes": [{"shape": "cone"}]}', "KeyError: 'cone'"),
+        (b'{"version": "1.0", "shapes": [{"shape": "ball"}]}', "KeyError: 'at'"),
+        (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [{}, 0, 0]}]}', "cannot be read"),
+        (b"[" * 100000, "cannot be read"),
+    ],
+)
+def test_damaged_pictures(text: bytes, message: str) -> None:
+    with pytest.raises(SimulationError, match=message):
+        Picture.of(text, "x.fmu")
+
+
+@pytest.mark.parametrize("plane", ["xz", "xy", "yz", None])
+def test_the_camera_faces_the_plane(plane: str | None) -> None:
+    axes = facing(plane).axes
+    assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
+    if plane is not None:
+        right, up = (np.eye(3)["xyz".index(axis)] for axis in plane)
+        assert axes[:2] == pytest.approx(np.array([right, up]), abs=1e-12)
