@@ -1,14 +1,20 @@
 """What the layout promises: arrows that point one way, short files, claims in docstrings, no heavy imports."""
 
 import ast
+import pkgutil
+import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
 import liaisons
+from liaisons.fmu.code import source_files
+from liaisons.mechanics import assemble
+from liaisons.models import Pendulum
 
 ROOT = Path(__file__).resolve().parents[1]
 COMPONENTS = sorted((ROOT / "components/liaisons/models").glob("[!_]*.py"))
@@ -60,6 +66,33 @@ def test_one_name_is_one_thing() -> None:
     twice = {name for name, count in defined.items() if count > 1}
     # What users call a system takes components, too; the runtime inside Python FMUs is a world of its own.
     assert twice <= {"System", "Call"}
+
+
+def test_the_map_for_newcomers_names_what_is_there() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## The map")[2].partition("\n## ")[0]
+    assert re.findall(r"^(\d+)\. ", text, re.MULTILINE) == [str(station) for station in range(1, 13)] * 2
+
+    names = re.findall(r"`((?:[a-z_]+\.)+[A-Za-z_.]+)`", text)
+    for name in names:
+        assert name.endswith((".c", ".h", ".py")) or pkgutil.resolve_name(f"liaisons.{name}"), name
+
+    pendulum = assemble(Pendulum)
+    sources = source_files(pendulum, "{}", "2") | source_files(pendulum, "{}", "3")
+    functions = re.findall(r"`(\w+)`\s+(?:in|of)\s+`(\w+\.c)`", text)
+    assert len(functions) == 7
+    for function, file in functions:
+        assert re.search(rf"^\w.*\b{function}\(", sources[file].decode(), re.MULTILINE), f"{function} in {file}"
+
+    (block,) = re.findall(r"```\n(.*?)```", text, re.DOTALL)
+    storeys = [set(line.partition("  ")[0].split()) for line in block.splitlines()]
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    layers = [set(layer.split(" | ")) for contract in contracts for layer in contract.get("layers", ())]
+    order = [number for storey in storeys for number, layer in enumerate(layers) if storey <= layer]
+    assert len(order) == len(storeys)
+    assert order == sorted(order)
+    packages = {module.name for module in pkgutil.iter_modules(liaisons.__path__) if module.ispkg}
+    assert packages <= set().union(*storeys)
 
 
 def test_who_sends_an_interrupt_makes_sure_that_it_arrives() -> None:

@@ -193,6 +193,30 @@ def dependencies(root: ElementTree.Element, part: str) -> dict[str, set[str]]:
     }
 
 
+@pytest.mark.parametrize("version", ["2", "3", "python"])
+@pytest.mark.parametrize("component", [pendulum, fall, lambda: ring(3)], ids=["pendulum", "fall", "ring"])
+def test_initial_unknowns_are_all_that_the_standard_asks_for(component, version) -> None:
+    """Outputs, calculated parameters, states and their rates: FMI 2.0.4, 2.2.8; FMI 3.0.2, 2.4.8."""
+    if version == "3":
+        root = ElementTree.fromstring(model_description3(component(), token=GUID))
+        entries = {entry.attrib["valueReference"]: entry.attrib for entry in root.iterfind("ModelVariables/*")}
+        listed = [unknown.attrib["valueReference"] for unknown in root.iterfind("ModelStructure/InitialUnknown")]
+    else:
+        backend = "native" if version == "2" else "python"
+        root = ElementTree.fromstring(model_description(component(), guid=GUID, backend=backend))
+        scalars = enumerate(root.iterfind("ModelVariables/ScalarVariable"), start=1)
+        entries = {str(index): entry.attrib | entry[0].attrib for index, entry in scalars}
+        listed = [unknown.attrib["index"] for unknown in root.iterfind("ModelStructure/InitialUnknowns/Unknown")]
+    wanted = {place for place, entry in entries.items() if entry["causality"] in {"output", "calculatedParameter"}}
+    kind, place = (
+        ("ContinuousStateDerivative", "valueReference") if version == "3" else ("Derivatives/Unknown", "index")
+    )
+    for rate in root.iterfind(f"ModelStructure/{kind}"):
+        wanted |= {rate.attrib[place], entries[rate.attrib[place]]["derivative"]}
+    assert len(listed) == len(wanted)
+    assert set(listed) == {place for place in wanted if entries[place]["initial"] != "exact"}
+
+
 def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library) -> None:
     """Every parameter and input is changed in turn: what moves must be declared, and what is declared moves."""
     declared = dependencies(native, "InitialUnknowns")
