@@ -69,8 +69,8 @@ BINARY: dict[str, Scalar] = {
     "hypot": ca.hypot,
     "fmin": ca.fmin,
     "fmax": ca.fmax,
-    "lt": lambda x, y: x < y,
-    "le": lambda x, y: x <= y,
+    "lt": lambda x, y: ca.floor(4 * x) < ca.floor(4 * y),  # which are equal now and then
+    "le": lambda x, y: ca.floor(4 * x) <= ca.floor(4 * y),
     "eq": lambda x, y: ca.floor(4 * x) == ca.floor(4 * y),
     "ne": lambda x, y: ca.floor(4 * x) != ca.floor(4 * y),
     "and": lambda x, y: ca.logic_and(x < 0, y < 0),

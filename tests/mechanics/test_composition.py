@@ -127,6 +127,11 @@ def test_hoop_of_names() -> None:
     assert rate.derivative_of == "b.angle"
 
 
+def test_the_longest_experiment_is_that_of_all() -> None:
+    model = compose("Both", {"a": assemble(Oscillator), "b": assemble(Flywheel)}, {})
+    assert model.experiment.stop_time == Oscillator.experiment.stop_time > Flywheel.experiment.stop_time
+
+
 def test_elements_of_arrays_can_be_connected() -> None:
     """The grip of one chain on the last mass of another, both ways: twice three masses are six."""
     wires = triple("right.drive", "left.u") | {"left.u_load": "right.drive_force"}

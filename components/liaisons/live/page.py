@@ -122,9 +122,14 @@ def _component(
 
 def _triple(name: str, variables: Mapping[str, ScalarVariable]) -> list[str]:
     """σ, σ̇, σ̈, if this is the first of them; else nothing."""
-    base, _ = split(name)
-    found = [f"{base}{end}{name[len(base) :]}" for end in ("", "_dot", "_ddot")]
+    found = [name, *_rates(name)]
     return found if all(n in variables and variables[n].causality == "input" for n in found) else []
+
+
+def _rates(name: str) -> list[str]:
+    """Names of σ̇ and σ̈; of an element of an array, those of its elements."""
+    base, _ = split(name)
+    return [f"{base}{end}{name[len(base) :]}" for end in ("_dot", "_ddot")]
 
 
 def _variable(v: ScalarVariable, part: Part, *, read: bool, hidden: bool) -> dict[str, Any]:
@@ -139,6 +144,7 @@ def _variable(v: ScalarVariable, part: Part, *, read: bool, hidden: bool) -> dic
         "unit": v.unit,
         "start": start,
         "read": read,
+        "drawn": read and v.causality == "local",
         "set": settable,
         **(_of_slider(v, base) if settable else {}),
     }
@@ -156,11 +162,13 @@ def _of_slider(v: ScalarVariable, base: str) -> dict[str, Any]:
 
 
 def _signals(component: Mapping[str, Any]) -> Sequence[str]:
-    """What is plotted at first: coordinates, whose accelerations are read, too."""
-    known = {v["name"] for v in component["variables"] if v.get("read") and "start" not in v}
-    free = {n for n in known if not split(n)[1] and {f"{n}_dot", f"{n}_ddot"} <= known}
-    angles = [v["name"] for v in component["variables"] if v["name"] in free and v.get("unit") == "rad"]
-    return [component["prefix"] + name for name in (angles or sorted(free))[:2]]
+    """What is plotted at first: angles, or the attitude, or other coordinates, whose accelerations are read, too."""
+    shown = {v["name"]: v.get("unit") for v in component["variables"] if v.get("read") and "start" not in v}
+    coordinates = [name for name in shown if {name, *_rates(name)} <= shown.keys()]
+    angles = [name for name in coordinates if shown[name] == "rad"]
+    attitude = [name for name in shown if name[:-1].endswith("q_") and name[-1] in "xyz"]
+    found = angles or attitude or coordinates or [name for name in shown if split(name)[0] == "y"]
+    return [component["prefix"] + name for name in found[: len(attitude) or 2]]
 
 
 def write_live_page(subject: Path | System, output: Path, starts: Mapping[str, object] | None = None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, final
@@ -47,9 +48,13 @@ class Picture:
                 if missing:
                     raise KeyError(missing[0])
             found = cls(tuple(shapes))
-            found.renamed(lambda name: name)
+            for number in (number for shape in shapes for number in _numbers(shape)):
+                if not isinstance(number, str) and not math.isfinite(float(number)):
+                    raise ValueError(f"a coordinate is {number}")
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
-            raise SimulationError(f"{where}: {MEMBER} cannot be read: {type(error).__name__}: {error}") from None
+            raise SimulationError(
+                f"{where}: {MEMBER} cannot be read: {type(error).__name__}: {error}; build the FMU anew"
+            ) from None
         if not str(version).startswith(VERSION):
             raise SimulationError(f"{where}: {MEMBER} is of version {version}; this liaisons reads {VERSION}x")
         return found
@@ -88,16 +93,28 @@ class Picture:
     @property
     def plane(self) -> str | None:
         """The plane in which it lies, ``"xz"``, ``"xy"`` or ``"yz"``; None: it is spatial."""
-        points = list(self._points())
+        points = [point for shape in self.shapes for point in _points(shape)]
         for plane, across in (("xz", 1), ("xy", 2), ("yz", 0)):
             if points and len({str(point[across]) for point in points}) == 1 and not isinstance(points[0][across], str):
                 return plane
         return None
 
-    def _points(self) -> Iterator[list[float | str]]:
-        for shape in self.shapes:
-            yield from (shape[member] for member in _POINTS if member in shape)
-            yield from shape.get("points", ())
+
+def _points(shape: Shape) -> Iterator[list[float | str]]:
+    yield from (shape[member] for member in _POINTS if member in shape)
+    yield from shape.get("points", ())
+
+
+def _numbers(shape: Shape) -> Iterator[Any]:
+    """Every coordinate and size.
+
+    :raises ValueError: if a point or an axis has not three of them.
+    """
+    triples = [*_points(shape), *shape.get("axes", ())]
+    for x, y, z in [*triples, shape["size"]] if "size" in shape else triples:
+        yield from (x, y, z)
+    if "radius" in shape:
+        yield shape["radius"]
 
 
 def together(pictures: Mapping[str, Picture]) -> Picture:

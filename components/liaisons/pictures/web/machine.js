@@ -14,6 +14,7 @@ export class Machine {
       source: this.parts[source], from, target: this.parts[target], to,
     }));
     this.signals = this.parts.flatMap((part) => part.read.map((variable) => part.prefix + variable.name));
+    this.told = this.parts.flatMap((part) => part.read.filter((v) => !v.drawn).map((v) => part.prefix + v.name));
     this.place = new Map(this.signals.map((name, i) => [name, i]));
     this.restart();
   }
@@ -69,7 +70,7 @@ export class Machine {
     const found = new Float64Array(this.signals.length);
     let place = 0;
     for (const part of this.parts) {
-      found.set(part.fmu.get(part.read.map((variable) => variable.reference)), place);
+      found.set(part.fmu.get(part.references), place);
       place += part.read.length;
     }
     return found;
@@ -78,9 +79,10 @@ export class Machine {
   #part(component, module) {
     const reference = Object.fromEntries(component.variables.map((v) => [v.name, v.reference]));
     const starts = new Map(component.variables.filter((v) => v.start !== undefined).map((v) => [v.name, v.start]));
+    const read = component.variables.filter((v) => v.read);
     return {
       ...component, reference, starts, sources: new Map(), fmu: new Fmu(module, component.guid),
-      read: component.variables.filter((v) => v.read), interpolates: component.reconstruction === INTERPOLATE,
+      read, references: read.map((v) => v.reference), interpolates: component.reconstruction === INTERPOLATE,
     };
   }
 

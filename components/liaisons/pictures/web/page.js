@@ -73,13 +73,7 @@ class Page {
     }
     this.running = false;
     for (const part of this.machine.parts) {
-      for (const [name, source] of part.sources) {
-        const [value] = source.at(this.machine.time);
-        const held = new Hand(value);
-        held.time = this.machine.time;
-        part.sources.set(name, held);
-        this.#show(part.prefix + name, value);
-      }
+      for (const name of part.sources.keys()) this.#show(part.prefix + name, this.#hold(part, name));
     }
     this.#tell();
     return false;
@@ -96,6 +90,7 @@ class Page {
     if (!this.now) return;
     this.view.draw(this.now, this.colours, this.machine.time);
     const place = this.machine.place;
+    for (const part of this.machine.parts) for (const [name, source] of part.sources) if (source instanceof Operator) this.#show(part.prefix + name, this.now[place.get(part.prefix + name)]);
     plot($("plot"), this.times, this.chosen.map((name) => ({ name, values: this.history.map((v) => v[place.get(name)]) })), this.colours.of);
     this.#account();
     $("time").textContent = `t = ${this.machine.time.toFixed(2)} s`;
@@ -142,7 +137,8 @@ class Page {
     const sum = (name, values) => this.machine.parts.reduce((s, p) => s + (values[this.machine.place.get(p.prefix + name)] ?? 0), 0);
     if (!this.machine.parts.some((p) => this.machine.place.has(`${p.prefix}energy`))) return;
     const work = sum("work", this.now), gain = sum("energy", this.now) - sum("energy", this.first), lost = sum("dissipated", this.now);
-    this.largest = Math.max(this.times.length > 1 ? this.largest : 0, Math.abs(work), Math.abs(gain), Math.abs(gain + lost), 1e-12);
+    const rounding = 1e-9 * Math.max(sum("kinetic_energy", this.now), Math.abs(sum("energy", this.now)), 1e-30);
+    this.largest = Math.max(this.times.length > 1 ? this.largest : 0, Math.abs(work), Math.abs(gain), Math.abs(gain + lost), rounding);
     const bar = (id, from, to) => {
       const [a, b] = [from, to].sort((p, q) => p - q).map((v) => 50 + (48 * v) / this.largest);
       $(id).setAttribute("x", a);
@@ -176,7 +172,8 @@ class Page {
     };
     $("speed").oninput();
     addEventListener("keydown", (event) => {
-      if (event.target.matches("input, select, button") || event.ctrlKey || event.metaKey) return;
+      const taken = event.key === " " ? "input[type=number], select, button" : "input[type=number], select";
+      if (event.target.matches(taken) || event.ctrlKey || event.metaKey) return;
       const keys = { " ": $("run"), ".": $("step"), r: $("reset") };
       if (keys[event.key]) {
         event.preventDefault();
@@ -216,12 +213,12 @@ class Page {
     const choice = make("select", { data: { preset: part.prefix + name } }, ...["by hand", ...Object.keys(operators)].map((text) => make("option", { textContent: text })));
     choice.setAttribute("aria-label", `what moves ${name}`);
     choice.onchange = () => {
-      const [value] = part.sources.get(name).at(this.machine.time);
-      const hand = new Hand(value);
-      hand.time = this.machine.time;
-      const source = choice.value === "by hand" ? hand : new Operator(choice.value, value, this.machine.time);
+      const chosen = choice.value, value = this.#hold(part, name);
+      if (chosen === "by hand") return;
+      choice.value = chosen;
+      const source = new Operator(chosen, value, this.machine.time);
       part.sources.set(name, source);
-      fields.replaceChildren(...Object.entries(source.parameters ?? {}).map(([key, start]) => {
+      fields.replaceChildren(...Object.entries(source.parameters).map(([key, start]) => {
         const field = make("input", { type: "number", step: "any", value: start, title: key });
         field.onchange = () => { source.parameters[key] = Number(field.value); };
         return make("label", {}, `${key} `, field);
@@ -232,10 +229,25 @@ class Page {
 
   #move(part, name, value) {
     if (this.machine.time === 0) {
+      this.#hold(part, name);
       part.starts.set(name, value);
       part.sources.set(name, new Hand(value));
       this.reset();
-    } else if (part.sources.get(name) instanceof Hand) part.sources.get(name).move(value, this.machine.time);
+      return;
+    }
+    if (part.sources.get(name) instanceof Operator) this.#hold(part, name);
+    part.sources.get(name).move(value, this.machine.time);
+  }
+
+  /** From now on by hand, which holds what has been reached. */
+  #hold(part, name) {
+    const [value] = part.sources.get(name).at(this.machine.time), hand = new Hand(value);
+    hand.time = this.machine.time;
+    part.sources.set(name, hand);
+    const choice = document.querySelector(`[data-preset="${CSS.escape(part.prefix + name)}"]`);
+    choice.value = "by hand";
+    choice.nextElementSibling.replaceChildren();
+    return value;
   }
 
   #set(part, variable, value) {
@@ -271,7 +283,7 @@ class Page {
       );
       this.paint();
     };
-    const choice = make("select", { data: { signals: "" } }, make("option", { textContent: "plot ..." }), ...this.machine.signals.map((text) => make("option", { textContent: text })));
+    const choice = make("select", { data: { signals: "" } }, make("option", { textContent: "plot ..." }), ...this.machine.told.map((text) => make("option", { textContent: text })));
     choice.setAttribute("aria-label", "signals to plot");
     choice.onchange = () => {
       if (!this.chosen.includes(choice.value)) this.chosen = [...this.chosen, choice.value].slice(-MOST);

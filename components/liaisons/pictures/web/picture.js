@@ -47,6 +47,8 @@ const middle = (a, b) => a.map((x, i) => (x + b[i]) / 2);
 // Yaw and pitch that face the plane of a mechanism, or look a little from above at a spatial one.
 const FACING = { xz: [0, 0], xy: [0, Math.PI / 2], yz: [Math.PI / 2, 0], null: [-0.6, 0.35] };
 
+const PIECES = 16; // of a trail, each paler than the next
+
 export class View {
   constructor(canvas, shapes, plane) {
     Object.assign(this, { canvas, shapes, plane, context: canvas.getContext("2d") });
@@ -121,13 +123,7 @@ export class View {
     const radius = shape.radius ? this.scale * shape.radius(values) : null;
     const line = (a, b, width, colour, bias = 0) => items.push({
       depth: (a[2] + b[2]) / 2 + bias,
-      paint(c) {
-        Object.assign(c, { strokeStyle: colour, lineWidth: width, lineCap: "round" });
-        c.beginPath();
-        c.moveTo(a[0], a[1]);
-        c.lineTo(b[0], b[1]);
-        c.stroke();
-      },
+      paint: (c) => path(c, [a, b], width, colour),
     });
     const draws = {
       rod: () => line(at("from"), at("to"), Math.max(radius ? 2 * radius : 0.022 * unit, 2), colours.rod),
@@ -149,9 +145,11 @@ export class View {
         const now = shape.at(values);
         if (!trail.length || time > trail.at(-1).time) trail.push({ time, now });
         while (trail.length > 400) trail.shift();
-        trail.slice(1).forEach((p, i) => line(
-          this.see(trail[i].now), this.see(p.now), 1.5, colours.trail(0.7 * ((i + 1) / trail.length)), -1e30,
-        ));
+        const seen = trail.map((p) => this.see(p.now)), piece = Math.ceil(seen.length / PIECES);
+        for (let i = 0; i + 1 < seen.length; i += piece) {
+          const part = seen.slice(i, i + piece + 1), colour = colours.trail((0.7 * (i + piece)) / seen.length);
+          items.push({ depth: -Infinity, paint: (c) => path(c, part, 1.5, colour) });
+        }
       },
     };
     draws[shape.shape]();
@@ -225,6 +223,13 @@ export class View {
       this.changed?.();
     });
   }
+}
+
+function path(c, points, width, colour) {
+  Object.assign(c, { strokeStyle: colour, lineWidth: width, lineCap: "round", lineJoin: "round" });
+  c.beginPath();
+  points.forEach(([x, y], i) => (i ? c.lineTo(x, y) : c.moveTo(x, y)));
+  c.stroke();
 }
 
 function ball(c, [x, y], radius, colours) {

@@ -17,7 +17,7 @@ export function plot(canvas, times, curves, colour) {
   let [low, high] = [Math.min(...seen), Math.max(...seen)];
   const least = 1e-9 * Math.max(Math.abs(low), Math.abs(high), 1e-3); // rounding is no signal
   if (high - low < least) [low, high] = [low - least, high + least];
-  const edge = { left: 58, right: 8, top: 8, bottom: 20 };
+  const edge = { left: 58, right: 16, top: 8, bottom: 20 };
   const [from, to] = [times[0], times.at(-1)];
   const x = (t) => edge.left + ((width - edge.left - edge.right) * (t - from)) / (to - from);
   const y = (v) => height - edge.bottom - ((height - edge.top - edge.bottom) * (v - low)) / (high - low);

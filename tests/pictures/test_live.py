@@ -1,0 +1,381 @@
+"""Live pages in a real browser: they run, agree with the native FMUs, answer to hands, and let nothing in.
+
+``python tests/pictures/test_live.py`` prints the table of all components.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import pytest
+
+from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator
+from liaisons.errors import BuildError, SimulationError
+from liaisons.fmu import build
+from liaisons.library import catalogue
+from liaisons.live import write_live_page
+from liaisons.mechanics import assemble
+
+try:
+    from . import _browser as tools
+except ImportError:  # as a script
+    sys.path.insert(0, str(Path(__file__).parent))
+    import _browser as tools  # pyright: ignore[reportMissingImports]
+
+SECONDS = 10.0
+AGREEMENT = 1e-12  # no component needs more: none has lost its digits to chaos after 10 s
+HEIGHT = 0.1  # by which an operator moves each coordinate, in its unit
+SIZE = 150_000  # bytes
+FAST = ["Pendulum", "Satellite"]
+EVIL = "</script><img src=x onerror=alert(1)>"
+
+needs_browser = pytest.mark.skipif(tools.BROWSER is None, reason="no chromium or google-chrome is installed")
+needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with tools.browser() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def page_of(fmu: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The live page of a component, written once."""
+    folder = tmp_path_factory.mktemp("pages")
+
+    def written(name: str) -> Path:
+        path = folder / f"{name}.html"
+        if not path.exists():
+            write_live_page(fmu(catalogue()[name]), path)
+        return path
+
+    return written
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one page did in the browser."""
+
+    complaints: list[str]
+    reached: float  # [s]
+    difference: float
+    frame: float  # [ms]
+    size: int  # bytes
+
+
+def measured(browser: Any, path: Path, html: Path) -> Row:
+    """Ten seconds in the browser and by fmpy, each coordinate moved by the page's smooth step."""
+    with tools.opened(browser, html) as live:
+        plan = live.plan
+        count = round(SECONDS / plan["step_size"])
+        for members in plan["components"][0]["free"]:
+            tools.preset(live, members[0], "SmoothStep", height=HEIGHT)
+        reached = live.run(count)
+        expected, scales = tools.native(path, plan, count, lambda s, t: tools.smooth_step(s, t, HEIGHT))
+        time = live.page.evaluate("window.page.machine.time")
+        far = tools.difference(reached, expected, scales)
+        return Row(live.complaints, time, far, live.frame(), html.stat().st_size)
+
+
+@needs_browser
+@needs_zig
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in FAST else [pytest.mark.slow]) for name in sorted(catalogue())],
+)
+def test_every_page_runs_as_the_native_fmu(
+    name: str, browser: Any, fmu: Callable[..., Path], page_of: Callable[[str], Path]
+) -> None:
+    row = measured(browser, fmu(catalogue()[name]), page_of(name))
+    assert row.complaints == []
+    assert row.reached == pytest.approx(SECONDS, abs=0.05)
+    assert row.difference <= AGREEMENT
+    assert row.size <= SIZE
+
+
+@needs_browser
+@needs_zig
+def test_the_comparison_sees_a_ten_millionth(
+    browser: Any, fmu: Callable[..., Path], page_of: Callable[[str], Path]
+) -> None:
+    with tools.opened(browser, page_of("Pendulum")) as live:
+        tools.preset(live, "length", "SmoothStep", height=HEIGHT * (1 + 1e-7))
+        reached = live.run(600)
+        expected, scales = tools.native(
+            fmu(catalogue()["Pendulum"]), live.plan, 600, lambda s, t: tools.smooth_step(s, t, HEIGHT)
+        )
+    assert tools.difference(reached, expected, scales) > 1e3 * AGREEMENT
+
+
+@needs_browser
+@needs_zig
+def test_the_policy_lets_nothing_in(browser: Any, page_of: Callable[[str], Path]) -> None:
+    html = page_of("Pendulum")
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', html.read_text(encoding="utf-8"))
+    assert policy is not None
+    assert policy[1].startswith("default-src 'none'; script-src 'sha256-")
+    with socket.create_server(("127.0.0.1", 0)) as server, tools.opened(browser, html) as live:
+        live.page.evaluate(
+            """address => {
+            window.refused = [];
+            addEventListener("securitypolicyviolation", (event) => window.refused.push(event.effectiveDirective));
+            const image = document.createElement("img"), script = document.createElement("script");
+            image.src = `${address}/image.png`;
+            script.textContent = "window.injected = true";
+            document.body.append(image, script);
+            fetch(`${address}/data`).catch(() => {});
+        }""",
+            f"http://127.0.0.1:{server.getsockname()[1]}",
+        )
+        tools.wait_until(lambda: live.page.evaluate("window.refused.length") >= 3, live.page)
+        assert set(live.page.evaluate("window.refused")) == {"img-src", "script-src-elem", "connect-src"}
+        assert live.page.evaluate("window.injected") is None
+        server.setblocking(False)
+        with pytest.raises(BlockingIOError):  # nobody has called
+            server.accept()
+
+
+def drag(live: Any, selector: str, part: float) -> None:
+    """The thumb of a slider to a part of its length, by the mouse."""
+    box = live.page.locator(selector).bounding_box()
+    middle = box["y"] + box["height"] / 2
+    live.page.locator(selector).scroll_into_view_if_needed()
+    live.page.mouse.move(box["x"] + box["width"] / 2, middle)
+    live.page.mouse.down()
+    live.page.mouse.move(box["x"] + box["width"] * part, middle, steps=5)
+    live.page.mouse.up()
+
+
+def pixels(live: Any) -> str:
+    return live.page.evaluate("document.getElementById('picture').toDataURL()")
+
+
+@needs_browser
+@needs_zig
+def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) -> None:
+    with tools.opened(browser, page_of("Pendulum"), viewport={"width": 1280, "height": 1400}) as live:
+        page = live.page
+        before, drawn = live.signal("theta"), pixels(live)
+        drag(live, '[data-name="theta_0"]', 0.9)
+        assert live.signal("theta") > before + 0.1
+        assert pixels(live) != drawn
+
+        page.click("#step")
+        one = page.evaluate("window.page.machine.time")
+        assert one == live.plan["step_size"]
+        page.locator("body").press(".")
+        assert page.evaluate("window.page.machine.time") == 2 * one
+        page.locator("body").press("r")
+        assert page.evaluate("window.page.machine.time") == 0
+
+        page.click("#run")
+        assert page.locator("#run").text_content() == "Pause"
+        tools.wait_until(lambda: page.evaluate("window.page.machine.time") > 0.2, page)
+        length = live.signal("length")
+        drag(live, '[data-name="length"]', 0.7)
+        tools.wait_until(lambda: live.signal("length") > length + 0.1, page)
+        assert abs(live.signal("work")) > 1e-3
+        assert "force" in (page.locator('[data-force="length"]').text_content() or "")
+        page.locator("body").press(" ")
+        assert page.locator("#run").text_content() == "Start"
+        assert abs(live.signal("energy_balance")) < 1e-6
+        stopped = page.evaluate("window.page.machine.time")
+        page.wait_for_timeout(100)
+        assert page.evaluate("window.page.machine.time") == stopped
+
+        page.locator('[data-preset="length"]').select_option("Sinusoid")
+        live.run(60)
+        assert page.locator('[data-name="length"]').input_value() != str(length)
+        drag(live, '[data-name="length"]', 0.4)  # the hand takes over
+        assert page.locator('[data-preset="length"]').input_value() == "by hand"
+        page.click("#reset")
+        assert page.evaluate("window.page.machine.time") == 0
+        assert live.complaints == []
+
+
+@needs_browser
+@needs_zig
+def test_a_refused_step_is_said_and_the_page_goes_on(browser: Any, page_of: Callable[[str], Path]) -> None:
+    with tools.opened(browser, page_of("Pendulum")) as live:
+        live.run(20)
+        field = live.page.locator('[data-number="length"]')
+        field.fill("-1")
+        field.dispatch_event("change")
+        live.run(400)
+        refused = live.page.evaluate("window.page.machine.time")
+        assert refused < 2
+        assert re.search("length.* (refused|Reset)", live.page.locator("#said").text_content() or "")
+        live.page.click("#run")
+        tools.wait_until(lambda: live.page.evaluate("window.page.machine.time") > refused + 0.1, live.page)
+        assert live.page.locator("#said").text_content() == ""
+        assert live.complaints == []
+
+
+@needs_browser
+@needs_zig
+def test_the_view_is_dragged_and_zoomed_also_in_the_dark(browser: Any, page_of: Callable[[str], Path]) -> None:
+    with tools.opened(browser, page_of("Satellite"), color_scheme="dark") as live:
+        dark = live.page.evaluate("getComputedStyle(document.body).backgroundColor")
+        live.page.emulate_media(color_scheme="light")
+        assert live.page.evaluate("getComputedStyle(document.body).backgroundColor") != dark
+        view = "(() => { const v = window.page.view; return [v.yaw, v.pitch, v.zoom]; })()"
+        before, drawn = live.page.evaluate(view), pixels(live)
+        live.page.mouse.move(300, 300)
+        live.page.mouse.down()
+        live.page.mouse.move(380, 340, steps=4)
+        live.page.mouse.up()
+        live.page.mouse.wheel(0, -300)
+        tools.wait_until(lambda: live.page.evaluate(view)[2] > 1, live.page)
+        after = live.page.evaluate(view)
+        assert after[:2] == pytest.approx([before[0] - 0.008 * 80, before[1] + 0.008 * 40])
+        assert pixels(live) != drawn
+        live.page.mouse.dblclick(300, 300)
+        assert live.page.evaluate(view) == before
+
+
+@needs_browser
+@needs_zig
+def test_a_telephone(browser: Any, page_of: Callable[[str], Path]) -> None:
+    phone = {"viewport": {"width": 390, "height": 800}, "has_touch": True, "is_mobile": True}
+    for name in FAST:
+        with tools.opened(browser, page_of(name), **phone) as live:
+            assert live.page.evaluate("document.documentElement.scrollWidth") <= 390
+            live.page.tap("#run")
+            assert live.page.locator("#run").text_content() == "Pause"
+            assert live.complaints == []
+
+
+@needs_browser
+@needs_zig
+def test_a_system_runs_as_its_simulation(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+    system = System(EVIL)
+    pumped = operator(fmu(catalogue()["Sinusoid"]), offset=1.0, amplitude=0.1, angular_frequency=6.26)
+    system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.5, length=pumped)
+    write_live_page(system, tmp_path / "pair.html")
+    with tools.opened(browser, tmp_path / "pair.html") as live:
+        plan = live.plan
+        reached = live.run(600)
+        assert live.page.locator("h1").text_content() == EVIL
+        assert live.page.locator("img").count() == 0
+        assert live.complaints == []
+    size = plan["step_size"]
+    result = system.simulate(times=[k * size for k in range(601)], tolerance=plan["tolerance"])
+    for name in ("swing.theta", "swing.theta_dot", "swing.energy", "swing.length"):
+        assert reached[name] == pytest.approx(result[name][-1], rel=1e-11), name
+
+
+class _Toy(Mechanism):
+    """A mass </script><img src=x onerror=alert(1)> on a line, <b>bold</b>."""
+
+    mass = Parameter(1.0, "kg", "mass, " + EVIL, above=0)
+    x = Coordinate("m", "position", start=1.0)
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+
+@needs_browser
+@needs_zig
+def test_text_of_an_fmu_is_text(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+    path = fmu(_Toy)
+    renamed = tmp_path / "evil.fmu"
+    with zipfile.ZipFile(path) as given, zipfile.ZipFile(renamed, "w") as written:
+        for name in given.namelist():
+            content = given.read(name)
+            if name == "modelDescription.xml":
+                quoted = EVIL.replace("<", "&lt;").replace(">", "&gt;").encode()
+                content = re.sub(rb'(<fmiModelDescription[^>]*?modelName=")[^"]*', rb"\g<1>" + quoted, content)
+            written.writestr(name, content)
+    write_live_page(renamed, tmp_path / "evil.html")
+    with tools.opened(browser, tmp_path / "evil.html") as live:
+        live.run(10)
+        assert live.page.locator("h1").text_content() == EVIL
+        assert "<b>bold</b>" in (live.page.locator("header p").text_content() or "")
+        assert live.page.locator("img, b").count() == 0
+        assert live.complaints == []
+
+
+def changed(path: Path, output: Path, change: Callable[[str, bytes], bytes | None]) -> Path:
+    """An FMU with other members; None leaves one out."""
+    with zipfile.ZipFile(path) as given, zipfile.ZipFile(output, "w") as written:
+        for name in given.namelist():
+            content = change(name, given.read(name))
+            if content is not None:
+                written.writestr(name, content)
+    return output
+
+
+def one_line(error: BaseException) -> str:
+    assert "\n" not in str(error)
+    return str(error)
+
+
+def test_what_has_no_sources_is_refused(fmu: Callable[..., Path], tmp_path: Path) -> None:
+    pendulum = catalogue()["Pendulum"]
+    bare = changed(fmu(pendulum), tmp_path / "bare.fmu", lambda n, c: None if n.startswith("sources/") else c)
+    for path in (bare, fmu(pendulum, fmi="3")):
+        with pytest.raises(SimulationError) as refused:
+            write_live_page(path, tmp_path / "page.html")
+        message = one_line(refused.value)
+        assert message.startswith(str(path))
+        assert "FMI 2.0" in message
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_without_a_compiler_it_says_what_to_install(
+    fmu: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    same = changed(fmu(catalogue()["Pendulum"]), tmp_path / "other.fmu", lambda _, content: content)
+    monkeypatch.setattr(compiler, "zig_compiler", lambda: None)
+    with pytest.raises(BuildError, match="pip install ziglang") as refused:
+        write_live_page(same, tmp_path / "page.html")
+    one_line(refused.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"{",
+        b'{"version": "9.0", "shapes": []}',
+        b'{"version": "1.0", "shapes": [{"shape": "rod"}]}',
+        b'{"version": "1.0", "shapes": [{"shape": "ball", "at": ["nobody_x", 0, 0]}]}',
+        b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [NaN, 0, 0]}]}',
+        b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [0, 0]}]}',
+    ],
+)
+def test_a_damaged_picture_is_refused(content: bytes, fmu: Callable[..., Path], tmp_path: Path) -> None:
+    damaged = changed(
+        fmu(catalogue()["Pendulum"]),
+        tmp_path / "damaged.fmu",
+        lambda name, was: content if name == "resources/picture.json" else was,
+    )
+    with pytest.raises(SimulationError, match=r"picture\.json") as refused:
+        write_live_page(damaged, tmp_path / "page.html")
+    one_line(refused.value)
+
+
+def table() -> None:
+    """The browser table of the whole catalogue, as Markdown."""
+    print("| component | loads | 10 s against native | ms a frame | kB |\n|---|---|---:|---:|---:|")  # noqa: T201
+    with tempfile.TemporaryDirectory() as name, tools.browser() as browser:
+        for component in sorted(catalogue()):
+            path = build(assemble(catalogue()[component]), Path(name))
+            html = path.with_suffix(".html")
+            write_live_page(path, html)
+            row = measured(browser, path, html)
+            loads = "yes" if not row.complaints else "; ".join(row.complaints)
+            print(f"| {component} | {loads} | {row.difference:.0e} | {row.frame:.1f} | {row.size / 1000:.0f} |")  # noqa: T201
+
+
+if __name__ == "__main__":
+    table()
