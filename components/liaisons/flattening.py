@@ -80,7 +80,7 @@ def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
             f"{part.name}: {fmu.path.name} is a {fmu.model_name!r}, which the catalogue does not have; "
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
-    sizes = {shape[0] for shape in fmu.arrays.values()}
+    sizes = {shape[0] for name, shape in fmu.arrays.items() if name != "picture"}
     found = model(known[fmu.model_name], **({"n": sizes.pop()} if len(sizes) == 1 else {})).flat()
     missing = [v.name for v in found.variables if v.name not in fmu.variables]
     if missing:

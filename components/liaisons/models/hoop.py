@@ -55,8 +55,7 @@ class Hoop(Mechanism, abstract=True):
         return x * y_rate - y * x_rate
 
     def _r_squared(self, u: ca.SX) -> ca.SX:
-        x, y = self.curve(u)
-        return x**2 + y**2
+        return ca.SX(sum(component**2 for component in self.curve(u)))
 
     def _polar_angle(self, direction: ca.SX) -> ca.SX:
         """Angle of OP, not wrapped, next to a direction that is never opposite to it."""
@@ -68,7 +67,6 @@ class Hoop(Mechanism, abstract=True):
 
     @property
     def _r_r_dash(self) -> ca.SX:
-        """rr' at the bead."""
         return ca.jacobian(self._r_squared(self.free.q), self.free.q) / (2 * self._speed(self.free.q))
 
     def _place(self, u: ca.SX) -> dict[str, ca.SX]:

@@ -57,7 +57,6 @@ class PlanarCat(Mechanism):
     psi_1 = ActiveCoordinate("rad", "angle of limb 1 from the trunk's forward direction")
     psi_2 = ActiveCoordinate("rad", "angle of limb 2 from the trunk's backward direction")
     experiment = Experiment(stop_time=2.0)
-
     _total_mass = property(lambda self: self.mass_0 + self.mass_1 + self.mass_2)
 
     @property
@@ -80,12 +79,10 @@ class PlanarCat(Mechanism):
             a, b = x + along, z + across
             return {"x": self.com_x + cosine * a - sine * b, "z": self.com_z + sine * a + cosine * b}
 
-        c_1, c_2 = 2 * self.arm_1, 2 * self.arm_2
-        head = place(h + c_1 * ca.cos(self.psi_1), c_1 * ca.sin(self.psi_1))
-        tail = place(-h - c_2 * ca.cos(self.psi_2), -c_2 * ca.sin(self.psi_2))
-        limbs = [Rod(place(h), head, 0.25 * h), Rod(place(-h), tail, 0.2 * h)]
-        feet = [Rod(place(at * h), place(at * h, -h), 0.1 * h) for at in (-0.8, 0.8)]
-        return [Rod(place(-h), place(h), 0.3 * h), *limbs, *feet, Ball(head, 0.4 * h)]
+        limbs = ((2 * self.arm_1, self.psi_1), (-2 * self.arm_2, self.psi_2))
+        head, tail = (place(at + c * ca.cos(psi), c * ca.sin(psi)) for at, (c, psi) in zip((h, -h), limbs, strict=True))
+        trunk = [Rod(place(-h), place(h), 0.3 * h), Rod(place(h), head, 0.25 * h), Rod(place(-h), tail, 0.2 * h)]
+        return [*trunk, *(Rod(place(at * h), place(at * h, -h), 0.1 * h) for at in (-0.8, 0.8)), Ball(head, 0.4 * h)]
 
     def kinetic_energy(self) -> ca.SX:
         fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)

@@ -77,11 +77,11 @@ static size_t first_drawn(const Model *model) {
     return model->parameters + model->inputs + model->outputs - model->drawn;
 }
 
-/* The numbers before a place are about to be read. */
-static void update_before(Instance *self, size_t end) {
-    const size_t drawn = first_drawn(self->model);
+/* The numbers of some places are about to be read. */
+static void update(Instance *self, Span run) {
+    const size_t drawn = first_drawn(self->model), end = run.first + run.count;
     if (end > self->model->parameters + self->model->inputs) core_update(self);
-    if (end <= drawn || self->known.drawn) return;
+    if (self->model->drawn == 0 || end <= drawn || self->known.drawn) return;
     evaluate(self, self->model->draw, self->s->time, self->v.y, &self->v.k[drawn]);
     self->known.drawn = 1;
 }
@@ -95,7 +95,7 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
         for (size_t i = 0; i < n; i++) {
             const size_t place = references[i] - self->layout.first;
             if (place >= self->layout.references) return core_check_references(self, references, n, count);
-            if (place >= drawn && !self->known.drawn) update_before(self, place + 1);
+            if (place >= drawn && !self->known.drawn) update(self, (Span){place, 1});
             if (i < count) values[i] = self->v.k[place];
         }
         if (n != count) return core_check_references(self, references, n, count);
@@ -103,7 +103,7 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     }
     for (double *value = values; rest.n > 0; value += run.count) {
         if (!next_run(self, &rest, &run)) return core_check_references(self, references, n, count);
-        update_before(self, run.first + run.count);
+        update(self, run);
         copy(value, &self->v.k[run.first], run.count);
     }
     if (rest.count > 0) return core_check_references(self, references, n, count);
@@ -149,7 +149,7 @@ static Status check_setting(Instance *self, Span run, const double values[]) {
     if (all_finite(values, run.count)) return SUCCESS;
     for (size_t i = 0; i < run.count; i++)
         if (!isfinite(values[i])) {
-            update_before(self, run.first + i + 1);
+            update(self, (Span){run.first + i, 1});
             return core_report(self, DISCARD, "%s = %s: set a finite number; it stays %.9g",
                                core_name(self, run.first + i), core_spelled(values[i]), self->v.k[run.first + i]);
         }
