@@ -14,7 +14,7 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar, final
 
 from numpy.typing import ArrayLike
 
-from liaisons import cosim, ssp, sweeps
+from liaisons import cosim, live, ssp, sweeps
 from liaisons.arguments import listed, named
 from liaisons.flattening import flatten
 from liaisons.library import Target, fmu_file
@@ -56,6 +56,7 @@ def _announce(call: Callable[..., object], annotation: str) -> None:
     vars(call)["__signature__"] = signature.replace(parameters=[first, *others])
 
 
+show = _of_system(live.show)
 sweep = _of_system(sweeps.sweep)
 
 

@@ -20,7 +20,6 @@ from liaisons.cosim.archive import Archive
 from liaisons.cosim.scenes import picture_of
 from liaisons.cosim.schedule import order
 from liaisons.errors import SimulationError
-from liaisons.files import replacing
 from liaisons.pictures import together
 from liaisons.pictures.inline import page
 
@@ -161,10 +160,3 @@ def _signals(component: Mapping[str, Any]) -> Sequence[str]:
     free = {n for n in known if not split(n)[1] and {f"{n}_dot", f"{n}_ddot"} <= known}
     angles = [v["name"] for v in component["variables"] if v["name"] in free and v.get("unit") == "rad"]
     return [component["prefix"] + name for name in (angles or sorted(free))[:2]]
-
-
-def write_live_page(subject: Path | System, output: Path, starts: Mapping[str, object] | None = None) -> None:
-    """Write the page; see :func:`live_page`."""
-    content = live_page(subject, starts)
-    with replacing(output) as whole:
-        whole.write_bytes(content)
