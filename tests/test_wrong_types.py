@@ -26,6 +26,7 @@ from liaisons import (
     operator,
     sample,
     scenario,
+    show,
     simulate,
     slope,
     sweep,
@@ -109,6 +110,9 @@ CALLS: dict[str, tuple[Callable[[Things, Any], object], Any]] = {
     "sample over": (lambda _, w: sample(2, w, seed=1), ()),
     "sample distribution": (lambda _, w: sample(2, {"a": w}, seed=1), ()),
     "sample seed": (lambda _, w: sample(2, {"a": (0, 1)}, seed=w), NUMBER),
+    "show": (lambda _, w: show(w), ()),
+    "show path": (lambda x, w: show(x.fmu, w), (str, type(None))),
+    "show theta_0": (lambda x, w: show(x.fmu, "x.html", theta_0=w), NUMBER),
     "sweep": (lambda _, w: sweep(w, {"theta_0": [0.1]}, "theta"), ()),
     **{
         f"sweep {name}": (lambda x, w, name=name: sweep(x.fmu, **CASES | {name: w}), right)

@@ -12,6 +12,7 @@ from .errors import LiaisonsError as LiaisonsError
 from .flattening import flatten as flatten
 from .interface import System as System
 from .interface import operator as operator
+from .interface import show as show
 from .interface import simulate as simulate
 from .interface import sweep as sweep
 from .language import ActiveCoordinate as ActiveCoordinate

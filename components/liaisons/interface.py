@@ -10,14 +10,17 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar, final
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar, final
 
 from numpy.typing import ArrayLike
 
-from liaisons import cosim, ssp, sweeps
+from liaisons import cosim, live, ssp, sweeps
 from liaisons.arguments import listed, named
 from liaisons.flattening import flatten
 from liaisons.library import Target, fmu_file
+
+if TYPE_CHECKING:
+    from liaisons.language import Component
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -56,6 +59,7 @@ def _announce(call: Callable[..., object], annotation: str) -> None:
     vars(call)["__signature__"] = signature.replace(parameters=[first, *others])
 
 
+show = _of_system(live.show)
 sweep = _of_system(sweeps.sweep)
 
 
@@ -150,7 +154,7 @@ class System(cosim.System):
 
 
 def simulate(
-    fmu: Target,
+    fmu: Path | str | type[Component],
     /,
     *,
     stop_time: float | None = None,

@@ -7,10 +7,13 @@ import shlex
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
+from PIL import Image
 
 from liaisons.scenarios import names
 
@@ -88,6 +91,31 @@ def test_the_sweep() -> None:
     names: dict[str, object] = {}
     exec(python_block("sweep("), names)
     assert names["table"]["x"].shape == (6,)  # type: ignore[index]
+
+
+@pytest.mark.usefixtures("liaisons")
+def test_the_lines_that_move(tmp_path: Path) -> None:
+    exec(python_block("animate("), {})
+    assert (tmp_path / "swing.gif").read_bytes()[:6] == b"GIF89a"
+    assert (tmp_path / "pendulum.html").stat().st_size > 50_000
+
+
+@pytest.mark.slow  # 271 frames
+def test_the_first_image_is_made_by_the_command_beside_it(liaisons: Cli, tmp_path: Path) -> None:
+    command, _ = documents.console("README.md")[0]
+    assert liaisons(*shlex.split(command)[1:]).status == 0
+    shown = ROOT / "docs" / "pumped_swing.gif"
+    assert shown.stat().st_size <= 600_000
+    with Image.open(shown) as committed, Image.open(tmp_path / "pumped_swing.gif") as made:
+        frames: list[Any] = [committed, made]
+        assert frames[0].n_frames == frames[1].n_frames
+        assert committed.size == made.size
+        for k in (0, frames[0].n_frames // 2, frames[0].n_frames - 1):
+            pixels = []
+            for image in frames:
+                image.seek(k)
+                pixels.append(np.asarray(image.convert("L"), dtype=float))
+            assert np.mean(np.abs(pixels[0] - pixels[1])) < 0.5  # of 255; versions of matplotlib smooth differently
 
 
 def test_the_readme_has_two_commands_first() -> None:

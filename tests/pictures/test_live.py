@@ -22,7 +22,7 @@ from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operato
 from liaisons.errors import BuildError, SimulationError
 from liaisons.fmu import build
 from liaisons.library import catalogue
-from liaisons.live import write_live_page
+from liaisons.live import live_page
 from liaisons.mechanics import assemble
 
 try:
@@ -40,6 +40,10 @@ EVIL = "</script><img src=x onerror=alert(1)>"
 
 needs_browser = pytest.mark.skipif(tools.BROWSER is None, reason="no chromium or google-chrome is installed")
 needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
+
+
+def write_live_page(subject: Path | System, path: Path) -> None:
+    path.write_bytes(live_page(subject))
 
 
 @pytest.fixture(scope="module")

@@ -94,20 +94,15 @@ def show(
     _limit: UnpackedLimit = None,
 ) -> int:
     """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account."""
-    from liaisons import ssp
-    from liaisons.cosim import System
-    from liaisons.live import write_live_page
+    from liaisons import interface, ssp
 
     path, given = Path(fmu), dict[str, Any](starts)
     if path.suffix.lower() == ".ssp":
-        subject_of: Any = ssp.read(path, System, given)
-        name = path.stem
+        system = ssp.read(path, interface.System, given)
+        page = interface.show(system, output or f"{path.stem}.html")
     else:
-        subject_of = path = fmu_file(fmu)
-        name = path.stem
-    target = output or Path(f"{name}.html")
-    write_live_page(subject_of, target, given)
-    print(f"page: {target}")
+        page = interface.show(fmu, output, **given)
+    print(f"page: {page}")
     if launch:
-        webbrowser.open(target.resolve().as_uri())
+        webbrowser.open(page.path.resolve().as_uri())
     return 0

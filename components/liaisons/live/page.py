@@ -20,7 +20,6 @@ from liaisons.cosim.archive import Archive
 from liaisons.cosim.scenes import picture_of
 from liaisons.cosim.schedule import order
 from liaisons.errors import SimulationError
-from liaisons.files import replacing
 from liaisons.pictures import together
 from liaisons.pictures.inline import page
 
@@ -169,10 +168,3 @@ def _signals(component: Mapping[str, Any]) -> Sequence[str]:
     attitude = [name for name in shown if name[:-1].endswith("q_") and name[-1] in "xyz"]
     found = angles or attitude or coordinates or [name for name in shown if split(name)[0] == "y"]
     return [component["prefix"] + name for name in found[: len(attitude) or 2]]
-
-
-def write_live_page(subject: Path | System, output: Path, starts: Mapping[str, object] | None = None) -> None:
-    """Write the page; see :func:`live_page`."""
-    content = live_page(subject, starts)
-    with replacing(output) as whole:
-        whole.write_bytes(content)

@@ -25,6 +25,8 @@ LONGEST = 20.0
 
 _MANY = 100  # frames: from here on their progress is shown
 
+_BYTES = 6  # of a number in a page: four in base64, rounded up
+
 Values = Mapping[str, NDArray[np.float64]]
 
 
@@ -68,9 +70,8 @@ def animate(
         raise SimulationError(f"{path}: films need imageio-ffmpeg; pip install 'liaisons[film]', or write a .gif")
     if not scene.picture.shapes:
         raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
-    span = float(time[-1] - time[0])
-    speed = max(1.0, span / LONGEST) if speed is None else speed
-    at = time[0] + np.arange(int(span / speed * RATE + 1e-9) + 1) * speed / RATE
+    speed = _pace(time) if speed is None else speed
+    at = _instants(time, speed / RATE)
     known = {name: _between(time, values, at) for name, values in signals.items()}
     shown = _frames(scene, at, known)
     ghost = None
@@ -87,13 +88,39 @@ def animate(
     return speed
 
 
+def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, title: str, most: int) -> bytes:
+    """The motion as a page; nothing where there is nothing to draw.
+
+    :param most: bytes of the frames: where the picture needs many variables, fewer frames a second are shown.
+    :raises SimulationError: if the FMU cannot be asked, or a coordinate is not finite.
+    """
+    picture = scene.picture
+    if not picture.shapes or len(time) < 2:
+        return b""
+    speed = _pace(time)
+    fit = most // (_BYTES * max(len(picture.variables), 1))
+    rate = min(RATE, fit * speed / float(time[-1] - time[0]))
+    at = _instants(time, speed / rate)
+    shown = _frames(scene, at, {name: _between(time, values, at) for name, values in signals.items()})
+    return recorded_page(picture, shown, title=title, speed=speed, rate=rate)
+
+
+def _pace(time: NDArray[np.float64]) -> float:
+    """Seconds of motion a second: real time, unless that takes longer than :data:`LONGEST`."""
+    return max(1.0, float(time[-1] - time[0]) / LONGEST)
+
+
+def _instants(time: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    return time[0] + np.arange(int(float(time[-1] - time[0]) / step + 1e-9) + 1) * step
+
+
 def _frames(scene: Scene, at: NDArray[np.float64], known: Values) -> Frames:
     return frames(scene.picture, at, scene.values(known).__getitem__)
 
 
 def _between(time: NDArray[np.float64], values: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values between communication points; curves without overshoot where a coordinate jumps (Akima)."""
-    if len(time) < 3:
+    if len(time) < 3 or not np.isfinite(values).all():  # what is not finite is said of the frames
         return np.interp(at, time, values)
     from scipy.interpolate import Akima1DInterpolator
 
@@ -130,7 +157,7 @@ def _glb(path: Path, _: Picture, shown: Frames, __: Frames | None, *, title: str
 def _html(
     path: Path, picture: Picture, shown: Frames, _: Frames | None, *, title: str, speed: float, **__: Any
 ) -> None:
-    path.write_bytes(recorded_page(picture, shown, title=title, speed=speed))
+    path.write_bytes(recorded_page(picture, shown, title=title, speed=speed, rate=RATE))
 
 
 _WRITERS: dict[str, Callable[..., None]] = {".gif": _gif, ".png": _png, ".mp4": _mp4, ".glb": _glb, ".html": _html}

@@ -1,4 +1,4 @@
-"""Tables in notebooks; whatever text is shown is escaped, for names and messages come from FMUs of any make."""
+"""Tables and pages in notebooks; whatever text is shown is escaped, for names and messages come from any FMUs."""
 
 from __future__ import annotations
 
@@ -31,6 +31,17 @@ def html_table(
     below = "".join(f"<div>{escape(remark)}</div>" for remark in remarks)
     head = f"<caption>{escape(title)}</caption><thead><tr>{''.join(columns)}</tr></thead>"
     return f"<table>{head}<tbody>{body}</tbody></table>{below}"
+
+
+def framed(page: bytes, height: int) -> str:
+    """A page as a part of a notebook, in a sandbox: its script runs, and sees nothing of what is around it.
+
+    :param height: of the frame [px].
+    """
+    return (
+        f'<iframe sandbox="allow-scripts" srcdoc="{escape(page.decode())}" '
+        f'style="width: 100%; height: {height}px; border: 0"></iframe>'
+    )
 
 
 def curve(values: NDArray[np.float64]) -> str:

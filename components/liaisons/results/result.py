@@ -17,16 +17,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.arguments import as_path, listed, shown
 from liaisons.array_names import Shape, complete, split
-from liaisons.errors import SimulationError, suggestion
+from liaisons.errors import LiaisonsError, SimulationError, suggestion
 from liaisons.files import replacing
-from liaisons.pictures import Scene, animate
-from liaisons.results.notebook import curve, html_table
+from liaisons.pictures import Scene, animate, motion_page
+from liaisons.results.notebook import curve, framed, html_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_ROWS = 100
 """So many has a table in a notebook."""
+_MOST_BYTES, _MOST_FRAMES = 300_000, 120_000
+"""A motion in a notebook takes no more, and its frames no more of it; what is larger, :meth:`Result.animate` writes."""
+_FRAME_HEIGHT = 420
+"""Of a motion [px]."""
 _FAILURE = "failure"
 """The last column of a file in which there are cases."""
 
@@ -405,7 +409,23 @@ class Result:
     def _repr_html_(self) -> str:
         curves = [curve(self[name]) for name in self.entries[:_MOST_ROWS]] if self.time.size else []
         remarks = [f"case {case} failed: {reason}" for case, reason in islice(self.failures.items(), _MOST_ROWS)]
-        return html_table(self._headline(), self.summary(_MOST_ROWS, few=0), curves=curves, remarks=remarks)
+        motion, said = self._motion()
+        remarks += said
+        return motion + html_table(self._headline(), self.summary(_MOST_ROWS, few=0), curves=curves, remarks=remarks)
+
+    def _motion(self) -> tuple[str, list[str]]:
+        """What was simulated, moving, or why it cannot be shown: a result is shown in any case."""
+        if self.scene is None:
+            return "", []
+        signals = dict(zip(self.names, self.values, strict=True))
+        try:
+            page = motion_page(self.scene, self.time, signals, title=self.title, most=_MOST_FRAMES)
+        except LiaisonsError as error:
+            return "", [f"The motion cannot be shown: {error}"]
+        shown = framed(page, _FRAME_HEIGHT) if page else ""
+        if len(shown) > _MOST_BYTES:
+            return "", ["The motion is too large to be shown here; result.animate(path) writes it."]
+        return shown, []
 
 
 @final

@@ -1,0 +1,61 @@
+"""Live pages as files, and in notebooks."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+from liaisons.arguments import as_path
+from liaisons.cosim import System
+from liaisons.errors import SimulationError
+from liaisons.files import replacing
+from liaisons.live.page import live_page
+from liaisons.results.notebook import framed
+
+_HEIGHT = 900
+"""Of a page in a notebook [px]."""
+
+
+@final
+@dataclass(frozen=True)
+class LivePage:
+    """A live page that was written; it stands for its path, and a notebook shows it.
+
+    :param path: of the HTML file.
+    """
+
+    path: Path
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    def _repr_html_(self) -> str:
+        return framed(self.path.read_bytes(), _HEIGHT)
+
+
+def show(subject: Path | str | System, /, path: Path | str | None = None, **starts: object) -> LivePage:
+    """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
+
+    :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system.
+    :param path: where the page goes; ``NAME.html`` here unless given.
+    :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own; a system has
+        its own.
+    :returns: the page, which stands for its path, ``webbrowser.open(f"file://{page}")``; in a notebook it is shown.
+    :raises ProjectError: if there is no such file or component.
+    :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
+    :raises BuildError: if there is no compiler for WebAssembly; ``pip install ziglang`` is one.
+    """
+    if isinstance(subject, System) and starts:
+        raise SimulationError(f"{subject.name}: start values of a system are given where its FMUs are added")
+    fmu = subject if isinstance(subject, System) else Path(subject)
+    name = fmu.name if isinstance(fmu, System) else fmu.stem
+    target = Path(re.sub(r"[^\w .=-]", "_", name) + ".html") if path is None else as_path("show: path", path)
+    content = live_page(fmu, starts)
+    with replacing(target) as whole:
+        whole.write_bytes(content)
+    return LivePage(target)
