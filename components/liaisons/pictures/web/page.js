@@ -126,7 +126,7 @@ class Page {
   }
 
   #tell() {
-    const text = this.machine.broken;
+    const text = this.machine.broken.replace(/[^.!?]$/, "$&.");
     $("said").textContent = text && (this.machine.again ? `${text} The step was refused; the motion can go on.` : `${text} Reset to begin anew.`);
     $("run").textContent = this.running ? "Pause" : "Start";
     $("run").setAttribute("aria-pressed", String(this.running));
