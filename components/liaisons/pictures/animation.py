@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
 from liaisons.pictures.declared import Picture
-from liaisons.pictures.drawing import RATE, Stage, pixels, write_gif, write_strip
-from liaisons.pictures.frames import Frames, frames
+from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import glb
 from liaisons.pictures.recorded import recorded_page
 from liaisons.progress import progress_bar
@@ -128,15 +127,21 @@ def _between(time: NDArray[np.float64], values: NDArray[np.float64], at: NDArray
 
 
 def _gif(path: Path, _: Picture, shown: Frames, ghost: Frames | None, *, turns: float, step: Any, **__: Any) -> None:
+    from liaisons.pictures.drawing import Stage, write_gif  # matplotlib is slow to load
+
     write_gif(Stage(shown, ghost), path, turns=turns, progress=step)
 
 
 def _png(path: Path, _: Picture, shown: Frames, ghost: Frames | None, **__: Any) -> None:
+    from liaisons.pictures.drawing import Stage, write_strip
+
     write_strip(Stage(shown, ghost), path)
 
 
 def _mp4(path: Path, _: Picture, shown: Frames, ghost: Frames | None, *, turns: float, step: Any, **__: Any) -> None:
     import imageio_ffmpeg
+
+    from liaisons.pictures.drawing import Stage, pixels
 
     film = None
     for image in pixels(Stage(shown, ghost), turns=turns, width=720):

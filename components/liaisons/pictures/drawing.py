@@ -16,10 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from liaisons.pictures.camera import Camera, facing
-from liaisons.pictures.frames import Frames, Moving
-
-RATE = 30
-"""Frames a second."""
+from liaisons.pictures.frames import RATE, Frames, Moving
 
 _TRAIL = 3 * RATE  # frames that a trail lasts
 _COILS = 9

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from liaisons.errors import SimulationError
 from liaisons.pictures.declared import Picture
 
+RATE = 30
+"""Frames a second."""
+
 Signal = Callable[[str], NDArray]
 """Values of a variable at the frames, (n,)."""
 
