@@ -140,7 +140,7 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("liaisons ", ["list", "build", "simulate", "sweep", "compare", "run", "check"]),
+        ("liaisons ", ["list", "build", "simulate", "animate", "show", "sweep", "compare", "run", "check"]),
         ("liaisons build Pe", ["Pendulum", "PendulumChain"]),
         ("liaisons run pumped", ["pumped_swing"]),
         ("liaisons build --backend ", ["auto", "native", "python"]),

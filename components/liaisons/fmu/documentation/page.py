@@ -178,7 +178,7 @@ def _variables(model: Model, notation: Notation) -> list[str]:
     for title, variables in (
         ("Parameters", model.parameters),
         ("Inputs", model.inputs),
-        ("Outputs and local variables", model.outputs),
+        ("Outputs and local variables", (*model.outputs, *model.drawn)),
     ):
         if variables:
             lines += [f"<h3>{title}</h3>", *_table(head, (_variable(v, notation) for v in variables))]
@@ -198,7 +198,7 @@ def _further(name: str, variables: Collection[str]) -> str:
 
 
 def _variable(variable: Variable, notation: Notation) -> tuple[str, ...]:
-    size = "" if variable.dimension is None else f"[1…{variable.dimension.name}]"
+    size = "" if variable.dimension is None else f"[1…{variable.dimension.name or variable.count}]"
     starts = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]  # those of an array may be alike
     kind = variable.causality + (", tunable" if variable.variability == "tunable" else "")
     return (
