@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -644,6 +645,16 @@ print(repr(float(result["theta"][-1])))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert float(done.stdout) == pytest.approx(float(libration(1.0, 0.1)[0]), abs=1e-9)  # ten tolerances
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
+def test_the_wrapper_lets_go_of_the_interpreter_before_its_memory_is_freed(fmus: Callable[..., Path]) -> None:
+    code = f"import fmpy; fmpy.simulate_fmu({str(fmus('HandPendulum'))!r}, stop_time=0.1)"
+    valgrind = ["valgrind", "--error-limit=no", sys.executable, "-c", code]
+    done = subprocess.run(valgrind, capture_output=True, text=True, check=True)
+    assert "ERROR SUMMARY" in done.stderr  # of CPython's and the loader's own, say
+    assert "finalizePythonInterpreter" not in done.stderr
 
 
 # ---- other importers ---------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from ctypes import c_double
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, final
 
@@ -39,7 +40,11 @@ class FmuScene:
     @property
     def picture(self) -> Picture:
         """Of all of them; of one without a picture its points."""
-        return together({prefix: picture_of(part) for prefix, part in self.parts.items()})
+        return together(self._pictures)
+
+    @cached_property
+    def _pictures(self) -> Mapping[str, Picture]:
+        return {prefix: picture_of(part) for prefix, part in self.parts.items()}
 
     def values(self, known: Values) -> Values:
         """All variables of the picture at some frames.
@@ -51,7 +56,7 @@ class FmuScene:
         """
         found = dict(known)
         for prefix, part in self.parts.items():
-            wanted = [name for name in picture_of(part).variables if f"{prefix}{name}" not in found]
+            wanted = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in found]
             own = {name.removeprefix(prefix): values for name, values in known.items() if name.startswith(prefix)}
             if wanted:
                 found |= {f"{prefix}{name}": values for name, values in _asked(part, wanted, own).items()}

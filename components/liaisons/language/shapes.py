@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin
 from typing import Any, Literal, TypeAlias, final
@@ -134,9 +134,3 @@ def _point(place: Place, named: Named) -> list[float | str]:
 
 def _radius(shape: Rod | Ball, named: Named) -> dict[str, float | str]:
     return {} if shape.radius is None else {"radius": named(shape.radius)}
-
-
-def places_of(shapes: Iterable[Shape]) -> list[Place]:
-    """All points of some shapes."""
-    members = (getattr(shape, name) for shape in shapes for name in ("start", "end", "at") if hasattr(shape, name))
-    return [*members, *(point for shape in shapes if isinstance(shape, Wire) for point in shape.points)]

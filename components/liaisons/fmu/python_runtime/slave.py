@@ -11,8 +11,14 @@ importers end there; the log has a step that is refused once more, as long or lo
 
 from __future__ import annotations
 
+import atexit
 import math
+import os
 import sys
+from contextlib import suppress
+from ctypes import CDLL
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +38,22 @@ _ARRAYS = ("_t", "_k", "_given", "_u", "_y", "_m", "_past", "_size")
 _SCALARS = ("_mode", "_tolerance", "_started", "_jumped", "_unusable")
 
 
+@cache
+def _let_go_at_exit(resources: str) -> None:
+    """Have the wrapper let go of the interpreter while it can.
+
+    By itself it does so when the process ends, in memory that is freed by then (pythonfmu 0.7.0, ``onLibraryUnload``
+    of Linux), and some processes end with "corrupted double-linked list".
+    """
+    for binary in Path(resources).parent.glob("binaries/linux64/*.so"):
+        atexit.register(_let_go, str(binary))
+
+
+def _let_go(binary: str) -> None:
+    with suppress(OSError):  # unloaded before
+        CDLL(binary, mode=os.RTLD_NOLOAD).finalizePythonInterpreter()
+
+
 class Slave(Fmi2Slave):
     """One instance of the component in the resources folder."""
 
@@ -40,6 +62,8 @@ class Slave(Fmi2Slave):
         resources = kwargs["resources"]
         if resources in sys.path:  # put there by the wrapper at each instantiation, and done with
             sys.path.remove(resources)
+        if sys.platform == "linux":
+            _let_go_at_exit(resources)
         self._table = table = load(resources)
         self._first = table.first
         self._first_input = self._first + len(table.parameters)
