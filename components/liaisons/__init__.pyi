@@ -16,6 +16,8 @@ from .interface import show as show
 from .interface import simulate as simulate
 from .interface import sweep as sweep
 from .language import ActiveCoordinate as ActiveCoordinate
+from .language import Ball as Ball
+from .language import Box as Box
 from .language import Chain as Chain
 from .language import Coordinate as Coordinate
 from .language import Experiment as Experiment
@@ -28,9 +30,15 @@ from .language import Mechanism as Mechanism
 from .language import Operator as Operator
 from .language import Orientation as Orientation
 from .language import Parameter as Parameter
+from .language import Rod as Rod
+from .language import Shapes as Shapes
 from .language import Size as Size
+from .language import Spring as Spring
+from .language import Trail as Trail
 from .language import Values as Values
+from .language import Wire as Wire
 from .language import calculated as calculated
+from .language import circle as circle
 from .language import closed_form as closed_form
 from .language import condition as condition
 from .language import constraint as constraint
@@ -38,6 +46,7 @@ from .language import non_holonomic as non_holonomic
 from .language import output as output
 from .language import point as point
 from .language import submersion as submersion
+from .language import turned as turned
 from .language import unchecked as unchecked
 from .library import build as build
 from .library import fmu_path as fmu_path

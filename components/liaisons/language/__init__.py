@@ -28,7 +28,7 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
-from liaisons.language.shapes import Ball, Box, Rod, Shape, Spring, Trail, Wire, circle, turned
+from liaisons.language.shapes import Ball, Box, Rod, Shape, Shapes, Spring, Trail, Wire, circle, turned
 from liaisons.language.variables import Experiment, Terminal, Variable
 
 __all__ = [
@@ -50,6 +50,7 @@ __all__ = [
     "Parameter",
     "Rod",
     "Shape",
+    "Shapes",
     "Size",
     "Spring",
     "Terminal",

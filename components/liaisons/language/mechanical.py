@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import casadi as ca
@@ -26,7 +26,7 @@ from liaisons.language.declarations import (
     submersion,
 )
 from liaisons.language.layout import Layout
-from liaisons.language.shapes import Ball, Shape
+from liaisons.language.shapes import Ball, Shapes
 from liaisons.language.variables import ActiveInput, Dimension, Variable
 
 
@@ -79,7 +79,7 @@ class MechanicalComponent(Component, abstract=True):
         """|ṙ|² of a point given by its Cartesian components."""
         return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         """What it looks like: shapes between its points; of a chain one link, the ``self.number``-th."""
         return [Ball(getattr(self, item.name)) for item in self.points]
 

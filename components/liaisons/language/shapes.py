@@ -104,6 +104,7 @@ class Trail:
 
 
 Shape: TypeAlias = Rod | Ball | Box | Wire | Spring | Trail
+Shapes: TypeAlias = Sequence[Shape]
 
 _AXES = ("x", "y", "z")
 

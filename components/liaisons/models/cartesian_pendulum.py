@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 import numpy as np
 
 from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
-from liaisons.language.shapes import Ball, Rod, Shape, Trail
+from liaisons.language.shapes import Ball, Rod, Shapes, Trail
 from liaisons.models.solutions import pendulum
 
 _START = 0.1  # rad, angle of the rod from the downward vertical
@@ -46,7 +44,7 @@ class CartesianPendulum(Mechanism):
     def plane(self) -> ca.SX:
         return self.y
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         bob = {"x": self.x, "y": self.y, "z": self.z}
         return [Trail(bob), Rod({"z": self.height}, bob), Ball(bob)]
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, output
-from liaisons.language.shapes import Ball, Shape, Trail
+from liaisons.language.shapes import Ball, Shapes, Trail
 from liaisons.models.solutions import uniform_fields
 
 
@@ -40,7 +38,7 @@ class ChargedParticle(Mechanism):
     _B = property(lambda self: ca.vertcat(self.B_x, self.B_y, self.B_z))
     _E = property(lambda self: ca.vertcat(self.E_x, self.E_y, self.E_z))
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         place = {"x": self.x, "y": self.y, "z": self.z}
         return [Trail(place), Ball(place)]
 

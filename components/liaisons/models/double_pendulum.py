@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, point
-from liaisons.language.shapes import Ball, Rod, Shape, Trail
+from liaisons.language.shapes import Ball, Rod, Shapes, Trail
 from liaisons.models.solutions import chains
 
 
@@ -48,7 +46,7 @@ class DoublePendulum(Mechanism):
         sine, cosine = ca.sin(self.theta_2), ca.cos(self.theta_2)
         return {"x": self.bob_1["x"] + self.length_2 * sine, "z": self.bob_1["z"] - self.length_2 * cosine}
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         pivot = {"x": self.pivot_x, "z": self.pivot_z}
         rods = [Rod(pivot, self.bob_1), Rod(self.bob_1, self.bob_2)]
         return [Trail(self.bob_2), *rods, Ball(self.bob_1), Ball(self.bob_2)]

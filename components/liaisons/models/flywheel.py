@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Friction, Mechanism, Parameter, Values, closed_form
-from liaisons.language.shapes import Ball, Rod, Shape, circle, turned
+from liaisons.language.shapes import Ball, Rod, Shapes, circle, turned
 from liaisons.models.solutions.linear import oscillation
 
 
@@ -27,7 +25,7 @@ class Flywheel(Mechanism):
     angle = Coordinate("rad", "angle of the wheel", start_rate=1.0, symbol="φ")
     experiment = Experiment(reference={"angle_force": 1.0, "friction": 0.2})
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         turn = turned("y", -self.angle)
         rims = [
             dict(zip("xyz", ca.vertsplit(side * 0.5 * turn[:, i]), strict=True)) for i in (0, 2) for side in (-1, 1)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Friction, Gravity, Mechanism, Parameter, Values, closed_form
-from liaisons.language.shapes import Ball, Shape, Trail
+from liaisons.language.shapes import Ball, Shapes, Trail
 from liaisons.models.solutions.linear import oscillation
 
 
@@ -33,7 +31,7 @@ class FreeParticle(Mechanism):
     z = Coordinate("m", "height", start_rate=9.81)
     experiment = Experiment(stop_time=2.0)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         place = {"x": self.x, "y": self.y, "z": self.z}
         return [Trail(place), Ball(place)]
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import casadi as ca
 
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Mechanism, condition, output, unchecked
-from liaisons.language.shapes import Ball, Rod, Shape
+from liaisons.language.shapes import Ball, Rod, Shapes
 from liaisons.models.solutions import swing
 
 Function = Callable[..., Any]
@@ -54,7 +54,7 @@ class GeneralSwing(Mechanism, abstract=True):
         I, J, g = self._matrix("I"), self._matrix("J", count), self._matrix("g", count, count)  # noqa: E741
         return ca.blockcat([[I, J.T], [J, g]])
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         direction = {"x": ca.sin(self.theta), "z": -ca.cos(self.theta)}
         return [Rod({}, direction), Ball(direction)]
 

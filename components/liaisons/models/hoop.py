@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Parameter, output, point
-from liaisons.language.shapes import Ball, Rod, Shape, Wire
+from liaisons.language.shapes import Ball, Rod, Shapes, Wire
 
 
 class Hoop(Mechanism, abstract=True):
@@ -77,7 +76,7 @@ class Hoop(Mechanism, abstract=True):
     def bead(self) -> dict[str, ca.SX]:
         return self._place(self.free.q)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         hoop = [self._place(self.once_round * k / 48) for k in range(48)]
         return [Wire(hoop, closed=True), Rod({}, hoop[0]), Ball(self.bead)]
 

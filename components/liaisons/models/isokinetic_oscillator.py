@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, non_holonomic, output
-from liaisons.language.shapes import Ball, Shape, Spring, Trail
+from liaisons.language.shapes import Ball, Shapes, Spring, Trail
 from liaisons.models.solutions import isokinetic
 
 
@@ -41,7 +39,7 @@ class IsokineticOscillator(Mechanism):
     def kinetic(self) -> ca.SX:
         return self.kinetic_energy() - 1.5 * self.thermal_energy
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         place = {"x": self.x, "y": self.y, "z": self.z}
         return [Trail(place), Spring({}, place), Ball(place)]
 

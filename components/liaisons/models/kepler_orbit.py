@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, condition, output
-from liaisons.language.shapes import Ball, Shape, Trail
+from liaisons.language.shapes import Ball, Shapes, Trail
 from liaisons.models.solutions import kepler
 
 
@@ -36,7 +34,7 @@ class KeplerOrbit(Mechanism):
     _r = property(lambda self: ca.hypot(self.x, self.y))
     _moment = property(lambda self: self.x * self.dot(self.y) - self.y * self.dot(self.x))  # over the mass [m2/s]
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         planet = {"x": self.x, "y": self.y}
         return [Trail(planet), Ball({}), Ball(planet)]
 

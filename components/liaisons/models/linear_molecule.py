@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, calculated, output
-from liaisons.language.shapes import Ball, Shape, Spring
+from liaisons.language.shapes import Ball, Shapes, Spring
 from liaisons.models.solutions import molecule
 
 _OUTER, _INNER = "outer atoms against each other", "inner atom against the outer ones"
@@ -40,7 +38,7 @@ class LinearMolecule(Mechanism):
     x_3 = Coordinate("m", "position of the right outer atom", start=0.232, nominal=0.1)
     experiment = Experiment(stop_time=100.0, step_size=0.1)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         left, inner, right = ({"x": x} for x in (self.x_1, self.x_2, self.x_3))
         atoms = [Ball(left, radius=0.02), Ball(inner, radius=0.03), Ball(right, radius=0.02)]
         return [Spring(left, inner), Spring(inner, right), *atoms]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, InternalState, Mechanism, Parameter, output
-from liaisons.language.shapes import Box, Rod, Shape, Spring, turned
+from liaisons.language.shapes import Box, Rod, Shapes, Spring, turned
 
 
 class NoseHooverOscillator(Mechanism):
@@ -33,7 +31,7 @@ class NoseHooverOscillator(Mechanism):
     eta = InternalState("1", "integral of the friction")
     experiment = Experiment(stop_time=50.0, step_size=0.05)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         mass = {"x": self.q}  # at rest the spring is drawn 4 m long
         edge = Rod({"x": -4, "z": -0.4}, {"x": -4, "z": 0.4})
         return [edge, Spring({"x": -4}, mass), Box(mass, turned("y", 0), (0.4, 0.4, 0.4))]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Friction, Mechanism, Parameter, output
-from liaisons.language.shapes import Box, Rod, Shape, Spring, turned
+from liaisons.language.shapes import Box, Rod, Shapes, Spring, turned
 from liaisons.models.solutions import oscillator
 
 
@@ -40,7 +38,7 @@ class Oscillator(Mechanism):
     def elongation(self) -> ca.SX:
         return self.x - self.support
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         wall, mass = self.support - 2, {"x": self.x}  # at rest the spring is drawn 2 m long
         edge = Rod({"x": wall, "z": -0.4}, {"x": wall, "z": 0.4})
         return [edge, Spring({"x": wall}, mass), Box(mass, turned("y", 0), (0.4, 0.4, 0.4))]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import Chain, Coordinate, Experiment, Parameter, Size, calculated
-from liaisons.language.shapes import Ball, Shape, Spring
+from liaisons.language.shapes import Ball, Shapes, Spring
 from liaisons.models.solutions import chains
 
 
@@ -37,7 +35,7 @@ class OscillatorChain(Chain):
     def tip(self) -> dict[str, ca.SX]:
         return {"x": self.u}
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         place = {"x": self.u + (self.number - 0.5) * self.spacing}
         before = {"x": self.joint["x"] + (self.number - 1.5) * self.spacing}
         return [Spring(before, place), Ball(place, radius=0.15 * self.spacing)]

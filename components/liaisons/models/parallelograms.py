@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from types import new_class
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from liaisons.errors import ComponentError
 from liaisons.language import Coordinate, Experiment, Gravity, Mechanism, Parameter, constraint, point
-from liaisons.language.shapes import Rod, Shape
+from liaisons.language.shapes import Rod, Shapes
 from liaisons.models.solutions import parallelograms
 
 
@@ -43,7 +42,7 @@ class FourBars(Mechanism, abstract=True):
     def top(self) -> dict[str, ca.SX]:
         return self._top(0)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         tops = [self._top(i) for i in self._rods]
         standing = [Rod({"x": i * self.length}, top) for i, top in enumerate(tops)]
         return [*standing, *(Rod(one, other) for one, other in pairwise(tops))]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.language import ActiveCoordinate, Coordinate, Friction, Gravity, Mechanism, Parameter, output, point
 from liaisons.language.closed_forms import Values, closed_form
-from liaisons.language.shapes import Ball, Rod, Shape, Trail
+from liaisons.language.shapes import Ball, Rod, Shapes, Trail
 from liaisons.models.solutions import elliptic, pendulum
 
 
@@ -40,7 +38,7 @@ class Pendulum(Mechanism):
         sine, cosine = ca.sin(self.theta), ca.cos(self.theta)
         return {"x": self.pivot_x + self.length * sine, "z": self.pivot_z - self.length * cosine}
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         pivot = {"x": self.pivot_x, "z": self.pivot_z}
         return [Trail(self.bob), Rod(pivot, self.bob), Ball(self.bob)]
 

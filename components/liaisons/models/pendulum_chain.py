@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Chain, Coordinate, Gravity, Joint, Parameter, Size, point
-from liaisons.language.shapes import Ball, Rod, Shape
+from liaisons.language.shapes import Ball, Rod, Shapes
 from liaisons.models.solutions import chains
 
 
@@ -46,7 +46,7 @@ class PendulumChain(Chain):
     def tip(self) -> Mapping[str, ca.SX]:
         return self.bob
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         return [Rod(self.joint, self.bob), Ball(self.bob)]
 
     def kinetic_energy(self) -> ca.SX:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
-from liaisons.language.shapes import Ball, Rod, Shape
+from liaisons.language.shapes import Ball, Rod, Shapes
 from liaisons.models.solutions import attitudes
 
 
@@ -72,7 +72,7 @@ class PlanarCat(Mechanism):
             x, z = ca.vertsplit(place - centre)
             yield _Body(mass, inertia, (x, z), (self.dot(x) - turn * z, self.dot(z) + turn * x), spin)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         h, (x, z), cosine, sine = self.hinge, next(self._bodies).position, ca.cos(self.phi), ca.sin(self.phi)
 
         def place(along: ca.SX, across: Any = 0.0) -> dict[str, ca.SX]:  # in the trunk's axes, from its centre

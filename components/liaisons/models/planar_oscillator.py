@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 from numpy.typing import NDArray
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, Values, closed_form, output
-from liaisons.language.shapes import Ball, Shape, Spring, Trail
+from liaisons.language.shapes import Ball, Shapes, Spring, Trail
 from liaisons.models.solutions.linear import oscillation
 
 
@@ -32,7 +30,7 @@ class PlanarOscillator(Mechanism):
     y = Coordinate("m", "position along y", start_rate=0.5)
     experiment = Experiment(stop_time=20.0)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         place = {"x": self.x, "y": self.y}
         return [Trail(place), Spring({}, place), Ball(place)]
 

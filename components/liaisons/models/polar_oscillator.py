@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import Coordinate, Experiment, Mechanism, Parameter
-from liaisons.language.shapes import Ball, Shape, Spring, Trail
+from liaisons.language.shapes import Ball, Shapes, Spring, Trail
 from liaisons.models.solutions import oscillator
 
 
@@ -32,7 +30,7 @@ class PolarOscillator(Mechanism):
     phi = Coordinate("rad", "polar angle", start_rate=0.5)  # at rest the default would fall into the origin
     experiment = Experiment(stop_time=20.0)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         place = {"x": self.r * ca.cos(self.phi), "y": self.r * ca.sin(self.phi)}
         return [Trail(place), Spring({}, place), Ball(place)]
 

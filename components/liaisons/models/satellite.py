@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
-from liaisons.language.shapes import Box, Rod, Shape, circle
+from liaisons.language.shapes import Box, Rod, Shape, Shapes, circle
 from liaisons.models.solutions import attitudes
 
 _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
@@ -56,7 +54,7 @@ class Satellite(Mechanism):
     def _inertia(self) -> ca.SX:
         return ca.reshape(ca.vertcat(*(self.symbols[name] for name in _TENSOR)), 3, 3)
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         R, spins = self.attitude.matrix, (self.wheel_1, self.wheel_2, self.wheel_3)
         shapes: list[Shape] = [Box({}, R, (1.0, 1.0, 1.0))]
         for i, spin in enumerate(spins):

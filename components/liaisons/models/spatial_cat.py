@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Orientation, Parameter
-from liaisons.language.shapes import Ball, Rod, Shape, turned
+from liaisons.language.shapes import Ball, Rod, Shapes, turned
 from liaisons.models.solutions import attitudes
 
 _A = ca.SX([0, 0, 1])  # axis of half A in its own frame
@@ -63,7 +61,7 @@ class SpatialCat(Mechanism):
         spin = azimuth_rate * _A + self.dot(self.bend) * hinge + (self.dot(self.twist) - azimuth_rate) * axis
         return axis, spin
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         d, R, (axis, _) = self.joint_distance, self.attitude.matrix, self._half_B()
         B = turned("z", self.azimuth) @ turned("x", self.bend) @ turned("z", self.twist - self.azimuth)
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import casadi as ca
 import numpy as np
 
 from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
-from liaisons.language.shapes import Ball, Box, Rod, Shape, turned
+from liaisons.language.shapes import Ball, Box, Rod, Shapes, turned
 from liaisons.models.solutions import swing
 
 
@@ -48,7 +46,7 @@ class Swing(Mechanism):
             "z": self.seat["z"] - self.torso_length * ca.cos(direction),
         }
 
-    def picture(self) -> Sequence[Shape]:
+    def picture(self) -> Shapes:
         board = Box(self.seat, turned("y", -self.theta), (0.5, 0.3, 0.05))
         return [Rod({}, self.seat), board, Rod(self.seat, self.torso, radius=0.08), Ball(self.torso, radius=0.14)]
 
