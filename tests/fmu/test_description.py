@@ -20,7 +20,7 @@ from liaisons.errors import BuildError
 from liaisons.fmu import build
 from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
-from liaisons.fmu.origin import origin
+from liaisons.fmu.origin import provenance
 from liaisons.mechanics import assemble
 from liaisons.models import Constant, OscillatorChain
 
@@ -104,7 +104,7 @@ def test_a_component_of_somebody_elses_does_not_claim_our_authorship(tmp_path, m
 
 
 def test_chains_of_any_size_are_ours() -> None:
-    assert origin(assemble(OscillatorChain, n=5))["author"] == "the liaisons authors"
+    assert provenance(assemble(OscillatorChain, n=5))["author"] == "the liaisons authors"
 
 
 def test_references_are_positions(native) -> None:

@@ -51,7 +51,7 @@ class Jumps:
 
 
 @lru_cache(maxsize=4)  # the FMUs of one component are built one after the other
-def jumps(model: Model) -> Jumps:
+def jump_effects(model: Model) -> Jumps:
     """Find out what jumps of prescribed coordinates do, from rates at seeded random states.
 
     Structure would not do: a term that cancels is there, too.
@@ -84,15 +84,15 @@ def jumps(model: Model) -> Jumps:
 
 def jump_table(model: Model) -> list[list[int]]:
     """The same for the FMU's runtime (JUMPS, MIXES of core.h), a row a number; empty where jumps move nothing."""
-    found = jumps(model)
+    found = jump_effects(model)
     return (np.diag(found.moves.astype(int)) + 2 * found.mixes).tolist() if found.any else []
 
 
 def states_moved_along(model: Model) -> set[str]:
     """States that a jump of a prescribed coordinate moves."""
-    if not jumps(model).any:
+    if not jump_effects(model).any:
         return set()
-    found, end, moved = set[str](), 0, jumps(model).moved
+    found, end, moved = set[str](), 0, jump_effects(model).moved
     for state in shown_states(model):
         if moved[end : (end := end + state.count)].any():
             found.add(state.name)

@@ -19,7 +19,7 @@ _EPOCH = "SOURCE_DATE_EPOCH"
 _BEFORE = b' generationTool="'
 
 
-def origin(model: Model) -> dict[str, str]:
+def provenance(model: Model) -> dict[str, str]:
     """Attributes of the model description, in FMI 2.0 as in FMI 3.0.
 
     The date is that of the environment variable SOURCE_DATE_EPOCH, else, of a component of this package, that of the
@@ -36,7 +36,7 @@ def origin(model: Model) -> dict[str, str]:
 
 def signed(description: bytes, model: Model) -> bytes:
     """A model description with these attributes; the guid, which is a hash of the rest, does not change with them."""
-    attributes = "".join(f" {name}={quoteattr(value)}" for name, value in origin(model).items())
+    attributes = "".join(f" {name}={quoteattr(value)}" for name, value in provenance(model).items())
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
 
 

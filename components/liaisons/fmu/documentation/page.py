@@ -16,7 +16,7 @@ from liaisons.fmu.documentation.laws import LAWS
 from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
-from liaisons.fmu.jumps import jumps
+from liaisons.fmu.jumps import jump_effects
 from liaisons.language import Terminal, Variable
 from liaisons.mechanics.model import Model
 from liaisons.version import __version__
@@ -237,7 +237,7 @@ def _reconstruction(model: Model) -> list[str]:
 
 def _jumps(model: Model) -> str:
     """What a jump of a prescribed coordinate itself does."""
-    found = jumps(model)
+    found = jump_effects(model)
 
     def names(chosen: Iterable[bool]) -> str:
         flat = [element for a in model.active for element in [a.value] * count[a.value]]
