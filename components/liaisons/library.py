@@ -128,7 +128,7 @@ def build(
     :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
     :returns: path of the FMU.
     :raises ProjectError: if the target names no component or several, or one whose FMU would take the place of
-        another component's, as in :func:`claim`.
+        another component's.
     :raises ComponentError: if it cannot be derived.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     """

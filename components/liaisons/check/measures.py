@@ -10,7 +10,7 @@ from liaisons.errors import ValidityError
 
 
 def max_error(values: ArrayLike, reference: ArrayLike) -> float:
-    """Largest absolute difference, max |values - reference|.
+    """Largest absolute difference, ``max |values - reference|``.
 
     :param values: what was computed, any shape.
     :param reference: what it should be: the same shape, or one number.

@@ -76,7 +76,7 @@ class MechanicalComponent(Component, abstract=True):
         """Total time derivative of an expression of the configuration and its rates; of any shape."""
 
     def speed_squared(self, position: Mapping[str, ca.SX]) -> ca.SX:
-        """|ṙ|² of a point given by its Cartesian components."""
+        """``|ṙ|²`` of a point given by its Cartesian components."""
         return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
 
     def picture(self) -> Shapes:

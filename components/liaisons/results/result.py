@@ -430,7 +430,7 @@ class Result:
 
 @final
 class IncompleteError(SimulationError):
-    """An FMU failed on the way; :attr:`result` has everything up to the last communication point that was reached."""
+    """An FMU failed on the way; ``result`` has everything up to the last communication point that was reached."""
 
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
@@ -439,7 +439,7 @@ class IncompleteError(SimulationError):
 
 @final
 class Interrupted(KeyboardInterrupt):
-    """The user stopped a run; :attr:`result` has everything up to the last communication point that was reached.
+    """The user stopped a run; ``result`` has everything up to the last communication point that was reached.
 
     A ``KeyboardInterrupt``, so that a script stops where it stands; who wants to go on with what there is catches it.
     """

@@ -1,0 +1,59 @@
+"""The site: ``sphinx-build docs docs/_build/html``; what is doubtful is a warning, and CI takes no warning."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
+
+DOCS = Path(__file__).parent
+sys.path.insert(0, str(DOCS))
+
+import links  # noqa: E402
+import mathml  # noqa: E402
+import reference  # noqa: E402
+
+from liaisons import __version__  # noqa: E402
+
+project = "liaisons"
+project_copyright = "the liaisons authors"
+version = release = __version__
+extensions = ["myst_nb", "sphinx.ext.autodoc"]
+exclude_patterns = ["_build", "_ipython", "README.md"]
+nitpicky = True
+nitpick_ignore_regex = [("py:.*", pattern) for pattern in reference.ELSEWHERE]
+
+# Notebooks are run anew, each in an empty folder; a cell or a command that fails fails the build.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_show_tb = True
+nb_execution_timeout = 120
+nb_merge_streams = True
+os.environ |= {"IPYTHONDIR": str(DOCS / "_ipython"), "LIAISONS_FMUS": str(DOCS / "_build" / "fmus"), "COLUMNS": "88"}
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+html_math_renderer = "mathml"
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+autodoc_default_options = {"members": True}
+
+html_theme = "furo"
+html_title = "liaisons"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_theme_options: dict[str, Any] = {"navigation_with_keys": True}
+templates_path: list[str] = []
+
+
+def setup(app: Sphinx) -> None:
+    """Connect what this site adds to Sphinx."""
+    mathml.setup(app)
+    reference.setup(app)
+    links.setup(app)

@@ -1,0 +1,35 @@
+"""Formulas as MathML, which browsers draw themselves: no script, no font, no network."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from docutils import nodes
+from docutils.utils.math import MathError
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
+from sphinx.errors import ExtensionError
+from sphinx.writers.html5 import HTML5Translator
+
+
+def setup(app: Sphinx) -> None:
+    """Offer the renderer ``mathml``."""
+    app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
+
+
+def _inline(self: HTML5Translator, node: nodes.math) -> NoReturn:
+    self.body.append(_markup(node, as_block=False))
+    raise nodes.SkipNode
+
+
+def _block(self: HTML5Translator, node: nodes.math_block) -> NoReturn:
+    number = f'<span class="eqno">({node["number"]})</span>' if node["number"] else ""
+    self.body.append(self.starttag(node, "div", CLASS="math") + number + _markup(node, as_block=True) + "</div>")
+    raise nodes.SkipNode
+
+
+def _markup(node: nodes.Element, *, as_block: bool) -> str:
+    try:
+        return tex2mathml(node.astext(), as_block=as_block)
+    except MathError as error:
+        raise ExtensionError(f"{node.source}:{node.line}: {error} in {node.astext()!r}") from error
