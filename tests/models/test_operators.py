@@ -2,30 +2,45 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from liaisons.cosim import System
 from liaisons.language import Operator
-from liaisons.mechanics import assemble
-from liaisons.models import CATALOGUE, Constant, FourierSeries, Ramp, Sinusoid, SmoothStep
+from liaisons.mechanics import Model, assemble
+from liaisons.models import CATALOGUE, Constant, FourierSeries, Pendulum, PlannedMotion, Ramp, Sinusoid, SmoothStep
 
 OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
-VALUES: dict[type[Operator], dict[str, float]] = {
+
+
+def _knots(*knots: tuple[float, float, float, float]) -> dict[str, np.ndarray]:
+    columns = np.pad(np.transpose(knots), ((0, 0), (0, 100 - len(knots))))
+    return dict(zip(("instant", "value", "rate", "acceleration"), columns, strict=True))
+
+
+VALUES: dict[type[Operator], dict[str, Any]] = {
     Constant: {"value": 2.5},
     Ramp: {"offset": 1.0, "rate": -0.3, "start_time": 0.75},
     Sinusoid: {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 2.0, "phase": 0.3},
     FourierSeries: {"offset": 1.0, "angular_frequency": 0.7}
     | {f"{wave}_{k}": 0.3 / k for wave in ("cos", "sin") for k in range(1, 5)},
     SmoothStep: {"start_value": 1.0, "end_value": 3.0, "start_time": 0.5, "duration": 1.5},
+    PlannedMotion: _knots((0.5, 1, 0, 2), (1.5, 0, 1, 0), (1.5, 2, -1, 1), (2.5, 1, 0.5, 0), (3, 1, 0, -1)),
 }
 TIMES = np.linspace(-1, 4, 41)  # 0.125 apart: the instants of all jumps are among them
 
 
-def triple(component: type[Operator], times: np.ndarray, values: dict[str, float]) -> dict[str, np.ndarray]:
+def _column(model: Model, values: dict[str, Any]) -> np.ndarray:
+    """The vector of parameters."""
+    return np.concatenate([np.atleast_1d(values[parameter.name]) for parameter in model.parameters])
+
+
+def triple(component: type[Operator], times: np.ndarray, values: dict[str, Any]) -> dict[str, np.ndarray]:
     """What the FMU's equations give: y, y', y'' at the times."""
     model = assemble(component)
-    k = [values[parameter.name] for parameter in model.parameters]
+    k = _column(model, values)
     rows = [np.asarray(model.outputs_function(t, [], [], k, [])).ravel() for t in times]
     return dict(zip((output.name for output in model.outputs), np.array(rows).T, strict=True))
 
@@ -41,8 +56,8 @@ def test_triple_is_the_closed_form(component) -> None:
 
 @pytest.mark.parametrize("component", OPERATORS, ids=lambda component: component.__name__)
 def test_derivatives_belong_to_the_value(component) -> None:
-    values = VALUES[component]
-    instants = np.asarray(assemble(component).events([values[p.name] for p in component.parameters])).ravel()
+    values, model = VALUES[component], assemble(component)
+    instants = np.asarray(model.events(_column(model, values))).ravel()
     times = TIMES[np.abs(TIMES[:, None] - instants[None, :]).min(axis=1, initial=1.0) > 0.01]
     h = 1e-3
     at = {shift: component.exact(times + shift * h, **values) for shift in (-2, -1, 0, 1, 2)}
@@ -81,3 +96,20 @@ def test_smooth_step_starts_and_ends_with_three_vanishing_derivatives(t: float) 
     assert (end["y_dot"][0], end["y_ddot"][0]) == pytest.approx((0, 0), abs=1e-13)  # roundings of the terms
     # y'' = 420 rise u² / duration² to leading order: the third derivative vanishes at the end, the fourth does not.
     assert abs(triple(SmoothStep, np.array([inside]), values)["y_ddot"][0]) < 420 * 2 * (h / 1.5) ** 2 / 1.5**2
+
+
+def test_a_repeated_knot_is_a_jump_and_the_polynomials_go_on_beyond_the_ends() -> None:
+    before, at, after = triple(PlannedMotion, np.array([1.5 - 1e-9, 1.5, 4.0]), VALUES[PlannedMotion])["y"]
+    assert (before, at) == (pytest.approx(0, abs=2e-9), 2)  # y' = 1 before the jump
+    assert after == pytest.approx(PlannedMotion.exact([4.0], **VALUES[PlannedMotion])["y"][0], abs=1e-12)
+
+
+def test_a_mechanism_follows_knots_on_communication_points_to_the_last_digits(fmu) -> None:
+    """Between two points it interpolates by the very polynomial of the operator; so does the reference, by its rate."""
+    system = System("planned")
+    system.add("length", fmu(PlannedMotion), **_knots((0, 1, 0, 0), (0.5, 1.2, 0.3, -1), (1.0, 0.9, 0, 0)))
+    system.add("swing", fmu(Pendulum), theta_0=1.0, input_reconstruction=2)
+    system.connect(system.parts["length"]["y"], system.parts["swing"]["length"])
+    coarse, fine = (system.simulate(1.0, step, tolerance=1e-12) for step in (0.25, 0.0625))
+    # Solver tolerance, κ < 10; a motion that was interpolated otherwise would be off by 1e-4.
+    np.testing.assert_allclose(coarse["swing.theta"], fine["swing.theta"][::4], rtol=0, atol=1e-10)

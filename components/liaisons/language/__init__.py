@@ -16,6 +16,7 @@ from liaisons.language.declarations import (
     Joint,
     Orientation,
     Parameter,
+    ParameterArray,
     Size,
     calculated,
     condition,
@@ -29,7 +30,7 @@ from liaisons.language.declarations import (
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
 from liaisons.language.shapes import Ball, Box, Rod, Shape, Shapes, Spring, Trail, Wire, circle, turned
-from liaisons.language.variables import Experiment, Terminal, Variable
+from liaisons.language.variables import Dimension, Experiment, Terminal, Variable
 
 __all__ = [
     "ActiveCoordinate",
@@ -38,6 +39,7 @@ __all__ = [
     "Chain",
     "Component",
     "Coordinate",
+    "Dimension",
     "Experiment",
     "Friction",
     "Gravity",
@@ -48,6 +50,7 @@ __all__ = [
     "Operator",
     "Orientation",
     "Parameter",
+    "ParameterArray",
     "Rod",
     "Shape",
     "Shapes",

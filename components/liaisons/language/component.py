@@ -63,7 +63,7 @@ class Component(ABC):
     def __init__(self) -> None:
         self.symbols = {}
         self.formulas = {}
-        self.parameter_column = self._symbols(p.name for p in self.parameters)
+        self.parameter_column = self._symbols(name for p in self.parameters for name in p.names)
 
     def __init_subclass__(cls, *, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -10,7 +10,7 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Generic, Literal, ParamSpec, Self, TypeVar, overload
 
 import casadi as ca
@@ -18,7 +18,7 @@ import numpy as np
 
 from liaisons import units
 from liaisons.errors import ComponentError, suggestion
-from liaisons.language.variables import Causality, Variability, Variable
+from liaisons.language.variables import Causality, Dimension, Variability, Variable, element
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -164,6 +164,36 @@ class Parameter(Symbol):
         bounds = {"above": above, "minimum": minimum, "below": below, "maximum": maximum}
         super().__init__(unit, description, start=default, symbol=symbol, unchecked=unchecked, **bounds)
         self.tunable = tunable
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its symbols."""
+        return (self.name,)
+
+
+class ParameterArray(Parameter):
+    """Parameters under one name, an array in the FMU; the symbol is a column.
+
+    :param default: of the first ones, unless others are set; the rest are 0.
+    :param dimension: how many there are, and what the FMU calls their number.
+    """
+
+    example = 'ParameterArray((0.0, 1.0), "s", "instants", Dimension("knots", 100, "number of knots"))'
+
+    def __init__(self, default: tuple[float, ...], unit: str, description: str, dimension: Dimension) -> None:
+        super().__init__(0.0, unit, description)
+        self.leading = tuple(_number(value, description) for value in default)
+        self.dimension = dimension
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(element(self.name, i) for i in range(1, self.dimension.count + 1))
+
+    def of(self, picture: Any) -> ca.SX:
+        return ca.vertcat(*(picture.symbols[name] for name in self.names))
+
+    def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
+        return replace(super().variable(causality, variability, name), start=self.leading, dimension=self.dimension)
 
 
 class Gravity(Parameter):

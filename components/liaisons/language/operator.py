@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
@@ -12,7 +12,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.language.checks import Formulas, call
 from liaisons.language.component import Component, Every
-from liaisons.language.declarations import Input, InternalState
+from liaisons.language.declarations import Input, InternalState, ParameterArray
 from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
 from liaisons.language.variables import State, Terminal, TerminalMember
 
@@ -52,7 +52,7 @@ class Operator(Component, abstract=True):
         """Rates of the internal states, by name."""
         return {}
 
-    def events(self) -> list[ca.SX]:
+    def events(self) -> Sequence[ca.SX]:
         """Instants at which y or one of its first two derivatives is not smooth."""
         return []
 
@@ -68,6 +68,7 @@ class Operator(Component, abstract=True):
             ),
             states=tuple(State(state.name, f"{state.name}_dot") for state in self.internal_states),
             ports=(Terminal("y", "signal", tuple(map(TerminalMember, ("s", "v", "a"), TRIPLE))),),
+            dimensions=tuple(dict.fromkeys(p.dimension for p in self.parameters if isinstance(p, ParameterArray))),
         )
 
     def _check(self) -> None:

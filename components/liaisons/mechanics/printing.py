@@ -12,6 +12,7 @@ import casadi as ca
 
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.chain import Chain
+from liaisons.language.declarations import ParameterArray
 from liaisons.language.operator import Operator
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
@@ -52,7 +53,8 @@ def of_operator(picture: Operator, signal: ca.SX) -> tuple[Equation, ...]:
     """The signal, and the rates of the internal states that it depends on."""
     rates = picture.internal_rates()
     internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in picture.internal_states)
-    return (Equation("signal", "y", signal), *internal)
+    arrays = any(isinstance(p, ParameterArray) for p in picture.parameters)  # a choice among many is no formula
+    return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
 
 
 def of_chain(picture: Chain) -> tuple[Equation, ...]:

@@ -26,6 +26,7 @@ from .pendulum import Pendulum as Pendulum
 from .pendulum_chain import PendulumChain as PendulumChain
 from .planar_cat import PlanarCat as PlanarCat
 from .planar_oscillator import PlanarOscillator as PlanarOscillator
+from .planned_motion import PlannedMotion as PlannedMotion
 from .polar_oscillator import PolarOscillator as PolarOscillator
 from .ramp import Ramp as Ramp
 from .satellite import Satellite as Satellite

@@ -1,0 +1,67 @@
+"""The operator that runs through a plan: knots, between which it moves as smoothly as they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly
+
+from liaisons.language import Dimension, Operator, ParameterArray, Values, closed_form
+from liaisons.units import ANY
+
+_KNOTS = Dimension("knots", 100, "number of knots that there is room for")
+
+
+class PlannedMotion(Operator):
+    """Motion through knots (t, y, y', y''); between two knots the polynomial of degree five that fits both.
+
+    With τ = t - t_k, h = t_(k+1) - t_k and what is left of the way, the rate and the acceleration at the end of it,
+    D = y_(k+1) - (y_k + y_k' h + y_k'' h²/2), V = y_(k+1)' - (y_k' + y_k'' h), A = y_(k+1)'' - y_k''::
+
+        y = y_k + y_k' τ + y_k'' τ²/2 + (10 D - 4 V h + A h²/2) (τ/h)³
+            - (15 D - 7 V h + A h²) (τ/h)⁴ + (6 D - 3 V h + A h²/2) (τ/h)⁵
+
+    Two knots at one instant are a jump, at which the later one holds; no jump is a smooth point up to y''.  The list
+    ends where the instants no longer increase: those that are left at 0 are not there.  Beyond both ends the
+    polynomials go on.  ``liaisons.plan`` finds the knots; any FMU that follows it interpolates by the same polynomial.
+    """
+
+    instant = ParameterArray((0.0, 1.0), "s", "instants of the knots, ascending; twice the same is a jump", _KNOTS)
+    value = ParameterArray((0.0, 1.0), ANY, "values at the knots", _KNOTS)
+    rate = ParameterArray((), ANY, "rates at the knots, in units of y a second", _KNOTS)
+    acceleration = ParameterArray((), ANY, "accelerations at the knots, in units of y a second squared", _KNOTS)
+
+    def signal(self, t: ca.SX) -> ca.SX:
+        columns = self.instant, self.value, self.rate, self.acceleration
+        knots = [ca.vertcat(*row) for row in zip(*map(ca.vertsplit, columns), strict=True)]
+        pairs = [ca.vertcat(*pair) for pair in pairwise(knots)]
+        passed, chosen = ca.SX(0), ca.SX(0)
+        for pair in reversed(pairs[1:]):  # of the intervals that have begun the last; one without length is none
+            begun = ca.logic_and(t >= pair[0], pair[4] > pair[0])
+            chosen += ca.if_else(ca.logic_and(begun, ca.logic_not(passed)), pair, 0)
+            passed = ca.logic_or(passed, begun)
+        t_0, y, v, a, t_1, y_1, v_1, a_1 = ca.vertsplit(chosen + ca.if_else(passed, 0, pairs[0]))
+        h, tau = t_1 - t_0, t - t_0
+        u = tau / ca.if_else(h > 0, h, 1)
+        D, V, A = y_1 - (y + v * h + a * h**2 / 2), (v_1 - (v + a * h)) * h, (a_1 - a) * h**2
+        rest = (10 * D - 4 * V + A / 2) - (15 * D - 7 * V + A) * u + (6 * D - 3 * V + A / 2) * u**2
+        return y + v * tau + a * tau**2 / 2 + rest * u**3
+
+    def events(self) -> Sequence[ca.SX]:
+        return ca.vertsplit(self.instant)
+
+    @closed_form("Bernstein's polynomials through the knots, put together by SciPy")
+    @staticmethod
+    def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
+        knots = np.transpose([at.instant, at.value, at.rate, at.acceleration])
+        t_0, t_1 = knots[:-1, 0], knots[1:, 0]
+        forward = np.flatnonzero(t_1 > t_0)
+        interval = forward[np.maximum(np.searchsorted(t_0[forward], t, side="right") - 1, 0)]
+        pieces = {k: BPoly.from_derivatives(knots[k : k + 2, 0], knots[k : k + 2, 1:]) for k in forward}
+        orders = range(3)
+        columns = [[pieces[k].derivative(n)(instant) for n in orders] for k, instant in zip(interval, t, strict=True)]
+        return dict(zip(("y", "y_dot", "y_ddot"), np.transpose(columns), strict=True))
