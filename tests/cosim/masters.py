@@ -157,8 +157,5 @@ def _instances(system: System, folder: Path, stop_time: float) -> Iterator[Mappi
         for name, part in system.parts.items():
             fmpy.extract(part.fmu.path, folder / name)
             instance = instances[name] = stack.enter_context(make(name, part.fmu, folder / name))
-            instance.setup(None, 0.0, stop_time)
-            for variable, value in part.starts.items():
-                instance.assign(variable, value)
-            instance.enter_initialization()
+            instance.initialize(part.starts, None, 0.0, stop_time)
         yield instances

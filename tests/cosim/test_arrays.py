@@ -64,7 +64,7 @@ def test_elements_are_found_in_any_mixture(described: Describe) -> None:
     # references as in the file, where the two take turns
     assert [fmu.variables[f"x[{i}]"].reference for i in (1, 2, 3)] == [FIRST, FIRST - 2, FIRST - 4]
     assert [fmu.variables[f"v[{i}]"].unit for i in (1, 3)] == ["m/s", "m/s"]
-    assert list(fmu.references("v")) == [FIRST - 1, FIRST - 3, FIRST - 5]
+    assert list(fmu.variables.entry("v").references) == [FIRST - 1, FIRST - 3, FIRST - 5]
 
 
 def test_matrix(described: Describe) -> None:

@@ -51,7 +51,8 @@ def instance(row: Path, tmp_path: Path) -> Iterator[Instance3]:
     fmu = read(row)
     fmpy.extract(row, tmp_path)
     with Instance3("row", fmu, tmp_path) as made:
-        made.setup(1e-6, 0.0, 1.0)
+        made.initialize({}, 1e-6, 0.0, 1.0)
+        made.exit_initialization()
         yield made
 
 
@@ -82,8 +83,6 @@ def test_description(row: Path) -> None:
 
 
 def test_whole_arrays_go_through_as_they_are(instance: Instance3, row: Path) -> None:
-    instance.enter_initialization()
-    instance.exit_initialization()
     given, seen = _numbers(1, 2, 3), _numbers(*[0] * 4)
     assert instance.setter(_variables(row, "u[1]", "u[2]", "u[3]"), given)() == 0
     assert instance.getter(_variables(row, "y[1]", "y[2]", "y[3]", "calls"), seen)() == 0
@@ -91,8 +90,6 @@ def test_whole_arrays_go_through_as_they_are(instance: Instance3, row: Path) -> 
 
 
 def test_elements_in_any_order_and_single_precision(instance: Instance3, row: Path) -> None:
-    instance.enter_initialization()
-    instance.exit_initialization()
     set_two = instance.setter(_variables(row, "u[3]", "u[1]"), given := _numbers(5, 7))
     seen = _numbers(0, 0, 0, 0)
     get = instance.getter(_variables(row, "y[3]", "single", "u[2]", "y[1]"), seen)
@@ -108,8 +105,6 @@ def test_elements_in_any_order_and_single_precision(instance: Instance3, row: Pa
 
 
 def test_roll_back(instance: Instance3, row: Path) -> None:
-    instance.enter_initialization()
-    instance.exit_initialization()
     save, restore = instance.states()
     instance.setter(_variables(row, "u[1]"), _numbers(2))()
     step, seen = instance.stepper(c_double(0), c_double(0.5)), _numbers(0)
@@ -119,8 +114,6 @@ def test_roll_back(instance: Instance3, row: Path) -> None:
 
 
 def test_derivatives(instance: Instance3, row: Path) -> None:
-    instance.enter_initialization()
-    instance.exit_initialization()
     seed, product = _numbers(10, 1), _numbers(0, 0)
     unknowns, knowns = _variables(row, "y[3]", "y[2]"), _variables(row, "u[2]", "u[3]")
     assert instance.directional(unknowns, knowns, seed, product)() == 0

@@ -207,11 +207,11 @@ def test_reset_goes_back_to_the_start_values_in_the_fmu(component: Callable[[str
     folder = fmpy.extract(str(fmu.path), str(tmp_path / "with a blank"))
     slave = FMU2Slave(guid=fmu.guid, modelIdentifier=fmu.identifier, unzipDirectory=folder, instanceName="it")
     slave.instantiate()
-    references = list(fmu.references("mass")) + list(fmu.references("theta_0"))
+    references = list(fmu.variables.entry("mass").references) + list(fmu.variables.entry("theta_0").references)
     slave.setReal(references, [1.0, 1.0])
     slave.reset()
     assert slave.getReal(references) == [STARTS["mass"], STARTS["theta_0"]]
-    assert slave.getInteger(list(fmu.references("input_reconstruction"))) == [2]
+    assert slave.getInteger(list(fmu.variables.entry("input_reconstruction").references)) == [2]
     slave.freeInstance()
 
 

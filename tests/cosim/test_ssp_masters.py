@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
@@ -14,6 +14,9 @@ from schemas import validated
 
 import liaisons
 from liaisons import System
+from liaisons.cosim import Part
+from liaisons.cosim.connections import Connection
+from liaisons.cosim.simulation import checked
 from liaisons.project import scenario_files
 from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
@@ -102,13 +105,21 @@ class _FoundError(Exception):
 def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) -> Callable[[str], System]:
     """The first system that a scenario simulates."""
 
-    def stop(system: System, *_: Any, **__: Any) -> None:
+    def stop(title: str, parts: Mapping[str, Part], connections: Iterable[Connection] = (), **options: Any) -> object:
+        if options.get("single") and len(parts) == 1:
+            return checked(title, parts, **options)
+        system = System(title)
+        system._parts.update(parts)
+        system.join(connections)
+        raise _FoundError(system)
+
+    def stop_sweep(system: System, *_: object, **__: object) -> None:
         raise _FoundError(system)
 
     def find(name: str) -> System:
         with monkeypatch.context() as patch:
-            patch.setattr(System, "simulate", stop)
-            patch.setattr(liaisons, "sweep", stop, raising=False)
+            patch.setattr("liaisons.cosim.system.checked", stop)
+            patch.setattr(liaisons, "sweep", stop_sweep, raising=False)
             with pytest.raises(_FoundError) as caught:
                 execute(load(name), tmp_path, debug=True)
         return caught.value.args[0]

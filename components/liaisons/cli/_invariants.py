@@ -117,8 +117,7 @@ def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     time, size = c_double(0.0), c_double(step_size)
     results = []
     with passing_folder() as folder, make(fmu.path.stem, fmu, extracted([fmu], folder)[fmu.path]) as instance:
-        instance.setup(tolerance, 0.0, 3 * step_size)
-        instance.enter_initialization()
+        instance.initialize({}, tolerance, 0.0, 3 * step_size)
         instance.exit_initialization()
         save, restore = instance.states()
         step, get = instance.stepper(time, size), instance.getter(outputs, seen)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +14,7 @@ import fmpy
 from liaisons.array_names import Shape, split
 from liaisons.cosim.archive import Archive, plain_file
 from liaisons.cosim.model_description import Description, Table, UnitDefinition, parse
-from liaisons.cosim.variables import Array, Variables
+from liaisons.cosim.variables import Variables
 from liaisons.errors import SimulationError, suggestion
 
 LONGEST = 1000
@@ -84,26 +84,19 @@ class Fmu:
 
         :raises KeyError: if there is neither.
         """
-        if name not in self.arrays and name not in self.variables:
-            raise KeyError(name)
-        return self.variables.elements(name)
-
-    def references(self, name: str) -> Iterable[int]:
-        """Value references that stand for a scalar or a whole array."""
-        entry = self.variables.entries.get(name)
-        return entry.references if isinstance(entry, Array) else [self.variables[name].reference]
+        return list(self.variables.entry(name).names())
 
     def reals(self, *causalities: str, longest: float = math.inf) -> list[str]:
         """Names of the real scalars of these causalities, in the order of the file.
 
         :param longest: arrays with more elements are left out.
         """
-        found: list[str] = []
-        for name, entry in self.variables.entries.items():
-            like, size = (entry.like, entry.size) if isinstance(entry, Array) else (entry, 1)
-            if like.type == "Real" and like.causality in causalities and size <= longest:
-                found += self.variables.elements(name)
-        return found
+        return [
+            name
+            for entry in self.variables.entries.values()
+            if entry.like.type == "Real" and entry.like.causality in causalities and entry.size <= longest
+            for name in entry.names()
+        ]
 
     def recorded(self) -> list[str]:
         """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`."""
@@ -111,7 +104,7 @@ class Fmu:
 
     def references_of(self, causality: str) -> list[int]:
         """Value references of the real variables, or whole arrays, of this causality."""
-        found = (entry.like if isinstance(entry, Array) else entry for entry in self.variables.entries.values())
+        found = (entry.like for entry in self.variables.entries.values())
         return [like.reference for like in found if like.causality == causality and like.type == "Real"]
 
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
@@ -150,8 +143,7 @@ def _read(path: Path, *_identity: int) -> Fmu:
             raise SimulationError(f"{path}: has no {DESCRIPTION} inside, so it is no FMU")
         with archive.open(DESCRIPTION) as file:
             try:
-                description = parse(file)
-                return _fmu(path, archive, description)
+                return _fmu(path, archive, parse(file))
             except ValueError as error:
                 reason = " ".join(str(error).split())
                 raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: {reason}") from error
@@ -168,9 +160,9 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
     needed = ("modelName", "guid" if two else "instantiationToken")
     for name in needed:
         if name not in root:
-            raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: fmiModelDescription has no {name!r}")
+            raise ValueError(f"fmiModelDescription has no {name!r}")
     if "modelIdentifier" not in kind:
-        raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: CoSimulation has no 'modelIdentifier'")
+        raise ValueError("CoSimulation has no 'modelIdentifier'")
     initial = description.outputs | description.initial_unknowns
     initial |= dict.fromkeys(description.exact, frozenset[int]())
     return Fmu(
@@ -189,7 +181,7 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
         only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
         unpacked=archive.size,
         log_categories=tuple(description.log_categories),
-        experiment=_experiment(path, description.experiment),
+        experiment=_experiment(description.experiment),
         variables=description.variables,
         units=description.units,
         _outputs=description.outputs,
@@ -201,12 +193,12 @@ def _true(attributes: Mapping[str, str], name: str) -> bool:
     return attributes.get(name, "false") in {"true", "1"}
 
 
-def _experiment(path: Path, attributes: Mapping[str, str]) -> DefaultExperiment:
+def _experiment(attributes: Mapping[str, str]) -> DefaultExperiment:
     try:
         texts = (attributes.get(name) for name in ("startTime", "stopTime", "stepSize", "tolerance"))
         given = DefaultExperiment(*(None if text is None else float(text) for text in texts))
     except ValueError as error:
-        raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: DefaultExperiment: {error}") from None
+        raise ValueError(f"DefaultExperiment: {error}") from None
     start = given.start_time if given.start_time and math.isfinite(given.start_time) else None
     stop_time, step_size = usable(start or 0.0, given.stop_time, given.step_size)
     tolerance = given.tolerance if given.tolerance and 0 < given.tolerance < math.inf else None

@@ -6,6 +6,8 @@ import math
 from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
+from operator import attrgetter
 from typing import IO, final
 
 from liaisons.array_names import Shape, complete, split
@@ -21,20 +23,13 @@ _MOST_MEMORY = 2**28  # bytes
 _BYTES_OF_TAG, _BYTES_OF_VARIABLE, _BYTES_OF_INDEX = 20, 400, 150  # as measured, about
 _MOST_REFERENCE = 2**32 - 1
 
-_BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-_FMI_2: dict[str, VariableType] = {
-    "Real": "Real",
-    "Integer": "Integer",
-    "Enumeration": "Enumeration",
-    "Boolean": "Boolean",
-    "String": "String",
-}
+BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_BOTH: dict[str, VariableType] = {"Enumeration": "Enumeration", "Boolean": "Boolean", "String": "String"}
+_FMI_2: dict[str, VariableType] = {"Real": "Real", "Integer": "Integer", **_BOTH}
 _FMI_3: dict[str, VariableType] = {
     **{f"Float{bits}": "Real" for bits in (32, 64)},
     **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
-    "Enumeration": "Enumeration",
-    "Boolean": "Boolean",
-    "String": "String",
+    **_BOTH,
     "Binary": "Binary",
     "Clock": "Clock",
 }
@@ -49,16 +44,16 @@ class UnitDefinition:
     factor: float
     offset: float
 
+    @classmethod
+    def of(cls, name: str, attributes: Attributes) -> UnitDefinition:
+        """What the attributes of a ``BaseUnit`` say.
 
-def scale(name: str, attributes: Attributes) -> tuple[float, float]:
-    """Factor and offset of a unit.
-
-    :raises ValueError: if they are no numbers, or no value can be converted with them.
-    """
-    factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
-    if factor == 0 or not (math.isfinite(factor) and math.isfinite(offset)):
-        raise ValueError(f"the unit {name!r} has the factor {factor!r} and the offset {offset!r}")
-    return factor, offset
+        :raises ValueError: if they are no numbers, or no value can be converted with them.
+        """
+        factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
+        if factor == 0 or not (math.isfinite(factor) and math.isfinite(offset)):
+            raise ValueError(f"the unit {name!r} has the factor {factor!r} and the offset {offset!r}")
+        return cls(tuple(int(attributes.get(base, 0)) for base in BASE_UNITS), factor, offset)
 
 
 Table = dict[int, frozenset[int] | None]
@@ -136,8 +131,8 @@ class Description:
         self.initial_unknowns: Table = {}
         self.exact: set[int] = set()
         self.fixed_inputs: set[int] = set()
-        self._unit = ""
-        self._type = ""
+        self._unit: Attributes = {}
+        self._type: Attributes = {}
         self._type_units: dict[str, str] = {}
         self._table: Table | None = None
         self._entries: dict[str, Scalar | _Elements | _Pending] = {}
@@ -150,10 +145,10 @@ class Description:
         self._memory = 0
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "fmiModelDescription": self._root,
-            "CoSimulation": self._co_simulation,
+            "CoSimulation": partial(setattr, self, "co_simulation"),
             "Category": lambda a: self.log_categories.append(a["name"]),
-            "DefaultExperiment": self._experiment,
-            "Unit": self._open_unit,
+            "DefaultExperiment": partial(setattr, self, "experiment"),
+            "Unit": partial(setattr, self, "_unit"),
             "BaseUnit": self._base_unit,
             "ModelVariables": self._open_variables,
             "ModelStructure": self._close_variables,
@@ -185,45 +180,27 @@ class Description:
         self.root = dict(attributes)
         version = attributes["fmiVersion"]
         if version.startswith("2."):
-            self._handlers["SimpleType"] = self._open_type
-            self._handlers["Real"] = self._real_type
+            self._handlers |= {"SimpleType": partial(setattr, self, "_type"), "Real": self._real_type}
         if version.startswith("3."):
-            self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._float_type)
-
-    def _co_simulation(self, attributes: Attributes) -> None:
-        self.co_simulation = dict(attributes)
-
-    def _experiment(self, attributes: Attributes) -> None:
-        self.experiment = dict(attributes)
-
-    def _open_unit(self, attributes: Attributes) -> None:
-        self._unit = attributes["name"]
+            self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._real_type)
 
     def _base_unit(self, attributes: Attributes) -> None:
-        exponents = tuple(int(attributes.get(base, 0)) for base in _BASE_UNITS)
-        self.units[self._unit] = UnitDefinition(exponents, *scale(self._unit, attributes))
-
-    def _open_type(self, attributes: Attributes) -> None:
-        self._type = attributes["name"]
+        name = self._unit["name"]
+        self.units[name] = UnitDefinition.of(name, attributes)
 
     def _real_type(self, attributes: Attributes) -> None:
-        self._type_units[self._type] = attributes.get("unit", "")
-
-    def _float_type(self, attributes: Attributes) -> None:
-        self._type_units[attributes["name"]] = attributes.get("unit", "")
+        """In FMI 2.0 the name stands in the element around it."""
+        self._type_units[(self._type or attributes)["name"]] = attributes.get("unit", "")
 
     # ---- variables
 
     def _open_variables(self, _: Attributes) -> None:
         if self.root["fmiVersion"].startswith("2."):
-            self._handlers["ScalarVariable"] = self._open_scalar
+            self._handlers["ScalarVariable"] = partial(setattr, self, "_scalar")
             self._handlers |= {tag: self._scalar_of(tag, kind) for tag, kind in _FMI_2.items()}
             return
         self._handlers |= {tag: self._variable_of(tag, kind) for tag, kind in _FMI_3.items()}
         self._handlers |= {"Dimension": self._dimension, "Start": self._start, "Alias": self._alias}
-
-    def _open_scalar(self, attributes: Attributes) -> None:
-        self._scalar = attributes
 
     def _scalar_of(self, tag: str, kind: VariableType) -> Callable[[Attributes], None]:
         base = "Integer" if tag == "Enumeration" else tag
@@ -281,7 +258,7 @@ class Description:
             if group is None:
                 group = self._entries[f"{base}["] = _Elements(replace(variable, name=base))
                 self._take(_BYTES_OF_VARIABLE)
-            if isinstance(group, _Elements) and _alike(group.like, variable):
+            if isinstance(group, _Elements) and _KIND(group.like) == _KIND(variable):
                 group.add(variable, index)
                 return
         self._entries[variable.name] = variable
@@ -325,16 +302,15 @@ class Description:
         for tag in (*_FMI_2, *_FMI_3, "Dimension", "Start", "Alias", "ScalarVariable"):
             self._handlers.pop(tag, None)
         self._handlers |= {
-            "Outputs": lambda _: self._choose(outputs),
-            "Derivatives": lambda _: self._choose(None),
-            "DiscreteStates": lambda _: self._choose(None),
-            "InitialUnknowns": lambda _: self._choose(initial),
+            "Outputs": partial(self._choose, outputs),
+            **dict.fromkeys(("Derivatives", "DiscreteStates"), partial(self._choose, None)),
+            "InitialUnknowns": partial(self._choose, initial),
             "Unknown": lambda a: self._unknown(self._table, int(a["index"]) - 1, a),
             "Output": lambda a: self._unknown(outputs, self._index.get(int(a["valueReference"]), -1), a),
             "InitialUnknown": lambda a: self._unknown(initial, self._index.get(int(a["valueReference"]), -1), a),
         }
 
-    def _choose(self, table: Table | None) -> None:
+    def _choose(self, table: Table | None, _: Attributes) -> None:
         self._table = table
 
     def _unknown(self, table: Table | None, index: int, attributes: Attributes) -> None:
@@ -374,11 +350,5 @@ def _size(name: str, start: str | None, reference: str | None, sizes: Mapping[in
     return size
 
 
-def _alike(one: Scalar, other: Scalar) -> bool:
-    return (one.base, one.type, one.causality, one.settable, one.unit) == (
-        other.base,
-        other.type,
-        other.causality,
-        other.settable,
-        other.unit,
-    )
+_KIND = attrgetter("base", "type", "causality", "settable", "unit")
+"""What elements of an array have in common."""

@@ -61,7 +61,7 @@ class Part:
 
         :raises SimulationError: if there is none of this name, or it is of another type.
         """
-        return [self.real(element).name for element in self.fmu.variables.elements(name)]
+        return [self.real(element).name for element in (self.fmu.elements(name) if name in self.fmu.arrays else [name])]
 
     def real(self, name: str) -> Scalar:
         """The real scalar of this name.

@@ -18,7 +18,6 @@ from liaisons import cache
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.parts import Part
 from liaisons.cosim.trial import Task
-from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
 
 _known: WeakSet[Fmu] = WeakSet()
@@ -90,7 +89,5 @@ def try_to_start(part: Part, directory: Path, times: Sequence[float]) -> None:
 
 def _start(part: Part, name: str) -> tuple[str, list[int], list[Any]]:
     """Type, value references and values of a start value."""
-    entry = part.fmu.variables.entries.get(name)
-    like = entry.like if isinstance(entry, Array) else part.fmu.variables[name]
-    value = part.starts[name]
-    return like.base, list(part.fmu.references(name)), list(value) if isinstance(value, tuple) else [value]
+    entry, value = part.fmu.variables.entry(name), part.starts[name]
+    return entry.like.base, list(entry.references), list(value) if isinstance(value, tuple) else [value]

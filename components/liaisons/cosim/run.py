@@ -105,10 +105,7 @@ class Run:
             self._coupled.begin_anew()
         parts = simulation.parts if parts is None else parts
         for name, instance in self._instances.items():
-            instance.setup(simulation.tolerance, begin, end)
-            for variable, value in parts[name].starts.items():
-                instance.assign(variable, value)
-            instance.enter_initialization()
+            instance.initialize(parts[name].starts, simulation.tolerance, begin, end)
         bus.perform(self._initial)
         for instance in self._instances.values():
             instance.exit_initialization()

@@ -17,7 +17,6 @@ from liaisons.array_names import split
 from liaisons.cosim.archive import Archive
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.parts import Part
-from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
 from liaisons.folders import passing_folder
 from liaisons.pictures import Picture, together
@@ -98,10 +97,7 @@ def _asked(part: Part, wanted: list[str], known: Values) -> Values:
     with ExitStack() as stack:
         folders = extracted([part.fmu], stack.enter_context(passing_folder()))
         instance = stack.enter_context(make(part.name, part.fmu, folders[part.fmu.path]))
-        instance.setup(None, 0.0, 1.0)
-        for name, value in part.starts.items():
-            instance.assign(name, value)
-        instance.enter_initialization()
+        instance.initialize(part.starts, None, 0.0, 1.0)
         read = instance.getter([part.fmu.variables[name] for name in wanted], buffer)
         for k in range(count):
             for name, values in given.items():
@@ -119,9 +115,9 @@ def _configuration(part: Part, known: Values) -> Mapping[str, Any]:
         base, index = split(name)
         if base not in variables.entries:
             continue
-        target = base if _causality(part, base) == "input" else f"{base}_0"
+        target = base if variables.entries[base].like.causality == "input" else f"{base}_0"
         entry = variables.entries.get(target)
-        if entry is None or _causality(part, target) not in {"input", "parameter"}:
+        if entry is None or entry.like.causality not in {"input", "parameter"}:
             continue
         if index is None:
             given[target] = values.tolist()
@@ -131,9 +127,3 @@ def _configuration(part: Part, known: Values) -> Mapping[str, Any]:
         rows = np.stack([values for _, values in sorted(columns, key=lambda column: column[0])], axis=1)
         given[target] = [tuple(row) for row in rows.tolist()]
     return given
-
-
-def _causality(part: Part, name: str) -> str:
-    entry = part.fmu.variables.entries.get(name)
-    like = entry.like if isinstance(entry, Array) else entry
-    return like.causality if like is not None else ""

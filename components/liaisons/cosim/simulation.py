@@ -109,7 +109,8 @@ def checked(
 ) -> Simulation:
     """Whatever is asked of a simulation, checked; see :meth:`liaisons.cosim.System.simulate` for what it means.
 
-    :param single: it is of one FMU, whose variables go by their own names, and which says what is not given.
+    :param single: it is of one FMU, the first, whose variables go by their own names, and which says what is not
+        given; the others are its operators.
     :param also: is recorded besides.
     :raises SimulationError: for a bad argument.
     """
@@ -169,7 +170,8 @@ def _recorded(
 ) -> dict[str, Place]:
     """Name in the result -> what is recorded under it; of an array, all its elements."""
     names = [] if record is None else listed("record", record)
-    places = [(name, v) for name, part in parts.items() for v in part.fmu.recorded()] if record is None else []
+    all_of = () if record is not None else [next(iter(parts))] if single else parts
+    places = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded()]
     for full in (*names, *also):
         owner, name = owned(title, parts, "record", full, single=single)
         places += [(owner, scalar) for scalar in parts[owner].reals(name)]

@@ -92,9 +92,7 @@ def _own_starts(entry: Array) -> Any:
 def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: object) -> None:
     if variable.settable:
         return
-    settable = [
-        n for n, e in fmu.variables.entries.items() if (e.like.settable if isinstance(e, Array) else e.settable)
-    ]
+    settable = [n for n, entry in fmu.variables.entries.items() if entry.like.settable]
     why = "is fixed" if variable.causality == "structuralParameter" else "is calculated"
     raise SimulationError(
         f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"

@@ -1,19 +1,11 @@
-"""Systems of connected FMUs.
-
-::
-
-    system = System("pumped swing")
-    swing = system.add("swing", "fmus/Pendulum.fmu", theta_0=0.05)
-    motor = system.add("operator", "fmus/Sinusoid.fmu", offset=1.0, amplitude=0.1, angular_frequency=6.26)
-    system.connect(motor["y"], swing["length"])
-    result = system.simulate(stop_time=60, step_size=0.1)
-    result["swing.theta"]
-"""
+"""Systems of connected FMUs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import final
 
 from numpy.typing import ArrayLike
 
@@ -22,7 +14,7 @@ from liaisons.cosim.connections import Connection, connect
 from liaisons.cosim.description import DefaultExperiment
 from liaisons.cosim.diagram import diagram
 from liaisons.cosim.drives import Function
-from liaisons.cosim.parts import Part, Port
+from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
 from liaisons.cosim.run import performed
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.cosim.simulation import checked
@@ -30,10 +22,18 @@ from liaisons.errors import ConnectError, SimulationError
 from liaisons.results import Result
 
 
-class System:
-    """FMUs, connected; :meth:`simulate` runs all of them from the start, as often as it is called.
+@final
+@dataclass(frozen=True, slots=True)
+class OperatorFmu:
+    """An FMU that prescribes a coordinate; see :func:`liaisons.operator`."""
 
-    :class:`liaisons.System`, a storey above, takes components by name, and archives.
+    fmu: Path
+    starts: Mapping[str, ArrayLike]
+    interpolate: bool
+
+
+class System:
+    """FMUs, connected; :class:`liaisons.System`, a storey above, takes components by name, and archives.
 
     :param name: used in messages, results and figures.
     :ivar experiment: the last run, or what the archive says that it comes from.
@@ -47,12 +47,13 @@ class System:
         self._connections: dict[Place, Connection] = {}
         self.experiment = DefaultExperiment()
 
-    def add(self, name: str, fmu: Path | str, /, **starts: ArrayLike) -> Part:
+    def add(self, name: str, fmu: Path | str, /, **starts: ArrayLike | OperatorFmu) -> Part:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
         :param fmu: path of the file.
-        :param starts: values of parameters and inputs at the start, where they differ from the FMU's.
+        :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or an
+            :func:`operator`, which is added as ``name_port``, connected, and followed as it wants to be.
         :returns: a handle; ``handle["length"]`` is one of its ports, to be connected.
         :raises SimulationError: if the name will not do, the file cannot be used here, or a start value is unknown,
             cannot be set, or has the wrong type.
@@ -61,8 +62,18 @@ class System:
             raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
-        self._parts[name] = Part.of(name, fmu, starts)
-        return self._parts[name]
+        return self._added(name, fmu, starts)
+
+    def _added(self, name: str, fmu: Path | str, starts: Mapping[str, object]) -> Part:
+        operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
+        part = Part.of(name, fmu, {start: value for start, value in starts.items() if start not in operators})
+        followed = part.reconstruction is not None and INPUT_RECONSTRUCTION not in starts
+        if operators and followed and all(value.interpolate for value in operators.values()):
+            part = part.interpolating()
+        self._parts[name] = part
+        for port, value in operators.items():
+            self.connect(self.add(f"{name}_{port}", value.fmu, **value.starts)["y"], part[port])
+        return part
 
     def connect(self, source: Port, target: Port) -> None:
         """Connect two ports: triples, points, or single variables.
@@ -197,9 +208,9 @@ def simulate(
     tolerance: float | None = None,
     record: str | Iterable[str] | None = None,
     inputs: Mapping[str, Function] | None = None,
-    **starts: ArrayLike,
+    **starts: ArrayLike | OperatorFmu,
 ) -> Result:
-    """Simulate one FMU; what is not given is taken from its default experiment.
+    """Simulate one FMU, and the operators that prescribe its coordinates; what is not given its experiment says.
 
     :param fmu: path of the file; :func:`liaisons.simulate` takes a component by its name, file or class, too.
     :param stop_time: end [s].
@@ -211,14 +222,18 @@ def simulate(
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
         return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
         from a connected source.
-    :param starts: values of parameters and inputs at the start, where they differ from the FMU's.
+    :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or the
+        :func:`operator` of a coordinate.
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
     path = as_path("fmu", fmu)
+    system = System(path.stem or str(path))
+    system._added(path.stem, path, starts)  # noqa: SLF001 - it may have a dot in its name
     simulation = checked(
         path.stem,
-        {path.stem: Part.of(path.stem, path, starts)},
+        system.parts,
+        system.connections,
         single=True,
         start_time=start_time,
         stop_time=stop_time,

@@ -12,7 +12,7 @@ from typing import Any
 
 from liaisons.processes import die_with_parent
 
-_NUMBERS = {
+NUMBERS = {
     "Real": c.c_double,
     "Integer": c.c_int,
     "Float32": c.c_float,
@@ -20,10 +20,7 @@ _NUMBERS = {
     **{f"Int{bits}": getattr(c, f"c_int{bits}") for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": getattr(c, f"c_uint{bits}") for bits in (8, 16, 32, 64)},
 }
-_LIBC = c.CDLL(None if os.name == "posix" else "msvcrt")
-_LIBC.calloc.restype, _LIBC.calloc.argtypes = c.c_void_p, [c.c_size_t, c.c_size_t]
-_LIBC.free.restype, _LIBC.free.argtypes = None, [c.c_void_p]
-
+"""Numbers of FMI by the type in the names of its functions."""
 _LOG_2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)  # and what the text is about
 _LOG_3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
 _ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
@@ -56,7 +53,10 @@ def _words(task: Task) -> tuple[bytes, bytes, bytes]:
 
 
 def _start_2(functions: c.CDLL, task: Task) -> None:
-    log, allocate, release = _LOG_2(lambda *_: None), _ALLOCATE(_LIBC.calloc), _RELEASE(_LIBC.free)
+    library = c.CDLL(None if os.name == "posix" else "msvcrt")
+    library.calloc.restype, library.calloc.argtypes = c.c_void_p, [c.c_size_t, c.c_size_t]
+    library.free.restype, library.free.argtypes = None, [c.c_void_p]
+    log, allocate, release = _LOG_2(lambda *_: None), _ALLOCATE(library.calloc), _RELEASE(library.free)
     functions_and_environment = *(c.cast(function, c.c_void_p) for function in (log, allocate, release)), None, None
     callbacks = (c.c_void_p * 5)(*functions_and_environment)  # fmi2CallbackFunctions
     functions.fmi2Instantiate.restype = c.c_void_p
@@ -102,7 +102,7 @@ def _start_3(functions: c.CDLL, task: Task) -> None:
 def _buffer(kind: str, values: list[Any], boolean: type) -> Any:
     if kind == "String":
         return (c.c_char_p * len(values))(*(text.encode() for text in values))
-    return (_NUMBERS.get(kind, boolean) * len(values))(*values)
+    return (NUMBERS.get(kind, boolean) * len(values))(*values)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 FMI 2.0 has scalars only and writes an array as ``theta[1]``, ``theta[2]``, ...; FMI 3.0 has one variable ``theta`` with
 dimensions.  Both look alike here: ``"theta"`` is an array and ``"theta[2]"`` a scalar.  A million elements cost some
-bytes each.
+bytes each.  What a name stands for, scalar or array, is an *entry*: it has ``like``, ``size``, ``shape``,
+``references`` and ``names()`` either way.
 """
 
 from __future__ import annotations
@@ -41,6 +42,25 @@ class Scalar:
     unit: str
     index: int = 0
     position: int = 0
+
+    @property
+    def like(self) -> Scalar:
+        return self
+
+    @property
+    def shape(self) -> Shape:
+        return ()
+
+    @property
+    def size(self) -> int:
+        return 1
+
+    @property
+    def references(self) -> Sequence[int]:
+        return (self.reference,)
+
+    def names(self) -> Iterator[str]:
+        return iter((self.name,))
 
 
 @final
@@ -104,16 +124,18 @@ class Variables(Mapping[str, Scalar]):
         return array.element(name, position)
 
     def __iter__(self) -> Iterator[str]:
-        for name in self.entries:
-            yield from self.elements(name)
+        for entry in self.entries.values():
+            yield from entry.names()
 
     def __len__(self) -> int:
-        return sum(entry.size if isinstance(entry, Array) else 1 for entry in self.entries.values())
+        return sum(entry.size for entry in self.entries.values())
 
-    def elements(self, name: str) -> list[str]:
-        """The scalars that a name stands for: those of an array, or the scalar itself."""
-        entry = self.entries.get(name)
-        return list(entry.names()) if isinstance(entry, Array) else [name]
+    def entry(self, name: str) -> Scalar | Array:
+        """The scalar, the element or the array of this name.
+
+        :raises KeyError: if there is none.
+        """
+        return self.entries.get(name) or self[name]
 
     def whole(self, name: str) -> Array | None:
         """The array of FMI 3.0 of this name or with this element; None if there is none, or it is a list of scalars."""

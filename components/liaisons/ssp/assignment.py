@@ -8,10 +8,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.model_description import UnitDefinition, scale
+from liaisons.cosim.model_description import UnitDefinition
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
-from liaisons.ssp.xml import BASE_UNITS, path, tag
+from liaisons.ssp.xml import path, tag
 
 Number = float | int | bool | str
 
@@ -52,9 +52,8 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
 
     :raises SimulationError: if the units are of different kinds, or there is no such whole number.
     """
-    entry = fmu.variables.entries.get(variable)
-    like = entry.like if isinstance(entry, Array) else fmu.variables[variable]
-    values, unit = quantity
+    entry = fmu.variables.entry(variable)
+    like, (values, unit) = entry.like, quantity
     if like.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(like.unit)) for v in values)
     elif like.type in {"Integer", "Enumeration"}:
@@ -111,7 +110,6 @@ def _units(parameter_set: Element) -> Mapping[str, UnitDefinition]:
     for unit in parameter_set.iterfind(path("ssv:Units", "ssc:Unit")):
         base = unit.find(tag("ssc:BaseUnit"))
         if base is not None:
-            exponents = tuple(int(base.get(name, 0)) for name in BASE_UNITS)
             name = unit.get("name", "")
-            found[name] = UnitDefinition(exponents, *scale(name, base.attrib))
+            found[name] = UnitDefinition.of(name, base.attrib)
     return found

@@ -18,7 +18,6 @@ from zipfile import ZipFile, ZipInfo
 
 from liaisons.cosim.parts import Part
 from liaisons.cosim.starts import Value
-from liaisons.cosim.variables import Array
 from liaisons.ssp.parameters import scalars, start, text
 
 _STARTS = "resources/starts.txt"
@@ -49,8 +48,7 @@ def baked(part: Part) -> bytes:
 
 
 def _line(part: Part, name: str, value: Value) -> str:
-    entry = part.fmu.variables.whole(name) or part.fmu.variables[name]
-    like = entry.like if isinstance(entry, Array) else entry
+    like = part.fmu.variables.entry(name).like
     kind, form = ("r", ">d") if like.type == "Real" else ("i", ">q")
     numbers = value if isinstance(value, tuple) else (value,)
     bits = " ".join(struct.pack(form, number).hex() for number in numbers)

@@ -10,10 +10,10 @@ from xml.etree.ElementTree import Element, SubElement
 from liaisons.array_names import Shape, split
 from liaisons.cosim.connections import Connection
 from liaisons.cosim.description import LONGEST
-from liaisons.cosim.model_description import UnitDefinition
+from liaisons.cosim.model_description import BASE_UNITS, UnitDefinition
 from liaisons.cosim.parts import Part
-from liaisons.cosim.variables import Array, Scalar
-from liaisons.ssp.xml import BASE_UNITS, tag
+from liaisons.cosim.variables import Scalar
+from liaisons.ssp.xml import tag
 
 Form = Literal["portable", "full"]
 
@@ -70,12 +70,12 @@ def outer(parts: Iterable[Part], connections: Collection[Connection]) -> dict[Pl
     found: dict[Place, Connector] = {}
     for part in parts:
         for name, entry in part.fmu.variables.entries.items():
-            like = entry.like if isinstance(entry, Array) else entry
-            if like.type != "Real" or like.causality not in {"input", "output"}:
+            if entry.like.type != "Real" or entry.like.causality not in {"input", "output"}:
                 continue
-            if isinstance(entry, Array) and not entry.whole and entry.size > LONGEST:
+            whole = part.fmu.variables.whole(name)
+            if whole is None and entry.size > LONGEST:
                 continue
-            names = entry.names() if isinstance(entry, Array) and not entry.whole else [name]
+            names = entry.names() if whole is None else [name]
             places = [(part.name, n) for n in names if (part.name, n) not in fed]
             found |= {place: connector(part, place[1])[0].named("_".join(place)) for place in places}
     return found

@@ -17,8 +17,6 @@ _NAMESPACES = {
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
 }
 
-BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-
 for _prefix, _uri in _NAMESPACES.items():
     ElementTree.register_namespace(_prefix, _uri)
 

@@ -20,8 +20,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
-from liaisons.cosim.instances.protocol import Instance
-from liaisons.cosim.variables import Scalar
+from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
 
 _YES, _NO = c_int(1), c_int(0)
 _CO_SIMULATION = 1
@@ -45,7 +44,7 @@ class Instance2(Instance):
         "slope": "fmi2GetRealOutputDerivatives",
     }
     types: ClassVar = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
-    true = _YES
+    flag = c_int
     sized = False
 
     def _instantiated(self, library: CDLL, resources: Path) -> int | None:
@@ -57,30 +56,17 @@ class Instance2(Instance):
         words = self.name.encode(), _CO_SIMULATION, self._fmu.guid.encode(), resources.as_uri().encode()
         return instantiate(*words, byref(self._callbacks), _NO, _YES)
 
-    def setup(self, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        given = _YES if tolerance is not None else _NO
-        span = c_double(start_time), _YES, c_double(stop_time)
-        self._call("fmi2SetupExperiment", given, c_double(tolerance or 0.0), *span)
-
-    def getter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
-        return self._transfer("get", variables, values)
-
-    def setter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
-        return self._transfer("set", variables, values)
-
     def stepper(self, time: c_double, size: c_double) -> Call:
         call = self._prepared("step", time, size, _YES)
         return call.recorded(STEP_2, function=call.func, instance=self._pointer.value)
 
-    def directional(
-        self, unknowns: Sequence[Scalar], knowns: Sequence[Scalar], seed: Array[c_double], values: Array[c_double]
-    ) -> Call:
+    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         return self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
 
-    def input_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
+    def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepared("shape", *_references(variables), (c_int * len(orders))(*orders), values)
 
-    def output_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
+    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
 
     def _forget(self, library: CDLL) -> None:
@@ -90,7 +76,7 @@ class Instance2(Instance):
             # go of it before; it takes hold of it again when it is needed
             library.finalizePythonInterpreter()
 
-    def _transfer(self, action: Action, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
+    def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
         references, count = _references(variables)
         call = self._prepared(action, references, count, values)
         return call.recorded(
@@ -103,7 +89,7 @@ class Instance2(Instance):
         )
 
 
-def _references(variables: Sequence[Scalar]) -> tuple[Array[c_uint], c_size_t]:
+def _references(variables: Scalars) -> tuple[Array[c_uint], c_size_t]:
     return _numbers(tuple(variable.reference for variable in variables))
 
 

@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 from liaisons.cosim.calls import Action, Call
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
-from liaisons.cosim.variables import Array as Elements
+from liaisons.cosim.starts import Value
 from liaisons.cosim.variables import Scalar
 from liaisons.errors import RefusedError, SimulationError
 
 ASKED = 5
 """How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
+
+Scalars = Sequence[Scalar]
+Numbers = Array[c_double]
 
 _REMEMBERED = 20  # messages
 
@@ -46,7 +49,7 @@ class Instance(ABC):
     prefix: ClassVar[str]
     functions: ClassVar[Mapping[Action, str]]
     types: ClassVar[Mapping[str, Any]]
-    true: ClassVar[Any]
+    flag: ClassVar[Any]
     sized: ClassVar[bool]  # whether values are handed over with their number
 
     def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
@@ -75,7 +78,7 @@ class Instance(ABC):
         categories = [category.encode() for category in COMPLAINTS if category in fmu.log_categories]
         if categories:
             words = (c_char_p * len(categories))(*categories)
-            self._function(f"{self.prefix}SetDebugLogging")(self._pointer, self.true, c_size_t(len(words)), words)
+            self._function(f"{self.prefix}SetDebugLogging")(self._pointer, self.flag(1), c_size_t(len(words)), words)
 
     def __enter__(self) -> Self:
         return self
@@ -87,36 +90,44 @@ class Instance(ABC):
     def _instantiated(self, library: CDLL, resources: Path) -> int | None:
         """Address of the instance; none if it is refused."""
 
-    @abstractmethod
-    def setup(self, tolerance: float | None, start_time: float, stop_time: float) -> None:
-        """Announce tolerance (None: the FMU's own), start and stop time [s]."""
+    def initialize(
+        self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
+    ) -> None:
+        """Enter initialization with these start values; tolerance None: the FMU's own; times [s]."""
+        span = c_double(start_time), self.flag(1), c_double(stop_time)
+        experiment = self.flag(tolerance is not None), c_double(tolerance or 0.0), *span
+        if self._fmu.version == 2:
+            self._call("fmi2SetupExperiment", *experiment)
+            experiment = ()
+        for name, value in starts.items():
+            self.assign(name, value)
+        self._call(f"{self.prefix}EnterInitializationMode", *experiment)
 
     def assign(self, name: str, value: Any) -> None:
         """Set a start value as :func:`liaisons.cosim.starts.start_values` returned it."""
-        entry = self._fmu.variables.entries.get(name)
-        base = entry.like.base if isinstance(entry, Elements) else self._fmu.variables[name].base
+        entry = self._fmu.variables.entry(name)
+        base, references = entry.like.base, entry.references
         values = value if isinstance(value, tuple) else (value,)
         about = f" of {name} = {value}" if len(values) == 1 else f" of {name} ({len(values)} values)"
         texts = tuple(text.encode() for text in values) if base == "String" else values
-        references = list(self._fmu.references(name))
         given = (c_uint32 * len(references))(*references), c_size_t(len(references))
         sizes = [c_size_t(len(values))] if self.sized else []
         self._call(f"{self.prefix}Set{base}", *given, (self.types[base] * len(values))(*texts), *sizes, about=about)
-
-    def enter_initialization(self) -> None:
-        self._call(f"{self.prefix}EnterInitializationMode")
 
     def exit_initialization(self) -> None:
         self._call(f"{self.prefix}ExitInitializationMode")
         self._initialized = True
 
-    @abstractmethod
-    def getter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
+    def getter(self, variables: Scalars, values: Numbers) -> Call:
         """A call that reads these reals into a buffer of as many values."""
+        return self._transfer("get", variables, values)
+
+    def setter(self, variables: Scalars, values: Numbers) -> Call:
+        """A call that sets these reals from a buffer of as many values."""
+        return self._transfer("set", variables, values)
 
     @abstractmethod
-    def setter(self, variables: Sequence[Scalar], values: Array[c_double]) -> Call:
-        """A call that sets these reals from a buffer of as many values."""
+    def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call: ...
 
     @abstractmethod
     def stepper(self, time: c_double, size: c_double) -> Call:
@@ -133,23 +144,21 @@ class Instance(ABC):
         self._initialized = False
 
     @abstractmethod
-    def directional(
-        self, unknowns: Sequence[Scalar], knowns: Sequence[Scalar], seed: Array[c_double], values: Array[c_double]
-    ) -> Call:
+    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         """A call that calculates how the unknowns change with the knowns, which change like the seed."""
 
     @abstractmethod
-    def output_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
+    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
 
-    def input_derivatives(self, variables: Sequence[Scalar], orders: Sequence[int], values: Array[c_double]) -> Call:
+    def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values.
 
         Where :attr:`Fmu.input_derivatives` says that it can.
         """
         raise NotImplementedError
 
-    def guide(self, variables: Sequence[Scalar], values: NDArray[np.float64]) -> Call:
+    def guide(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
         """Let these inputs follow values inside each step; returns a call to make before it.
 
         Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
