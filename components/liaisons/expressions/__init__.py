@@ -19,8 +19,7 @@ What occurs twice is calculated once.  All inputs are read before the first outp
 
 from __future__ import annotations
 
-from liaisons.expressions.nodes import Node
-from liaisons.expressions.operations import OPERATIONS, Operation
+from liaisons.expressions.operations import OPERATIONS, Node, Operation
 from liaisons.expressions.printing import c_parts, c_statements, literal
 from liaisons.expressions.programs import Program, program
 

@@ -8,7 +8,7 @@ wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -25,11 +25,11 @@ _READABLE = 90
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """An expression, whose it is, and its unit; None: any unit, as long as it has one."""
+    """An expression, whose it is, and its unit."""
 
     label: str  # "Pendulum.potential_energy"
     expression: ca.SX
-    unit: str | None
+    unit: str
 
 
 def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Declared]) -> None:
@@ -41,19 +41,18 @@ def check_units(symbols: Mapping[str, tuple[ca.SX, str]], declared: Sequence[Dec
     """
     if not declared:
         return
-    known = {name: None if unit == units.ANY else units.powers(unit) for name, (_, unit) in symbols.items()}
     column = ca.vertcat(ca.SX(0, 1), *(symbol for symbol, _ in symbols.values()))
     function = ca.Function("units", [column], [ca.densify(ca.vertcat(*(item.expression for item in declared)))])
     graph = _Graph()
-    results = graph.read(function, list(known.items()))
+    results = graph.read(function, [(name, _known(unit)) for name, (_, unit) in symbols.items()])
     for item, node in zip(declared, results, strict=True):
-        expected = None if item.unit in (None, units.ANY) else units.powers(item.unit)
+        expected = _known(item.unit)
         if graph.wrong or (expected is not None and graph.units[node] not in (None, expected)):
             graph.report(item.label, node, expected, item.unit)
 
 
-class _UnitError(Exception):
-    """What is wrong about the operands of an operation."""
+def _known(unit: str) -> Powers | None:
+    return None if unit == units.ANY else units.powers(unit)
 
 
 @dataclass
@@ -77,31 +76,52 @@ class _Graph:
                 continue
             node = len(self.codes)
             self.codes.append(code)
+            self.operands.append(() if code in (ca.OP_INPUT, ca.OP_CONST) else tuple(work[slot] for slot in read))
+            work[write[0]] = node
             if code == ca.OP_INPUT:
-                self.operands.append(())
                 self.names[node], unit = symbols[read[1]]
             elif code == ca.OP_CONST:
-                self.operands.append(())
                 self.constants[node] = value
                 unit = None if value == 0 or math.isinf(value) else NUMBER
                 if math.isnan(value):
                     self.wrong[node] = "nan is in it: float() and Python's math know no symbols; use ca.sin and so on"
             else:
-                operands = tuple(work[slot] for slot in read)
-                self.operands.append(operands)
-                unit = self._unit(node, code, operands)
+                unit = self._unit(node, code)
             self.units.append(unit)
-            work[write[0]] = node
         return results
 
-    def _unit(self, node: int, code: int, operands: Sequence[int]) -> Powers | None:
-        if code not in _RULES:
+    def _unit(self, node: int, code: int) -> Powers | None:
+        """That of the result from those of the operands; None also where these cannot be right, which is noted."""
+        operands = self.operands[node]
+        taken, exponents = [self.units[operand] for operand in operands], _EXPONENTS.get(code)
+        if code in _ALIKE | _COMPARED or code == ca.OP_ATAN2:
+            left, right = taken
+            if left is not None and right is not None and left != right:
+                self.wrong[node] = self._unlike(node)
+            elif code not in _COMPARED:
+                return NUMBER if code == ca.OP_ATAN2 else left or right
             return None
-        try:
-            return _RULES[code](self, operands)
-        except _UnitError as error:
-            self.wrong[node] = str(error) or self._unlike(node)
-            return None
+        if code in _PURE:
+            what = f"{_PURE[code]}({self.text(operands[0])}) takes a pure number or an angle"
+            return self._pure(node, operands[0], what)
+        if code in (ca.OP_POW, ca.OP_CONSTPOW):
+            base, exponent = operands
+            if exponent not in self.constants:
+                what = "under an exponent that is not constant the base must be a pure number"
+                pure = self._pure(node, exponent, "an exponent must be a pure number")
+                return pure and self._pure(node, base, what)
+            taken, exponents = taken[:1], (Fraction(self.constants[exponent]).limit_denominator(1000),)
+        if exponents:
+            factors = [(unit, exponent) for unit, exponent in zip(taken, exponents, strict=True) if unit is not None]
+            return product(factors) if len(factors) == len(taken) else None
+        return NUMBER if code == ca.OP_SIGN else taken[_KEPT[code]] if code in _KEPT else None
+
+    def _pure(self, node: int, operand: int, what: str) -> Powers | None:
+        unit = self.units[operand]
+        if unit in (None, NUMBER):
+            return NUMBER
+        self.wrong[node] = f"{what}, but {self.text(operand)} is {written(unit or NUMBER)}"
+        return None
 
     # ---- what to say ------------------------------------------------------------------------------------------
 
@@ -180,73 +200,7 @@ def _called(unit: Powers | None) -> str:
     return "a pure number" if unit == NUMBER else written(unit or NUMBER)
 
 
-_Rule = Callable[[_Graph, Sequence[int]], Powers | None]
-
-
 # ---- the rules ---------------------------------------------------------------------------------------------------
-
-
-def _alike(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-    """The unit that both operands have."""
-    left, right = (graph.units[operand] for operand in operands)
-    if left is not None and right is not None and left != right:
-        raise _UnitError
-    return right if left is None else left
-
-
-def _ratio(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-    _alike(graph, operands)
-    return NUMBER
-
-
-def _compared(graph: _Graph, operands: Sequence[int]) -> None:
-    _alike(graph, operands)
-
-
-def _pure(name: str) -> _Rule:
-    def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-        taken = graph.units[operands[0]]
-        if taken is not None and taken != NUMBER:
-            text, found = graph.text(operands[0]), written(taken)
-            raise _UnitError(f"{name}({text}) takes a pure number or an angle, but {text} is {found}")
-        return NUMBER
-
-    return unit
-
-
-def _raised(exponent: int | Fraction) -> _Rule:
-    def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-        base = graph.units[operands[0]]
-        return base if base is None or base is NUMBER else product([(base, exponent)])
-
-    return unit
-
-
-def _power(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-    base, exponent = operands
-    if exponent in graph.constants:
-        return _raised(_rational(graph.constants[exponent]))(graph, [base])
-    for operand, what in ((exponent, "an exponent"), (base, "under an exponent that is not constant the base")):
-        if graph.units[operand] not in (None, NUMBER):
-            text, found = graph.text(operand), written(graph.units[operand] or NUMBER)
-            raise _UnitError(f"{what} must be a pure number, but {text} is {found}")
-    return NUMBER
-
-
-def _rational(value: float) -> int | Fraction:
-    return int(value) if value.is_integer() else Fraction(value).limit_denominator(1000)
-
-
-def _multiplied(sign: int) -> _Rule:
-    def unit(graph: _Graph, operands: Sequence[int]) -> Powers | None:
-        left, right = (graph.units[operand] for operand in operands)
-        return None if left is None or right is None else product([(left, 1), (right, sign)])
-
-    return unit
-
-
-def _of(place: int) -> _Rule:
-    return lambda graph, operands: graph.units[operands[place]]
 
 
 def _named(*codes: str) -> Iterator[tuple[int, str]]:
@@ -260,25 +214,22 @@ _PURE |= dict(_named("SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH"))
 _NAMES |= _PURE
 """How the operations are called that are calls."""
 
-_RULES: dict[int, _Rule] = {
-    **dict.fromkeys((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_HYPOT), _alike),
-    **dict.fromkeys((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE), _compared),
-    **dict.fromkeys(
-        (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_COPYSIGN), _of(0)
-    ),
-    **{code: _pure(name) for code, name in _PURE.items()},
-    ca.OP_IF_ELSE_ZERO: _of(1),
-    ca.OP_ATAN2: _ratio,
-    ca.OP_MUL: _multiplied(1),
-    ca.OP_DIV: _multiplied(-1),
-    ca.OP_INV: _raised(-1),
-    ca.OP_SQ: _raised(2),
-    ca.OP_SQRT: _raised(Fraction(1, 2)),
-    ca.OP_POW: _power,
-    ca.OP_CONSTPOW: _power,
-    ca.OP_SIGN: lambda _graph, _operands: NUMBER,
+_ALIKE = {ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_HYPOT}
+"""Operations whose operands have one unit, which is that of the result."""
+
+_COMPARED = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+_KEPT = dict.fromkeys((ca.OP_ASSIGN, ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_COPYSIGN), 0)
+_KEPT[ca.OP_IF_ELSE_ZERO] = 1
+"""Which operand has the unit of the result."""
+
+_EXPONENTS: dict[int, tuple[int | Fraction, ...]] = {
+    ca.OP_MUL: (1, 1),
+    ca.OP_DIV: (1, -1),
+    ca.OP_INV: (-1,),
+    ca.OP_SQ: (2,),
+    ca.OP_SQRT: (Fraction(1, 2),),
 }
-"""The unit of the result from those of the operands; of what is not here it is unknown."""
+"""The unit of the result as a product of powers of those of the operands; of what is nowhere here it is unknown."""
 
 _WRITTEN: dict[int, tuple[str, tuple[int, ...], int]] = {
     ca.OP_ADD: ("{} + {}", (0, 0), 0),

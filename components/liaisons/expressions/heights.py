@@ -12,16 +12,15 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import reduce
 from operator import and_
 from typing import final
 
 import casadi as ca
 
-from liaisons.expressions.nodes import Node
-from liaisons.expressions.operations import OPERATIONS
+from liaisons.expressions.operations import OPERATIONS, Node
 
+_SUMS = (OPERATIONS[ca.OP_ADD], OPERATIONS[ca.OP_SUB])
 _CYCLES = {OPERATIONS[code]: 4 for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE)}
 _CYCLES |= {OPERATIONS[code]: 15 for code in (ca.OP_DIV, ca.OP_INV, ca.OP_SQRT)} | {OPERATIONS[ca.OP_NEG]: 1}
 _CALL = 60  # of an elementary function
@@ -62,7 +61,7 @@ class Reordering:
                 is_late = late is not None and node.constant is None and node.arguments[0] == late
                 new[number] = self._number(node, _LONG if is_late else 0)
             else:
-                new[number] = self._operation(replace(node, arguments=tuple(new[x] for x in node.arguments)))
+                new[number] = self._operation(node.renumbered(new))
         self.outputs = [[new[number] for number in entries] for entries in outputs]
 
     def _terms(self, number: int) -> list[Term]:
@@ -160,7 +159,7 @@ def _inner(nodes: Sequence[Node], outputs: Sequence[Sequence[int]]) -> set[int]:
 
 
 def _is_sum(node: Node) -> bool:
-    return node.is_a(ca.OP_ADD) or node.is_a(ca.OP_SUB)
+    return node.operation in _SUMS
 
 
 def _divided(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:

@@ -1,17 +1,17 @@
-"""What CasADi's instructions are in C and in NumPy."""
+"""What CasADi's instructions are in C and in NumPy, and what they work on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, NamedTuple, Self, final
 
 import casadi as ca
 import numpy as np
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Operation:
     """What one CasADi instruction is in C, ``"{0} + {1}"``, and in NumPy."""
 
@@ -97,3 +97,25 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_IF_ELSE_ZERO: Operation("{0} != 0.0 ? {1} : 0.0", lambda x, y: np.where(x != 0.0, y, 0.0)),
 }
 """By CasADi's instruction number."""
+
+
+@final
+class Node(NamedTuple):
+    """A number: a constant, an entry of an input, or an operation on numbers before it."""
+
+    operation: Operation | None
+    arguments: tuple[int, ...]  # numbers of nodes; of an entry: which input, which entry
+    constant: float | None = None
+
+    @classmethod
+    def of(cls, code: int, *arguments: int) -> Self:
+        """The node of an operation of CasADi's."""
+        return cls(OPERATIONS[code], arguments)
+
+    def is_a(self, code: int) -> bool:
+        """Whether it is this operation."""
+        return self.operation is OPERATIONS[code]
+
+    def renumbered(self, new: Mapping[int, int] | Sequence[int]) -> Node:
+        """The same on nodes of other numbers."""
+        return self if self.operation is None else Node(self.operation, tuple([new[x] for x in self.arguments]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, final
 
 import casadi as ca
@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import ComponentError
 from liaisons.expressions.heights import Reordering
-from liaisons.expressions.nodes import Node, Scaled
-from liaisons.expressions.operations import OPERATIONS, instructions
+from liaisons.expressions.operations import OPERATIONS, Node, instructions
 from liaisons.expressions.rewriting import Builder
+from liaisons.expressions.sums import Scaled
 
 _PASSES = 2  # what was used twice may be used once when factors have been put in front of sums
 
@@ -106,10 +106,8 @@ def _with_reciprocals(found: Program) -> Program:
                 inverses[divisor] = len(nodes)
                 nodes.append(Node.of(ca.OP_INV, new[divisor]))
             renumbered = Node.of(ca.OP_MUL, new[dividend], inverses[divisor])
-        elif node.operation is not None:
-            renumbered = replace(node, arguments=tuple(new[number] for number in node.arguments))
         else:
-            renumbered = node
+            renumbered = node.renumbered(new)
         new.append(len(nodes))
         nodes.append(renumbered)
     return Program(tuple(nodes), tuple(tuple(new[number] for number in entries) for entries in found.outputs))
@@ -123,8 +121,5 @@ def _pruned(nodes: Sequence[Node], outputs: Sequence[Sequence[int]]) -> Program:
             used.update(nodes[number].arguments)
     order = sorted(used, key=lambda number: (nodes[number].operation is not None, number))
     new = {old: k for k, old in enumerate(order)}
-    kept = [
-        node if node.operation is None else replace(node, arguments=tuple(new[number] for number in node.arguments))
-        for node in (nodes[old] for old in order)
-    ]
-    return Program(tuple(kept), tuple(tuple(new[number] for number in entries) for entries in outputs))
+    kept = tuple([nodes[old].renumbered(new) for old in order])
+    return Program(kept, tuple(tuple(new[number] for number in entries) for entries in outputs))

@@ -13,8 +13,8 @@ from typing import TypeGuard, final
 
 import casadi as ca
 
-from liaisons.expressions.nodes import Node, Scaled
-from liaisons.expressions.sums import Product, Sums
+from liaisons.expressions.operations import Node
+from liaisons.expressions.sums import Product, Scaled, Sums
 
 _LARGEST_POWER = 16  # integer powers up to here are products; more would cost accuracy
 _LARGEST_SCALE = 2.0**16

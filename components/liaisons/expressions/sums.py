@@ -14,10 +14,13 @@ from typing import final
 
 import casadi as ca
 
-from liaisons.expressions.nodes import Node, Scaled
+from liaisons.expressions.operations import Node
 
 _MOST_TERMS = 12
 _MOST_FACTORS = 8
+
+Scaled = tuple[float, int]
+"""A number that is not calculated yet: ±2ⁿ times a node."""
 
 Product = tuple[int, ...]
 """Factors, which are no products: numbers of nodes in ascending order."""

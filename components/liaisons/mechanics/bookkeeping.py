@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -14,34 +13,13 @@ MEMORY = ("energy_start", "energy_booked")
 """What is always remembered; behind it follows what an FMU finds of each prescribed coordinate, its mismatch."""
 
 
-@dataclass(frozen=True, eq=False)
-class Vectors:
-    """The vectors of :class:`Model`, all SX or all MX; the last two states are ``work`` and ``dissipated``."""
-
-    t: Any
-    y: Any
-    u: Any
-    k: Any
-
-
 def memory_of(layout: Layout) -> tuple[str, ...]:
     """Names of what is remembered."""
     return (*MEMORY, *(v.name for v in layout.outputs if v.variability == "discrete"))
 
 
-def functions(at: Vectors, layout: Layout, **expressions: Any) -> dict[str, Any]:
-    """Members of :class:`Model` by name: memory, start, motion, outputs and the booking of impulses.
-
-    :param expressions: as :func:`definitions` takes them.
-    """
-    found: dict[str, Any] = {"memory": memory_of(layout)}
-    for name, defined in definitions(at, layout, **expressions).items():
-        found[name] = None if defined is None else function(name.removesuffix("_function"), *defined)
-    return found
-
-
 def definitions(
-    at: Vectors,
+    at: Sequence[Any],
     layout: Layout,
     *,
     initial: Any,
@@ -52,9 +30,9 @@ def definitions(
     landed: Any = None,
     energy_at_start: Any = None,
 ) -> dict[str, Any]:
-    """Arguments and results of the functions, (arguments, result, ...), by the names of the members of Model.
+    """What defines memory, start, motion, outputs and the booking of impulses: (arguments, result, ...) of functions.
 
-    :param at: the vectors that the expressions are written in.
+    :param at: the vectors t, y, u, k of :class:`Model`, all SX or all MX; y ends in ``work`` and ``dissipated``.
     :param initial: state at the start, of (t, u, k).
     :param rates: rates of the states.
     :param energy: T + V.
@@ -62,8 +40,9 @@ def definitions(
     :param nominals: sizes of the states.
     :param landed: state after the inputs have jumped, the last two states left out of account; None: as it was.
     :param energy_at_start: T + V of (t, u, k); None: what the energy is at the initial state.
+    :returns: by the names of the members of Model; None for one that is not needed.
     """
-    t, y, u, k = at.t, at.y, at.u, at.k
+    t, y, u, k = at
     remembered = memory_of(layout)
     memory = type(y).sym("m", len(remembered))
     energy_start, energy_booked, found = memory[0], memory[1], memory[len(MEMORY) :]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.bookkeeping import Vectors, function, functions
+from liaisons.mechanics.bookkeeping import definitions, function, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.pictures import mechanism_picture
@@ -47,8 +48,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     # All in one: what the expressions share stays shared.
     columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed]
     initial, rates, energy, z, sizes, distances, landed = _in_phase_space(equations, columns)
-    booked = functions(
-        Vectors(t, y, u, k),
+    booked = definitions(
+        [t, y, u, k],
         layout,
         initial=initial,
         rates=rates,
@@ -57,10 +58,14 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         nominals=sizes,
         landed=None if projection is None else landed,
     )
+    functions: dict[str, Any] = {
+        name: of and function(name.removesuffix("_function"), *of) for name, of in booked.items()
+    }
     shown = mechanism_picture(m, read | symbols)
     return Model(
         **described(m),
-        **booked,
+        memory=memory_of(layout),
+        **functions,
         conditions=function("conditions", [t, y, u, k], distances),
         condition_texts=(*lasting, *at_start),
         start_only=len(at_start),

@@ -1,8 +1,8 @@
-"""The picture of a component: shapes whose coordinates are numbers or names of variables."""
+"""The picture of a component: shapes whose coordinates are numbers or names of variables; of a chain link by link."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
 
@@ -10,29 +10,62 @@ import casadi as ca
 
 from liaisons import units
 from liaisons.errors import ComponentError
+from liaisons.expressions.algebra import stack
+from liaisons.expressions.rows import Vector, keys, substituted
+from liaisons.language.chain import Chain
 from liaisons.language.checks import call
 from liaisons.language.component import Component
-from liaisons.language.shapes import Named, Shape
+from liaisons.language.shapes import Named, Rod, Shape, Spring
 from liaisons.language.variables import Dimension, Variable, element
 
 VERSION = "1.0"
 """Of the form of ``resources/picture.json``."""
 
+MOST_LINKS = 200
+"""Of a longer chain the first ones are drawn."""
+
 _DRAWN = "picture"
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Drawing:
-    """What is drawn, for ``resources/picture.json``, and what it needs beside what can be read anyway."""
+    """What is drawn, for ``resources/picture.json``, and what only it needs, each once, in an array of its own."""
 
-    shapes: tuple[dict[str, Any], ...]
-    expressions: tuple[ca.SX, ...]
+    names: dict[int, str] = field(default_factory=dict)  # of variables, by the keys of their expressions
+    shapes: list[dict[str, Any]] = field(default_factory=list)
+    expressions: list[ca.SX] = field(default_factory=list)
+
+    def named(self, value: Any) -> float | str:
+        """The number itself, or the name of the variable that has it, which is a new one if need be."""
+        expression = ca.SX(value)
+        if expression.is_constant():
+            return float(expression)
+        identity = expression.element_hash()
+        if identity not in self.names:
+            self.expressions.append(expression)
+            self.names[identity] = element(_DRAWN, len(self.expressions))
+        return self.names[identity]
+
+    def add(self, m: Component, shapes: Iterable[Shape], named: Named) -> None:
+        """Add shapes as they stand in the file.
+
+        :raises ComponentError: if one holds what is no scalar.
+        """
+        for shape in shapes:
+            try:
+                self.shapes.append(shape.document(named))
+            except (AttributeError, IndexError, NotImplementedError, TypeError, RuntimeError) as error:
+                reason = (str(error).strip().splitlines() or [type(error).__name__])[-1]
+                raise ComponentError(
+                    f"{type(m).__name__}.picture: {type(shape).__name__}: {reason}; a point is given by its "
+                    "components, {'x': ..., 'z': ...}"
+                ) from None
 
     @property
     def document(self) -> Mapping[str, Any]:
         """The content of the file."""
-        return {"version": VERSION, "shapes": list(self.shapes)}
+        return {"version": VERSION, "shapes": self.shapes}
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -44,43 +77,78 @@ class Drawing:
         return (Variable(_DRAWN, units.ANY, text, "local", "continuous", dimension=size),)
 
 
-@final
-@dataclass(eq=False)
-class Drawn:
-    """Expressions that only the picture needs, each once, in an array of their own."""
-
-    expressions: list[ca.SX] = field(default_factory=list)
-    names: dict[int, str] = field(default_factory=dict)  # by the identity of the expression
-
-    def name(self, expression: ca.SX) -> str:
-        """The name of its place."""
-        identity = expression.element_hash()
-        if identity not in self.names:
-            self.expressions.append(expression)
-            self.names[identity] = element(_DRAWN, len(self.expressions))
-        return self.names[identity]
-
-
 def mechanism_picture(m: Component, known: Mapping[str, ca.SX]) -> Drawing:
     """What the method ``picture`` of a mechanism draws.
 
-    :param m: its symbols.
     :param known: expressions of variables, by name.
     :raises ComponentError: if it returns anything but shapes, or a shape holds what is no scalar.
     """
-    names = {ca.SX(expression).element_hash(): name for name, expression in known.items()}
-    drawn = Drawn()
-
-    def named(value: Any) -> float | str:
-        expression = ca.SX(value)
-        if expression.is_constant():
-            return float(expression)
-        return names.get(expression.element_hash()) or drawn.name(expression)
-
-    return Drawing(tuple(documents(m, shapes_of(m), named)), tuple(drawn.expressions))
+    drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in known.items()})
+    drawing.add(m, _shapes(m), drawing.named)
+    return drawing
 
 
-def shapes_of(m: Component) -> Sequence[Shape]:
+def chain_picture(
+    m: Chain, known: Mapping[str, ca.SX], vectors: Mapping[str, Vector]
+) -> tuple[Drawing, ca.Function | None]:
+    """What is drawn, and the function (t, y, u, k) → d of what only the picture needs.
+
+    :param known: expressions of variables, by name, in the symbols of a link.
+    :param vectors: t, y, u, k.
+    """
+    n, drawing, shapes, base = m.sizes["n"], Drawing(), _shapes(m), m.base()
+    whole = {name: ca.SX.sym(name, vector.offsets(n)[-1]) for name, vector in vectors.items()}
+    flagged = (pair for v in vectors.values() for pair in zip(ca.vertsplit(v.entries), v.each, strict=True))
+    of_links = keys(ca.vertcat(m.w, *(symbol for symbol, each in flagged if each)))
+    names = {ca.SX(x).element_hash(): (name, bool(keys(x) & of_links)) for name, x in known.items()}
+    joint: list[tuple[float | str, ca.SX]] = []
+    for number in range(1, min(n, MOST_LINKS) + 1):
+        link = _Link(number, names, drawing, [(m.number, ca.SX(number))])
+        for name, vector in vectors.items():
+            places = zip(vector.offsets(n), vector.each, strict=False)
+            values = [whole[name][first + (number - 1 if each else 0)] for first, each in places]
+            link.pairs.append((vector.entries, stack(values)))
+        joint = link.ends(base) if number == 1 and base is not None else joint
+        link.hang(m.w, joint)
+        drawing.add(m, [shape for shape in shapes if joint or not _hangs(shape, m)], link.named)
+        joint = link.ends(m.tip())
+    draw = ca.Function("draw", [*whole.values()], [stack(drawing.expressions)]) if drawing.expressions else None
+    return drawing, draw
+
+
+@final
+@dataclass(eq=False)
+class _Link:
+    """One of the links of a chain."""
+
+    number: int
+    names: Mapping[int, tuple[str, bool]]  # of variables, by the keys of their expressions; whether an array
+    drawing: Drawing
+    pairs: list[tuple[ca.SX, ca.SX]]  # symbols of a link, and what they are of this one, in terms of the vectors
+    joint: dict[int, float | str] = field(default_factory=dict)  # names where it begins
+
+    def named(self, value: Any) -> float | str:
+        """The number itself, or the name of the variable that has it."""
+        identity = ca.SX(value).element_hash()
+        if identity in self.joint:
+            return self.joint[identity]
+        if identity in self.names:
+            name, each = self.names[identity]
+            return element(name, self.number) if each else name
+        return self.drawing.named(substituted(ca.SX(value), self.pairs))
+
+    def ends(self, places: Mapping[str, ca.SX]) -> list[tuple[float | str, ca.SX]]:
+        """By axis, where what hangs on it begins: the name, and the expression."""
+        return [(self.named(x), substituted(ca.SX(x), self.pairs)) for x in places.values()]
+
+    def hang(self, w: ca.SX, ends: Iterable[tuple[float | str, ca.SX]]) -> None:
+        """Hang it on the ends of another, or on the base; on nothing at a free end."""
+        for symbol, (name, expression) in zip(ca.vertsplit(w), ends, strict=False):
+            self.joint[symbol.element_hash()] = name
+            self.pairs.append((symbol, expression))
+
+
+def _shapes(m: Component) -> Sequence[Shape]:
     """What the method returns.
 
     :raises ComponentError: if it is anything but shapes.
@@ -93,17 +161,7 @@ def shapes_of(m: Component) -> Sequence[Shape]:
     )
 
 
-def documents(m: Component, shapes: Iterable[Shape], named: Named) -> Iterator[dict[str, Any]]:
-    """Shapes as they stand in the file.
-
-    :raises ComponentError: if one holds what is no scalar.
-    """
-    for shape in shapes:
-        try:
-            yield shape.document(named)
-        except (AttributeError, IndexError, NotImplementedError, TypeError, RuntimeError) as error:
-            reason = (str(error).strip().splitlines() or [type(error).__name__])[-1]
-            raise ComponentError(
-                f"{type(m).__name__}.picture: {type(shape).__name__}: {reason}; a point is given by its components, "
-                "{'x': ..., 'z': ...}"
-            ) from None
+def _hangs(shape: Shape, m: Chain) -> bool:
+    """Whether a shape begins at the joint, which the first link of a free end has not."""
+    places = (shape.start, shape.end) if isinstance(shape, Rod | Spring) else ()
+    return any(ca.depends_on(ca.SX(component), m.w) for place in places for component in place.values())

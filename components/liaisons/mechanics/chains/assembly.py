@@ -14,11 +14,11 @@ from liaisons.expressions.row_graphs import graph
 from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
-from liaisons.mechanics.bookkeeping import Vectors, definitions, memory_of
+from liaisons.mechanics.bookkeeping import definitions, memory_of
 from liaisons.mechanics.chains.link import ChainLink, link_of
-from liaisons.mechanics.chains.pictures import chain_picture
 from liaisons.mechanics.chains.sweeps import Base, Motion, inertias, momenta, motion
 from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
 
 _VECTORS = {
@@ -61,7 +61,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
     read = dict(zip((state.derivative for state in layout.states), ca.vertsplit(rates), strict=True))
     read |= _readable(m, link, moving, forces)
     found = definitions(
-        Vectors(t, y, u, k),
+        [t, y, u, k],
         layout,
         initial=ca.vertcat(initial, 0, 0),
         rates=rates,
@@ -80,7 +80,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
         "z": _shape(layout.outputs),
     }
     known = given | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
-    vectors = {name: (x, shapes[name]) for name, x in (("t", t), ("y", y), ("u", u), ("k", k))}
+    vectors = {name: Vector(x, shapes[name]) for name, x in (("t", t), ("y", y), ("u", u), ("k", k))}
     shown, draw = chain_picture(m, known, vectors)
     programs = _programs(found, [*steps, *to_start, *to_sizes], shapes, n)
     functions: dict[str, Any] = {name: graph(of) for name, of in programs.items()}
