@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 
@@ -17,8 +17,7 @@ from handmade import fall, kick, pendulum, ring
 
 from liaisons.fmu import build
 
-Target = Literal["fmi2", "fmi3", "python"]
-TARGETS: dict[Target, dict[str, Any]] = {
+TARGETS: dict[str, dict[str, Any]] = {
     "fmi2": {"backend": "native"},
     "fmi3": {"backend": "native", "fmi": "3"},
     "python": {"backend": "python"},
@@ -32,7 +31,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def handmade(folder) -> Callable[[str, Target], Library]:
+def handmade(folder) -> Callable[[str, str], Library]:
     """The library of a component of handmade.py: ``handmade("pendulum", "fmi2")``."""
     return cache(lambda name, target: Library(build(MODELS[name](), folder, **TARGETS[target])))
 
@@ -43,7 +42,7 @@ def library(fmu) -> Callable[..., Library]:
     return cache(lambda component, target="fmi2": Library(fmu(component, **TARGETS[target])))
 
 
-def _library(name: str, *targets: Target) -> Any:
+def _library(name: str, *targets: str) -> Any:
     """A fixture; what asks for it runs for each of the targets."""
 
     @pytest.fixture(scope="session", params=targets)

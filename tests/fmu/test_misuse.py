@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes as c
 import math
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,20 +163,77 @@ def test_start_values_in_the_resources_are_not_passed_over(pendulum_library, tmp
     assert given.call("Reset") == ERROR
 
 
-def test_references_that_do_not_exist(pendulum_library) -> None:
-    instance = pendulum_library.start()
-    last = pendulum_library.references["input_reconstruction"] - 1
-    for reference in (0, last + 1, 2**32 - 1):
-        message = f"value reference {reference} belongs to no floating-point variable; they are 1 to {last}"
-        for function in ("GetFloat64", "SetFloat64"):
-            status = instance.call(function, (c.c_uint * 1)(reference), 1, reals([0.0]), 1)
-            refused(instance, status, ERROR, message)
-    for function in ("GetInt32", "SetInt32"):
-        status = instance.call(function, (c.c_uint * 1)(0), 1, (c.c_int * 1)(), 1)
-        refused(instance, status, ERROR, "value reference 0 belongs to no integer variable")
-    if pendulum_library.fmi == "3":
-        status = instance.call("GetUInt64", (c.c_uint * 1)(last), 1, (c.c_uint64 * 1)(), 1)
-        refused(instance, status, ERROR, f"value reference {last} belongs to no variable of type UInt64")
+def one(kind: Any, value: Any = 0) -> Any:
+    """An array of one."""
+    return (kind * 1)(value)
+
+
+def reference(number: int) -> Any:
+    return one(c.c_uint, number)
+
+
+NUMBER, LENGTH, THETA = reals([0.0]), reference(6), reference(10)  # value references of the pendulum
+NULL = "{}: argument %s is NULL"
+IN_DESCRIPTION = "{}: see the model description; providesPerElementDependencies is false"
+NOT_FLOATING = "value reference %d belongs to no floating-point variable; they are 1 to %d"
+CALLS: list[tuple[str, str, tuple[Any, ...], str]] = [  # versions of FMI, function, arguments, message
+    *(
+        (fmi, f"{way}Float64", (reference(number), 1, NUMBER, 1), NOT_FLOATING % (number, last))
+        for fmi, last in (("2", 21), ("3", 22))  # which has the time
+        for way in ("Get", "Set")
+        for number in (0, last + 1, 2**32 - 1)
+    ),
+    ("23", "GetInt32", (reference(0), 1, one(c.c_int), 1), "value reference 0 belongs to no integer variable"),
+    ("23", "SetInt32", (reference(0), 1, one(c.c_int), 1), "value reference 0 belongs to no integer variable"),
+    ("3", "GetUInt64", (LENGTH, 1, one(c.c_uint64), 1), "value reference 6 belongs to no variable of type UInt64"),
+    *(("23", f"{way}Float64", (None, 1, NUMBER, 1), NULL % "references") for way in ("Get", "Set")),
+    *(("23", f"{way}Float64", (LENGTH, 1, None, 1), NULL % "values") for way in ("Get", "Set")),
+    ("23", "GetFMUState", (None,), NULL % "state"),
+    ("23", "SetFMUState", (None,), NULL % "state"),
+    ("23", "SerializedFMUStateSize", (None, None), NULL % "state"),
+    ("23", "DeserializeFMUState", (None, 8, None), NULL % "bytes"),
+    ("23", "GetDirectionalDerivative", (None, 1, None, 0, None, 0, None, 1), NULL % "unknowns"),
+    ("23", "GetDirectionalDerivative", (THETA, 1, None, 1, None, 1, NUMBER, 1), NULL % "knowns"),
+    ("23", "GetOutputDerivatives", (THETA, 1, None, None, 1), NULL % "orders"),
+    *(
+        (
+            "23",
+            "GetOutputDerivatives",
+            (THETA, 1, one(c.c_int, order), NUMBER, 1),
+            f"output derivatives of order {order}: the order must be 1",
+        )
+        for order in (0, 2)
+    ),
+    ("23", "GetOutputDerivatives", (LENGTH, 1, one(c.c_int, 1), NUMBER, 1), "length is no output"),
+    ("3", "GetNumberOfVariableDependencies", (0, None), IN_DESCRIPTION),
+    ("3", "GetVariableDependencies", (0, *[None] * 4, 0), IN_DESCRIPTION),
+    (
+        "2",
+        "SetRealInputDerivatives",
+        (LENGTH, 1, one(c.c_int, 6), NUMBER),
+        "derivative of order 6 of length: the order must be 1 to 5",
+    ),
+    ("2", "SetRealInputDerivatives", (THETA, 1, one(c.c_int, 1), NUMBER), "theta is no input"),
+    ("2", "SetRealInputDerivatives", (LENGTH, 1, None, None), NULL % "orders"),
+    ("2", "CancelStep", (), "{}: no step is under way"),
+    ("2", "GetRealStatus", (2, None), NULL % "value"),
+]
+
+
+@pytest.mark.parametrize(("versions", "function", "arguments", "message"), CALLS)
+def test_calls_that_are_refused(pendulum_library, versions, function, arguments, message) -> None:
+    if pendulum_library.fmi in versions:
+        instance = pendulum_library.start()
+        status = instance.call(function, *arguments)
+        refused(instance, status, ERROR, message.format(pendulum_library.full(function)))
+
+
+def test_discarded_calls_of_fmi2(pendulum2) -> None:
+    instance = pendulum2.start()
+    message = "status of kind 0: there is none, steps are never pending"
+    refused(instance, instance.call("GetStatus", 0, one(c.c_int)), DISCARD, message)
+    status = instance.call("SetRealInputDerivatives", LENGTH, 1, one(c.c_int, 1), reals([math.nan]))
+    refused(instance, status, DISCARD, "derivative of order 1 of length = nan: set a finite number")
 
 
 @pytest.mark.parametrize("name", sorted(TYPES.keys() - {"Float64", "Int32", "UInt64"}))
@@ -204,40 +262,6 @@ def test_binaries_and_clocks(pendulum3) -> None:
         refused(instance, status, ERROR, "there are no variables of type Clock")
 
 
-def test_dependencies_are_in_the_description_only(pendulum3) -> None:
-    instance = pendulum3.start()
-    arguments = {"GetNumberOfVariableDependencies": [None], "GetVariableDependencies": [*[None] * 4, 0]}
-    for name, rest in arguments.items():
-        message = f"fmi3{name}: see the model description; providesPerElementDependencies is false"
-        refused(instance, instance.call(name, 0, *rest), ERROR, message)
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments", "name"),
-    [
-        ("GetFloat64", (None, 1, reals([0]), 1), "references"),
-        ("GetFloat64", ((c.c_uint * 1)(0), 1, None, 1), "values"),
-        ("SetFloat64", (None, 1, reals([0]), 1), "references"),
-        ("SetFloat64", ((c.c_uint * 1)(0), 1, None, 1), "values"),
-        ("GetFMUState", (None,), "state"),
-        ("SetFMUState", (None,), "state"),
-        ("SerializedFMUStateSize", (None, None), "state"),
-        ("DeserializeFMUState", (None, 8, None), "bytes"),
-        ("GetDirectionalDerivative", (None, 1, None, 0, None, 0, None, 1), "unknowns"),
-        ("GetDirectionalDerivative", ((c.c_uint * 1)(9), 1, None, 1, None, 1, reals([0]), 1), "knowns"),
-        ("GetOutputDerivatives", ((c.c_uint * 1)(9), 1, None, None, 1), "orders"),
-    ],
-)
-def test_missing_arguments(pendulum_library, function, arguments, name) -> None:
-    instance = pendulum_library.start()
-    refused(
-        instance,
-        instance.call(function, *arguments),
-        ERROR,
-        f"{instance.library.full(function)}: argument {name} is NULL",
-    )
-
-
 @pytest.mark.parametrize(
     ("function", "what"),
     [
@@ -250,37 +274,6 @@ def test_vectors_of_the_wrong_length(pendulum_library, function, what) -> None:
     instance = pendulum_library.start(MODEL_EXCHANGE)
     refused(instance, instance.call(function, reals([0.0] * 3), 3), ERROR, f"3 {what}: there are 4")
     refused(instance, instance.call("GetEventIndicators", reals([0.0]), 1), ERROR, "1 event indicators: there are 0")
-
-
-def test_orders_of_derivatives(pendulum_library) -> None:
-    instance = pendulum_library.start()
-    length, theta = instance.refs(["length"]), instance.refs(["theta"])
-    for order in (0, 2):
-        status = instance.call("GetOutputDerivatives", theta, 1, (c.c_int * 1)(order), reals([0.0]), 1)
-        refused(instance, status, ERROR, f"output derivatives of order {order}: the order must be 1")
-    status = instance.call("GetOutputDerivatives", length, 1, (c.c_int * 1)(1), reals([0.0]), 1)
-    refused(instance, status, ERROR, "length is no output")
-
-
-def test_orders_of_input_derivatives(pendulum2) -> None:
-    instance = pendulum2.start()
-    for name, order, value, expected, message in (
-        ("length", 6, 1.0, ERROR, "derivative of order 6 of length: the order must be 1 to 5"),
-        ("theta", 1, 1.0, ERROR, "theta is no input"),
-        ("length", 1, math.nan, DISCARD, "derivative of order 1 of length = nan: set a finite number"),
-    ):
-        arguments = (instance.refs([name]), 1, (c.c_int * 1)(order), reals([value]))
-        refused(instance, instance.call("SetRealInputDerivatives", *arguments), expected, message)
-
-
-def test_what_fmi2_alone_has(pendulum2) -> None:
-    instance = pendulum2.start()
-    message = "status of kind 0: there is none, steps are never pending"
-    refused(instance, instance.call("GetStatus", 0, (c.c_int * 1)()), DISCARD, message)
-    refused(instance, instance.call("CancelStep"), ERROR, "fmi2CancelStep: no step is under way")
-    status = instance.call("SetRealInputDerivatives", (c.c_uint * 1)(5), 1, None, None)
-    refused(instance, status, ERROR, "fmi2SetRealInputDerivatives: argument orders is NULL")
-    refused(instance, instance.call("GetRealStatus", 2, None), ERROR, "fmi2GetRealStatus: argument value is NULL")
 
 
 def test_no_instance(pendulum_library) -> None:

@@ -269,15 +269,13 @@ def test_times_of_model_exchange_are_finite(pendulum_library, number) -> None:
 
 def test_numbers_that_are_not_finite_are_refused_when_they_are_read(every_pendulum) -> None:
     instance = every_pendulum.start(length_dot=10.0, length_ddot=1e308)
+    message = "power = inf at t = 0: it must be finite; choose other start values or inputs"
     for _ in range(2):  # the second time they are known
         assert instance.read("theta", "power", "p_theta")[0] == ERROR
-        (message,) = instance.messages
-        assert message == "power = inf at t = 0: it must be finite; choose other start values or inputs"
-        instance.messages.clear()
         assert instance.read("theta", "energy", "mass")[0] == OK
     if every_pendulum.python:  # which cannot refuse to be read: the next step answers for it
         assert instance.step(0.0, 0.1) == DISCARD
-        assert instance.messages == [message]
+    assert instance.messages == [message] * (2 + every_pendulum.python)
 
 
 def test_a_start_whose_energy_is_not_finite_is_refused(pendulum_library) -> None:
