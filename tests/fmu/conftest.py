@@ -1,4 +1,4 @@
-"""FMUs of the components in handmade.py, built once for all tests of this folder."""
+"""FMUs of the components in handmade.py and of the catalogue, each built and loaded once."""
 
 from __future__ import annotations
 
@@ -16,8 +16,12 @@ from driver import Library
 from handmade import fall, kick, pendulum, ring
 
 from liaisons.fmu import build
-from liaisons.fmu.layout import Fmi
 
+TARGETS: dict[str, dict[str, Any]] = {
+    "fmi2": {"backend": "native"},
+    "fmi3": {"backend": "native", "fmi": "3"},
+    "python": {"backend": "python"},
+}
 MODELS = {"pendulum": pendulum, "fall": fall, "kick": kick, "ring": lambda: ring(3)}
 
 
@@ -27,24 +31,31 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def handmade(folder) -> Callable[[str, Fmi], Library]:
-    """The library of a component for a version of FMI: ``handmade("pendulum", "2")``."""
-    return cache(lambda name, fmi: Library(build(MODELS[name](), folder, backend="native", fmi=fmi)))
+def handmade(folder) -> Callable[[str, str], Library]:
+    """The library of a component of handmade.py: ``handmade("pendulum", "fmi2")``."""
+    return cache(lambda name, target: Library(build(MODELS[name](), folder, **TARGETS[target])))
 
 
-def _library(name: str, *versions: Fmi) -> Any:
-    """A fixture; what asks for it runs for each of the versions."""
+@pytest.fixture(scope="session")
+def library(fmu) -> Callable[..., Library]:
+    """That of one of the catalogue: ``library(Swing)``, ``library(Swing, "fmi3")``."""
+    return cache(lambda component, target="fmi2": Library(fmu(component, **TARGETS[target])))
 
-    @pytest.fixture(scope="session", params=versions, ids=[f"fmi{version}" for version in versions])
-    def library(request, handmade) -> Library:
+
+def _library(name: str, *targets: str) -> Any:
+    """A fixture; what asks for it runs for each of the targets."""
+
+    @pytest.fixture(scope="session", params=targets)
+    def found(request, handmade) -> Library:
         return handmade(name, request.param)
 
-    return library
+    return found
 
 
-pendulum_library, fall_library, kick_library, ring_library = (_library(name, "2", "3") for name in MODELS)
-pendulum2, ring2 = (_library(name, "2") for name in ("pendulum", "ring"))
-pendulum3, kick3, ring3 = (_library(name, "3") for name in ("pendulum", "kick", "ring"))
+pendulum_library, fall_library, kick_library, ring_library = (_library(name, "fmi2", "fmi3") for name in MODELS)
+every_pendulum, every_fall, every_kick, every_ring = (_library(name, *TARGETS) for name in MODELS)
+pendulum2, ring2 = (_library(name, "fmi2") for name in ("pendulum", "ring"))
+pendulum3, kick3, ring3 = (_library(name, "fmi3") for name in ("pendulum", "kick", "ring"))
 
 
 @pytest.fixture(scope="session")

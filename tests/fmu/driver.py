@@ -1,4 +1,4 @@
-"""A small importer on ctypes for FMI 2.0 and FMI 3.0: calls return their status, what is logged is kept.
+"""A small importer on ctypes for FMI 2.0, FMI 3.0 and FMUs in Python: calls return their status, logs are kept.
 
 Functions go by their names in FMI 3.0, with its arguments, in both versions: FMI 2.0 has most of them, too, under other
 names and without the sizes of what cannot be an array there.  Arrays are one variable for FMI 2.0 as well.
@@ -157,9 +157,13 @@ class Library:
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self._counts = {v.name: int(np.prod(v.shape)) if v.shape else 1 for v in self.description.modelVariables}
         platform = fmpy.platform if self.fmi == "2" else fmpy.platform_tuple
+        self.member = f"binaries/{platform}/{self.description.modelName}{fmpy.sharedLibraryExtension}"
         with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(fmu) as archive:
-            member = f"binaries/{platform}/{self.description.modelName}{fmpy.sharedLibraryExtension}"
-            self.functions = c.CDLL(archive.extract(member, folder))
+            self.python = "resources/slavemodule.txt" in archive.namelist()
+            self.folder = fmu.with_suffix("") if self.python else Path(folder)  # what Python imports later stays there
+            if not (self.folder / self.member).exists():  # never over a library that is loaded
+                archive.extractall(self.folder, None if self.python else [self.member])
+            self.functions = c.CDLL(str(self.folder / self.member))
 
     def full(self, function: str) -> str:
         """What a function is called in this version."""
@@ -219,6 +223,8 @@ class Instance:
         self._callbacks = _Callbacks(c.cast(self._logger, c.c_void_p))
         self._two, self._exchanges = library.fmi == "2", kind == MODEL_EXCHANGE
         token = library.token if token is None else token
+        if library.python:  # pythonfmu's wrapper passes on no message unless logging is on
+            resources, logging = resources or library.folder / "resources", True
         folder = resources and (resources.as_uri() if self._two else str(resources)).encode()
         made = f"Instantiate{kind}" if library.fmi == "3" else "Instantiate"
         arguments: list[Any] = [name, token.encode(), folder, c.c_bool(False), c.c_bool(logging)]
@@ -260,7 +266,14 @@ class Instance:
         """The same with the arguments that it has in this version."""
         entry = getattr(self.library.functions, self.library.full(function))
         entry.argtypes = [c.c_void_p, *SIGNATURES[self.library.fmi][function]]
-        return entry(c.c_void_p(self.pointer), *arguments)
+        before = len(self.log)
+        status = entry(c.c_void_p(self.pointer), *arguments)
+        if not self.library.python:
+            return status
+        # pythonfmu's wrapper knows OK and, of steps, Discard: what is meant is in the log.
+        refused = [entry[0] for entry in self.log[before:] if entry[0] >= DISCARD]
+        assert status == (DISCARD if refused and function == "DoStep" else OK)
+        return refused[-1] if refused else OK
 
     def flags(self, n: int) -> Any:
         """What n booleans are written to."""
@@ -345,7 +358,7 @@ class Instance:
         flags, reached = (c.c_bool * 3)(), c.c_double()
         pointers = [c.cast(c.byref(flags, i), BOOL) for i in range(3)]
         status = self.call("DoStep", time, size, True, *pointers, c.byref(reached))
-        if self._two and status in (OK, DISCARD):
+        if self._two and status in (OK, DISCARD) and not self.library.python:
             assert self.call("GetRealStatus", 2, c.byref(reached)) == OK
         return Step(status, flags[0], flags[2], reached.value)
 
@@ -386,7 +399,7 @@ class Instance:
 
     def drop(self, state: c.c_void_p) -> None:
         assert self.call("FreeFMUState", c.byref(state)) == OK
-        assert state.value is None
+        assert state.value is None or self.library.python
 
     def serialize(self) -> bytes:
         state, size = self.save(), N()

@@ -87,7 +87,7 @@ def test_effective_mass_is_a_derivative_of_an_output(pendulum_library) -> None:
     assert instance.directional(["length_force"], {"length_ddot": 1.0})[0] == 2.5
 
 
-@pytest.mark.parametrize("ring_library", ["3"], indirect=True)
+@pytest.mark.parametrize("ring_library", ["fmi3"], indirect=True)
 def test_adjoint_is_the_transpose(situation) -> None:
     """<w, J v> = <Jᵀ w, v> up to rounding of sums of some 100 products of order 10; and element by element."""
     instance, knowns, _ = situation

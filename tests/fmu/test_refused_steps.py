@@ -1,84 +1,188 @@
-"""Refused steps, alike in FMI 2.0 and 3.0: Discard once where a shorter step exists, else Error; numbers are finite."""
+"""Refused steps, alike in all FMUs: Discard once where a shorter step exists, else Error; numbers are finite."""
 
 from __future__ import annotations
 
 import ctypes as c
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, Instance, reals
+from driver import DISCARD, ERROR, MODEL_EXCHANGE, OK, reals
 
+HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 LEAVING = {"length": 0.2, "length_dot": -3.0}
 """The length is 0 after 1/15 s."""
-STATES = ("theta", "p_theta", "length")
-
-Start = Callable[..., Instance]
-"""An instance after initialization, values by name."""
-
-
-@pytest.fixture
-def start(pendulum_library) -> Start:
-    return pendulum_library.start
+OUTPUTS = ("theta", "p_theta", "work", "energy", "length", "friction")
+LARGEST = 1.7976931348623157e308
+NOT_POSITIVE = r"length = (-\S+|0) at t = \S+: it must be > 0; the step from t = 0 is taken back"
 
 
-@pytest.fixture
-def falling(fall_library) -> Start:
-    """The fall onto a centre, which ends after 1.1107 s."""
-    return fall_library.start
+class Refusal(NamedTuple):
+    """Steps (time, size, status) of an instance with start values, and what is said of those that are refused."""
+
+    start: dict[str, Any]
+    steps: list[tuple[float, float, int]]
+    said: str
+    given: Mapping[str, float] = MappingProxyType({})  # set after initialization
+    python: bool = True  # in Python, too; there every step is discarded first and an error when it is tried again
 
 
-# ---- which status ------------------------------------------------------------------------------------------------
+def first(size: float, status: int, *, at: float = 0.0) -> list[tuple[float, float, int]]:
+    return [(at, size, status)]
 
 
-def test_the_same_step_is_discarded_once(start) -> None:
-    instance = start(**LEAVING)
-    before = instance.get(*STATES)
-    assert [instance.step(0.0, 0.1) for _ in range(3)] == [DISCARD, ERROR, ERROR]
-    assert [entry[0] for entry in instance.log] == [DISCARD, ERROR, ERROR]
-    assert len(set(instance.messages)) == 1
-    np.testing.assert_array_equal(instance.get(*STATES), before)
-    assert instance.step(0.0, 0.06) == OK
+def tried(*steps: tuple[float, int]) -> list[tuple[float, float, int]]:
+    return [(0.0, size, status) for size, status in steps]
 
 
-def test_a_longer_step_is_not_discarded_again_and_a_shorter_one_is(start) -> None:
-    instance = start(**LEAVING)
-    sizes = (0.1, 0.2, 0.08, 0.08, 0.07, 0.1)
-    assert [instance.step(0.0, size) for size in sizes] == [DISCARD, ERROR, DISCARD, ERROR, DISCARD, ERROR]
+SYMPLECTIC = "the symplectic step from t = 0 does not converge: symplectic_steps = 1 is not enough"
+REFUSALS: dict[str, Refusal] = {
+    # Where a shorter step exists
+    "the same": Refusal(LEAVING, tried((0.1, DISCARD), (0.1, ERROR), (0.1, ERROR), (0.06, OK)), NOT_POSITIVE),
+    "longer and shorter": Refusal(
+        LEAVING,
+        tried((0.1, DISCARD), (0.2, ERROR), (0.08, DISCARD), (0.08, ERROR), (0.07, DISCARD), (0.1, ERROR)),
+        NOT_POSITIVE,
+    ),
+    "shorter by rounding": Refusal(LEAVING, tried((0.1, DISCARD), (0.1 * (1 - 1e-12), ERROR)), NOT_POSITIVE),
+    "one that was taken between": Refusal(
+        LEAVING,
+        [(0.0, 0.1, DISCARD), (0.0, 0.05, OK), (0.05, 0.1, DISCARD)],
+        r"length = -.* the step from t = 0(\.05)? is taken back",
+    ),
+    "driven through zero": Refusal({"length_dot": -2.0}, first(1.0, DISCARD), NOT_POSITIVE),
+    "interpolated through zero": Refusal(  # positive at both ends, but not between them
+        {"length_dot": -2.0, "input_reconstruction": INTERPOLATE},
+        first(1.0, DISCARD),
+        NOT_POSITIVE,
+        {"length": 0.1, "length_dot": 2.0},
+    ),
+    "interpolated to below zero": Refusal(  # what belongs to the end of a shorter step may be nearer to the present
+        {"input_reconstruction": INTERPOLATE},
+        tried((0.1, DISCARD), (0.1, ERROR), (0.05, DISCARD)),
+        NOT_POSITIVE,
+        {"length": -1.0},
+    ),
+    "too fast": Refusal(  # 1e22 swings a second: a step of 0.1 s gets nowhere, one of 1e-25 s does
+        {"gravity": 4e45}, tried((0.1, DISCARD), (0.1, ERROR), (1e-25, OK)), "", python=False
+    ),
+    "too many steps": Refusal(  # at 1e14 m/s2 the pendulum swings 1.6e6 times a second: some hundredths of a second
+        {"gravity": 1e14},
+        tried((1000.0, DISCARD), (1e-6, OK)),
+        r"100000 solver steps lead no further than t = 0\.0",
+        python=False,
+    ),
+    "symplectic": Refusal(  # with 1e6 m/s2 it makes 160 swings a second: 1 s is beyond the iteration
+        {"gravity": 1e6, "symplectic_steps": 1}, tried((1.0, DISCARD), (1e-4, OK)), SYMPLECTIC, python=False
+    ),
+    # Where none exists
+    "not positive, held": Refusal(
+        {"input_reconstruction": HOLD}, tried((0.1, ERROR), (0.01, ERROR)), NOT_POSITIVE, {"length": -1.0}
+    ),
+    "not positive, extrapolated": Refusal({}, tried((0.1, ERROR), (0.01, ERROR)), NOT_POSITIVE, {"length": -1.0}),
+    "parameter": Refusal(
+        {},
+        first(0.1, ERROR),
+        "friction = -1 at t = 0: it must be >= 0; the step from t = 0 is taken back",
+        {"friction": -1.0},
+        python=False,
+    ),
+    "parameter, while inputs are interpolated": Refusal(
+        {"input_reconstruction": INTERPOLATE},
+        first(0.1, ERROR),
+        "friction = -1",
+        {"friction": -1.0, "length": -1.0},
+        python=False,
+    ),
+    "no finite rates": Refusal(
+        {"friction": 1e308, "theta_dot_0": 1e10},
+        tried((0.1, ERROR), (1e-9, ERROR)),
+        "p_theta_dot = -inf at t = 0: the motion ends there",
+        python=False,
+    ),
+    "overflow": Refusal(  # p grows by 1e306 a second
+        {"theta_force": 1e306, "mass": 1e308, "gravity": 0.0}, first(1e3, DISCARD), "inf", python=False
+    ),
+    # Times
+    **{
+        f"size {size:g}": Refusal({}, first(size, ERROR), f"step size = {size:g}: it must be > 0")
+        for size in (0.0, -0.1, math.nan, math.inf)
+    },
+    **{
+        f"from {t:g}": Refusal({}, first(0.1, ERROR, at=t), f"step from t = {t:g}: it must be finite")
+        for t in (math.inf, -math.inf, math.nan)
+    },
+    **{
+        f"from {t:g}": Refusal({}, first(0.1, ERROR, at=t), r"step from t = \S+: the instance is at t = 0$")
+        for t in (0.2, 1e300, -1e300, LARGEST)
+    },
+    "leads nowhere": Refusal(
+        {},
+        [(0.0, 0.5, OK), (0.5, 1e-17, ERROR), (0.5, 1e-15, OK)],
+        r"step size = 1e-17: it is too small to lead on from t = 0\.5|from t = 0\.5 of size 1e-17: it must end later",
+    ),
+}
 
 
-def test_rounding_does_not_make_a_step_shorter(start) -> None:
-    instance = start(**LEAVING)
-    assert [instance.step(0.0, size) for size in (0.1, 0.1 * (1 - 1e-12))] == [DISCARD, ERROR]
+@pytest.mark.parametrize("name", REFUSALS)
+def test_refused_steps_change_nothing_and_are_named(every_pendulum, name) -> None:
+    start, steps, said, given, python = REFUSALS[name]
+    if every_pendulum.python and not python:
+        return
+    instance = every_pendulum.start(**start, options={"logging": False})  # they are said all the same
+    assert instance.set(given) == OK
+    here, last = 0.0, (math.nan, math.nan)  # where it is; the step that was refused
+    for t, size, status in steps:
+        before = instance.get(*OUTPUTS)
+        instance.log.clear()
+        again = t == last[0] and size > last[1] * (1 - 1e-9)
+        step = instance.advance(t, size)
+        if status == OK:
+            assert step.status == OK, instance.log
+            here, last = t + size, (math.nan, math.nan)
+            continue
+        assert step.status == ((ERROR if again else DISCARD) if every_pendulum.python else status)
+        if step.status == DISCARD and not every_pendulum.python:
+            assert step.time == t
+        ((logged, category, message),) = instance.log
+        assert (logged, category) == (step.status, f"logStatus{'Error' if logged == ERROR else 'Discard'}")
+        assert re.search(said, message)
+        if "input_reconstruction" not in start:
+            np.testing.assert_array_equal(instance.get(*OUTPUTS), before)
+        last = t, size
+    # Once what is wrong is mended it goes on.
+    assert instance.set(length=1.0, length_dot=0.0, friction=0.0) == OK
+    assert instance.step(here, 1e-12 * (start.get("gravity", 0) < 1e40) or 1e-25) == OK
 
 
-def test_a_step_that_is_taken_forgets_the_discarded_one(start) -> None:
-    instance = start(**LEAVING)
-    assert [instance.step(0.0, size) for size in (0.1, 0.05)] == [DISCARD, OK]
-    assert instance.step(0.05, 0.1) == DISCARD  # from another time
-    assert instance.set(length_dot=0.0) == OK
-    assert instance.step(0.05, 0.1) == OK
-    assert instance.step(0.15, 0.1) == OK
+def test_a_refused_step_leaves_no_trace(every_pendulum) -> None:
+    """To the last bit: from a saved state, from an instance that was refused nothing, after a mended input."""
+    for attempts in (1, 2):
+        instance, other = every_pendulum.start(**LEAVING), every_pendulum.start(**LEAVING)
+        state = instance.save()
+        for _ in range(attempts):
+            assert instance.step(0.0, 0.1) != OK
+        assert instance.restore(state) == OK
+        assert instance.step(0.0, 0.05) == other.step(0.0, 0.05) == OK
+        np.testing.assert_array_equal(instance.get(*OUTPUTS), other.get(*OUTPUTS))
+        assert instance.restore(state) == OK
+        assert instance.step(0.0, 0.1) == DISCARD
+        instance.drop(state)
+    mended, untroubled = every_pendulum.start(theta_0=0.5), every_pendulum.start(theta_0=0.5)
+    assert mended.step(0.0, 0.25) == untroubled.step(0.0, 0.25) == OK
+    assert mended.set(length=-0.5) == OK
+    assert mended.step(0.25, 0.25) != OK
+    assert mended.set(length=1.0) == OK
+    assert mended.step(0.25, 0.25) == untroubled.step(0.25, 0.25) == OK
+    np.testing.assert_array_equal(mended.get(*OUTPUTS), untroubled.get(*OUTPUTS))
 
 
-@pytest.mark.parametrize("attempts", [1, 2])
-def test_an_instance_goes_on_from_a_saved_state(start, attempts) -> None:
-    """After Discard and after Error, to the numbers of one that was refused nothing; and may be discarded again."""
-    instance, other = start(**LEAVING), start(**LEAVING)
-    state = instance.save()
-    for _ in range(attempts):
-        instance.step(0.0, 0.1)
-    assert instance.restore(state) == OK
-    assert instance.step(0.0, 0.05) == other.step(0.0, 0.05) == OK
-    np.testing.assert_array_equal(instance.get(*STATES), other.get(*STATES))
-    assert instance.restore(state) == OK
-    assert instance.step(0.0, 0.1) == DISCARD
-    instance.drop(state)
-
-
-def test_an_instance_goes_on_after_a_reset(start) -> None:
-    instance = start(**LEAVING)
+def test_an_instance_goes_on_after_a_reset(every_pendulum) -> None:
+    instance = every_pendulum.start(**LEAVING)
     assert [instance.step(0.0, 0.1) for _ in range(2)] == [DISCARD, ERROR]
     assert instance.call("Reset") == OK
     assert instance.initialize() == OK
@@ -87,105 +191,70 @@ def test_an_instance_goes_on_after_a_reset(start) -> None:
     assert instance.step(0.0, 0.1) == DISCARD
 
 
-@pytest.mark.parametrize("mode", [0, 1])
-def test_an_input_outside_its_domain_is_an_error_at_once(start, mode) -> None:
-    instance = start(input_reconstruction=mode)
-    assert instance.step(0.0, 0.1) == OK
-    assert instance.set(length=-1.0) == OK
-    assert [instance.step(0.1, size) for size in (0.1, 0.01)] == [ERROR, ERROR]
-    assert instance.set(length=1.0) == OK
-    assert instance.step(0.1, 0.1) == OK
-
-
-def test_an_interpolated_input_belongs_to_the_end_of_the_step(start) -> None:
-    """A value nearer to the present one may be in the domain: that is what a shorter step would be given."""
-    instance = start(input_reconstruction=2)
-    assert instance.set(length=-1.0) == OK
-    assert [instance.step(0.0, size) for size in (0.1, 0.1, 0.05)] == [DISCARD, ERROR, DISCARD]
-    assert instance.set(length=0.9) == OK
-    assert instance.step(0.0, 0.025) == OK
-
-
-def test_a_parameter_outside_its_domain_is_an_error_also_where_inputs_are_interpolated(start) -> None:
-    instance = start(input_reconstruction=2)
-    assert instance.set(friction=-1.0, length=-1.0) == OK
-    assert instance.step(0.0, 0.1) == ERROR
-
-
-def test_the_end_of_the_motion_is_discarded_once(falling) -> None:
-    instance = falling()
+@pytest.mark.parametrize("symplectic", [0, 100])
+def test_the_end_of_the_motion_is_discarded_once_and_named(every_fall, symplectic) -> None:
+    """The fall onto a centre, x'' = -1/x² from x = 1, ends after π/√8 = 1.1107 s."""
+    if every_fall.python and symplectic:
+        return
+    instance = every_fall.start(**({"symplectic_steps": symplectic} if symplectic else {}))
     assert instance.step(0.0, 1.0) == OK
-    assert [instance.step(1.0, size) for size in (0.5, 0.5, 0.2, 0.05)] == [DISCARD, ERROR, DISCARD, OK]
-
-
-def test_a_start_that_leads_nowhere_is_an_error_at_once(start) -> None:
-    """Friction overflows: no step, however short, has finite rates."""
-    instance = start(friction=1e308, theta_dot_0=1e10)
-    assert [instance.step(0.0, size) for size in (0.1, 1e-9)] == [ERROR, ERROR]
-    assert "p_theta_dot = -inf at t = 0: the motion ends there" in instance.messages[0]
-
-
-def test_a_motion_too_fast_for_the_step_is_discarded(start) -> None:
-    """1e22 swings a second: a step of 0.1 s gets nowhere, one of 1e-25 s does."""
-    instance = start(gravity=4e45)
-    assert [instance.step(0.0, size) for size in (0.1, 0.1, 1e-25)] == [DISCARD, ERROR, OK]
-
-
-def test_a_state_that_overflows_inside_a_step_is_named(start) -> None:
-    """p grows by 1e306 a second."""
-    instance = start(theta_force=1e306, mass=1e308, gravity=0.0)
-    before = instance.get(*STATES)
-    status = instance.step(0.0, 1e3)
-    assert status in {DISCARD, ERROR}
-    assert "inf" in instance.messages[0]
-    np.testing.assert_array_equal(instance.get(*STATES), before)
+    before = instance.get("x", "v")
+    assert [instance.step(1.0, size) for size in (1.0, 1.0, 0.5)] == [DISCARD, ERROR, DISCARD]
+    np.testing.assert_array_equal(instance.get("x", "v"), before)
+    assert instance.messages[0].endswith("the step from t = 1 is taken back")
+    if not symplectic:
+        assert instance.messages[0].startswith("x must stay > 0; at t = ")
+        reached = float(instance.messages[0].split()[8])
+        assert reached == pytest.approx(np.pi / np.sqrt(8), abs=1e-5)  # the last 2e-5 of x take 1e-7 s
+    assert instance.step(1.0, 0.1) == OK  # a step that ends before it does
 
 
 # ---- times -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("time", [math.inf, -math.inf, math.nan])
-def test_steps_begin_at_finite_times(start, time) -> None:
-    instance = start()
-    assert instance.step(time, 0.1) == ERROR
-    assert instance.messages == [f"step from t = {time:g}: it must be finite"]
+def test_steps_follow_each_other_up_to_rounding(every_pendulum) -> None:
+    instance = every_pendulum.start()
     assert instance.step(0.0, 0.1) == OK
-
-
-@pytest.mark.parametrize("time", [1e300, -1e300, 1.7976931348623157e308])
-def test_steps_begin_where_the_instance_is(start, time) -> None:
-    instance = start()
-    assert instance.step(time, 0.1) == ERROR
-    assert instance.messages == [f"step from t = {time:.15g}: the instance is at t = 0"]
-    assert instance.step(0.0, 0.1) == OK
+    assert instance.step(np.nextafter(0.1, 1), 0.1) == OK  # an importer that counts time in its own way
 
 
 def test_steps_end_at_finite_times(pendulum_library) -> None:
-    largest = 1.7976931348623157e308
     instance = pendulum_library.instantiate()
-    assert instance.initialize(start=largest) == OK
+    assert instance.initialize(start=LARGEST) == OK
     assert instance.call("ExitInitializationMode") == OK
-    assert instance.step(largest, largest) == ERROR
+    assert instance.step(LARGEST, LARGEST) == ERROR
     assert instance.messages[-1].endswith("it must end at a finite time")
-    assert instance.step(largest, 1.0) == ERROR
-    assert instance.messages[-1] == f"step size = 1: it is too small to lead on from t = {largest:.15g}"
+    assert instance.step(LARGEST, 1.0) == ERROR
+    assert instance.messages[-1] == f"step size = 1: it is too small to lead on from t = {LARGEST:.15g}"
 
 
-def test_steps_lead_on(start) -> None:
-    instance = start()
-    assert instance.step(0.0, 0.5) == OK
-    assert instance.step(0.5, 1e-17) == ERROR
-    assert instance.messages == ["step size = 1e-17: it is too small to lead on from t = 0.5"]
-    assert instance.step(0.5, 1e-15) == OK
+@pytest.mark.parametrize(
+    ("experiment", "said"),
+    [
+        *(({"start": x}, f"start time = {x:g}: it must be finite") for x in (math.inf, -math.inf, math.nan)),
+        *(({"stop": x}, f"stop time = {x:g}: it must be finite") for x in (math.inf, -math.inf, math.nan)),
+        ({"tolerance": -1e-6}, "tolerance = -1e-06: it must be > 0 and finite"),
+        ({"start": 2.0, "stop": 1.0}, "stop time = 1 lies before start time = 2"),
+    ],
+)
+def test_experiments_that_make_no_sense(pendulum_library, experiment, said) -> None:
+    instance = pendulum_library.instantiate()
+    assert instance.initialize(**experiment) == ERROR
+    assert instance.messages == [said]
+    assert instance.initialize() == OK
 
 
-@pytest.mark.parametrize("number", [math.inf, -math.inf, math.nan])
-def test_experiments_begin_and_end_at_finite_times(pendulum_library, number) -> None:
-    for begin, end, word in ((number, None, "start"), (0.0, number, "stop")):
-        instance = pendulum_library.instantiate()
-        assert instance.initialize(start=begin, stop=end) == ERROR
-        assert instance.messages == [f"{word} time = {number:g}: it must be finite"]
-        assert instance.initialize() == OK
+def test_stop_time_is_not_stepped_over(pendulum3) -> None:
+    """FMI 3.0 asks for an error; a clock that adds tenths up reaches 0.30000000000000004."""
+    instance = pendulum3.instantiate()
+    assert instance.initialize(stop=0.3) == OK
+    assert instance.call("ExitInitializationMode") == OK
+    time = 0.0
+    for _ in range(3):
+        assert instance.step(time, 0.1) == OK
+        time += 0.1
+    assert instance.step(time, 0.1) == ERROR
+    assert instance.messages == ["step from t = 0.3 to 0.4: the stop time is 0.3"]
 
 
 @pytest.mark.parametrize("number", [math.inf, -math.inf, math.nan])
@@ -198,14 +267,15 @@ def test_times_of_model_exchange_are_finite(pendulum_library, number) -> None:
 # ---- numbers -----------------------------------------------------------------------------------------------------
 
 
-def test_numbers_that_are_not_finite_are_refused_when_they_are_read(start) -> None:
-    instance = start(length_dot=10.0, length_ddot=1e308)
+def test_numbers_that_are_not_finite_are_refused_when_they_are_read(every_pendulum) -> None:
+    instance = every_pendulum.start(length_dot=10.0, length_ddot=1e308)
+    message = "power = inf at t = 0: it must be finite; choose other start values or inputs"
     for _ in range(2):  # the second time they are known
         assert instance.read("theta", "power", "p_theta")[0] == ERROR
-        (message,) = instance.messages
-        assert message == "power = inf at t = 0: it must be finite; choose other start values or inputs"
-        instance.messages.clear()
         assert instance.read("theta", "energy", "mass")[0] == OK
+    if every_pendulum.python:  # which cannot refuse to be read: the next step answers for it
+        assert instance.step(0.0, 0.1) == DISCARD
+    assert instance.messages == [message] * (2 + every_pendulum.python)
 
 
 def test_a_start_whose_energy_is_not_finite_is_refused(pendulum_library) -> None:
@@ -218,9 +288,8 @@ def test_a_start_whose_energy_is_not_finite_is_refused(pendulum_library) -> None
     assert instance.call("ExitInitializationMode") == OK
 
 
-def test_numbers_that_are_not_finite_before_initialization_ends_are_put_down_to_their_cause(falling) -> None:
-    instance = falling()
-    assert instance.call("Reset") == OK
+def test_numbers_that_are_not_finite_before_initialization_ends_are_put_down_to_their_cause(fall_library) -> None:
+    instance = fall_library.instantiate()
     assert instance.initialize() == OK
     assert instance.set(x_0=0.0) == OK
     assert instance.read("x", "a")[0] == ERROR
@@ -236,9 +305,7 @@ def test_arrays_with_a_number_that_is_not_finite_name_the_element(ring_library) 
 
 def test_derivatives_that_are_not_finite_are_refused(pendulum_library) -> None:
     instance = pendulum_library.start(theta_dot_0=1e140, length_dot=1e50)
-    unknowns, force, known = (
-        instance.refs(names) for names in (["theta", "length_force"], ["length_force"], ["length"])
-    )
+    unknowns, force, known = map(instance.refs, (["theta", "length_force"], ["length_force"], ["length"]))
     result, seed = (c.c_double * 2)(), reals([1e200])
     assert instance.call("GetDirectionalDerivative", unknowns, 2, known, 1, seed, 1, result, 2) == ERROR
     assert instance.messages[-1].startswith("derivative of length_force = ")
@@ -256,12 +323,3 @@ def test_in_model_exchange_numbers_that_are_not_finite_are_discarded(pendulum_li
     assert instance.call("SetContinuousStates", reals([0.0, 1e200, 0.0, 0.0]), 4) == OK
     assert instance.read("theta", "energy")[0] == DISCARD
     assert instance.messages[-1].startswith("energy = inf")
-
-
-# ---- the log -----------------------------------------------------------------------------------------------------
-
-
-def test_refused_steps_are_said_where_logging_is_off(start) -> None:
-    instance = start(CO_SIMULATION, options={"logging": False}, **LEAVING)
-    assert [instance.step(0.0, 0.1) for _ in range(2)] == [DISCARD, ERROR]
-    assert [entry[:2] for entry in instance.log] == [(DISCARD, "logStatusDiscard"), (ERROR, "logStatusError")]

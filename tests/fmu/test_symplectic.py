@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driver import DISCARD, ERROR, OK, Instance, Library
+from driver import ERROR, OK, Instance, Library
 from handmade import libration
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
@@ -175,13 +175,6 @@ def test_moving_inputs(pendulum_library) -> None:
     assert abs(ours["energy_balance"]) <= 1e-8
 
 
-def test_steps_stop_where_the_component_is_not_smooth(kick_library) -> None:
-    """Piecewise linear: exact up to rounding if no step goes over the kink."""
-    instance = begin(kick_library, 2, t_1=1.2345)
-    advance(instance, 1.0, 5)
-    assert instance["x"] == pytest.approx(5.0 + 2 * (5.0 - 1.2345), rel=1e-14)
-
-
 def test_uneven_communication_steps(pendulum_library) -> None:
     """The guess from the last two steps is worse then, the result is not."""
     times = np.cumsum([0.0, *np.resize([0.1, 0.03, 0.25], 60)])
@@ -210,24 +203,6 @@ def test_roll_back_is_exact(pendulum_library) -> None:
 
 
 # ---- refusals --------------------------------------------------------------------------------------------------
-
-
-def test_steps_that_do_not_converge_are_discarded(pendulum_library) -> None:
-    """With 1e6 m/s2 the pendulum makes 160 swings a second: a step of 1 s is beyond the iteration."""
-    instance = begin(pendulum_library, 1, gravity=1e6)
-    before = instance.get(*STATES)
-    assert instance.step(0.0, 1.0) == DISCARD
-    (message,) = instance.messages
-    assert message.startswith("the symplectic step from t = 0 does not converge: symplectic_steps = 1 is not enough")
-    np.testing.assert_array_equal(instance.get(*STATES), before)
-    assert instance.step(0.0, 1e-4) == OK
-
-
-def test_the_end_of_the_motion_is_named(fall_library) -> None:
-    instance = begin(fall_library, 100)
-    assert instance.step(0.0, 1.0) == OK
-    assert instance.step(1.0, 1.0) == DISCARD
-    assert instance.messages[0].endswith("the step from t = 1 is taken back")
 
 
 @pytest.mark.parametrize("steps", [-1, 100001])
