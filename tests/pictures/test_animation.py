@@ -81,8 +81,8 @@ def test_a_gif_lasts_as_long_as_the_motion(swing: Result, tmp_path: Path) -> Non
 def test_the_other_kinds(swing: Result, tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     ghost = {"theta": 0.5 * swing["theta"]}
-    for name in ("strip.png", "film.mp4", "page.html"):
-        swing.animate(tmp_path / name, against=ghost)
+    for name, against in (("strip.png", ghost), ("film.mp4", ghost), ("page.html", None)):
+        swing.animate(tmp_path / name, against=against)
         assert (tmp_path / name).stat().st_size > 2000
     with Image.open(tmp_path / "strip.png") as image:
         assert image.width > 3 * image.height
@@ -105,6 +105,9 @@ def test_a_ghost_follows_what_it_is_told(swing: Result) -> None:
 def test_refusals(swing: Result, tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match=r"swing.mov: no animation ends so; choose one of .gif, .png"):
         swing.animate(tmp_path / "swing.mov")
+    for name in ("swing.glb", "swing.html"):
+        with pytest.raises(SimulationError, match=rf"{name}: a ghost is drawn in .gif, .png, .mp4 only"):
+            swing.animate(tmp_path / name, against={"theta": swing["theta"]})
     assert not list(tmp_path.iterdir())
     with pytest.raises(SimulationError, match="has no picture; animate that of"):
         Result("table", swing.time, swing.names, swing.values.copy(), {}).animate(tmp_path / "a.gif")
