@@ -61,7 +61,7 @@ def declare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], 
     """Write the declaration of a project without a clone: ``fmus/fmus.toml`` of the working directory."""
     monkeypatch.setattr("liaisons.project._root", Path)
     (tmp_path / "fmus").mkdir()
-    return lambda text: (tmp_path / "fmus" / "fmus.toml").write_text(text)
+    return (tmp_path / "fmus" / "fmus.toml").write_text
 
 
 def test_without_a_declaration_the_catalogue_is_built(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
