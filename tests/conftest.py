@@ -6,8 +6,9 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from functools import cache
+from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import pytest
 
@@ -45,6 +46,36 @@ def fmu(shared_folder: Path) -> Callable[..., Path]:
         return build(assemble(component), shared_folder, backend=backend, fmi=fmi)
 
     return built
+
+
+class Markup(NamedTuple):
+    """Some HTML: its frames with their attributes, its tags, its texts."""
+
+    frames: list[dict[str, str | None]]
+    tags: set[str]
+    texts: list[str]
+
+
+@pytest.fixture
+def parsed() -> Callable[[str], Markup]:
+    """What a browser makes of HTML."""
+
+    def parse(html: str) -> Markup:
+        found = Markup([], set(), [])
+
+        class Parser(HTMLParser):
+            def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+                found.tags.add(tag)
+                if tag == "iframe":
+                    found.frames.append(dict(attrs))
+
+            def handle_data(self, data: str) -> None:
+                found.texts.append(data)
+
+        Parser().feed(html)
+        return found
+
+    return parse
 
 
 @pytest.fixture

@@ -63,90 +63,69 @@ def things(shared_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Ite
         yield Things(path, system, result)
 
 
-NONE, NUMBER, TEXT, ARRAY, FUNCTION = (type(None), int), int, str, np.ndarray, type(lambda: 0)
-CALLS: dict[str, tuple[Callable[[Things, Any], object], Any]] = {
+NOTHING = type(None)
+NONE, NUMBER, TEXT, ARRAY, FUNCTION = (NOTHING, int), int, str, np.ndarray, type(lambda: 0)
+PATH = (str, NOTHING)
+Call = Callable[[Things, Any], object]
+
+
+def keywords(label: str, call: Callable[..., object], **right: Any) -> dict[str, tuple[Call, Any]]:
+    """Calls with one wrong keyword each."""
+    return {f"{label} {name}": (lambda x, w, n=name: call(x, **{n: w}), types) for name, types in right.items()}
+
+
+CALLS: dict[str, tuple[Call, Any]] = {
     # what is called with a wrong value, and the types of those above that are right
     "simulate": (lambda _, w: simulate(w), ()),
-    "simulate stop_time": (lambda x, w: simulate(x.fmu, stop_time=w, step_size=0.01), NONE),
-    "simulate step_size": (lambda x, w: simulate(x.fmu, stop_time=0.02, step_size=w), NONE),
-    "simulate start_time": (lambda x, w: simulate(x.fmu, **SPAN, start_time=w), NONE),
-    "simulate times": (lambda x, w: simulate(x.fmu, times=w), type(None)),
-    "simulate tolerance": (lambda x, w: simulate(x.fmu, **SPAN, tolerance=w), NONE),
-    "simulate record": (lambda x, w: simulate(x.fmu, **SPAN, record=w), type(None)),
+    **keywords(
+        "simulate", lambda x, **w: simulate(x.fmu, **SPAN | w), stop_time=NONE, step_size=NONE, start_time=NONE,
+        tolerance=NONE, record=NOTHING, inputs=NOTHING, theta_0=NUMBER,
+    ),
+    "simulate times": (lambda x, w: simulate(x.fmu, times=w), NOTHING),
     "simulate record=[]": (lambda x, w: simulate(x.fmu, **SPAN, record=[w]), ()),
-    "simulate inputs": (lambda x, w: simulate(x.fmu, **SPAN, inputs=w), type(None)),
     "simulate inputs of a name": (lambda x, w: simulate(x.fmu, **SPAN, inputs={"length": w}), ()),
-    "simulate theta_0": (lambda x, w: simulate(x.fmu, **SPAN, theta_0=w), NUMBER),
     "System": (lambda _, w: System(w), TEXT),
     "add name": (lambda x, w: System("new").add(w, x.fmu), TEXT),
     "add fmu": (lambda _, w: System("new").add("a", w), ()),
     "connect": (lambda x, w: x.system.connect(w, x.system.parts["swing"]["length"]), ()),
     "end": (lambda x, w: x.system.parts["swing"][w], ()),
-    "System.simulate stop_time": (lambda x, w: x.system.simulate(w, 0.01), NUMBER),
-    "System.simulate step_size": (lambda x, w: x.system.simulate(0.02, w), NUMBER),
-    "System.simulate start_time": (lambda x, w: x.system.simulate(0.02, 0.01, start_time=w), NONE),
+    **keywords(
+        "System.simulate", lambda x, **w: x.system.simulate(**SPAN | w), stop_time=NUMBER, step_size=NUMBER,
+        start_time=NONE, record=NOTHING, inputs=NOTHING, coupling=NOTHING, error_tolerance=NONE,
+    ),
     "System.simulate times": (lambda x, w: x.system.simulate(times=w), ()),
-    "System.simulate record": (lambda x, w: x.system.simulate(0.02, 0.01, record=w), type(None)),
-    "System.simulate inputs": (lambda x, w: x.system.simulate(0.02, 0.01, inputs=w), type(None)),
-    "System.simulate coupling": (lambda x, w: x.system.simulate(0.02, 0.01, coupling=w), type(None)),
-    "System.simulate error_tolerance": (lambda x, w: x.system.simulate(0.02, 0.01, error_tolerance=w), NONE),
     "write_ssp": (lambda x, w: x.system.write_ssp(w), TEXT),
-    "write_ssp form": (lambda x, w: x.system.write_ssp("x.ssp", form=w), ()),
-    "write_ssp stop_time": (lambda x, w: x.system.write_ssp("x.ssp", stop_time=w), NONE),
+    **keywords("write_ssp", lambda x, **w: x.system.write_ssp("x.ssp", **w), form=(), stop_time=NONE),
     "from_ssp": (lambda _, w: System.from_ssp(w), ()),
     "flatten": (lambda _, w: flatten(w), ()),
-    "flatten output": (lambda x, w: x.system.flatten(w, backend="python"), (str, type(None))),
+    "flatten output": (lambda x, w: x.system.flatten(w, backend="python"), PATH),
     "build": (lambda _, w: build(w), ()),
-    "build output": (lambda _, w: build(Constant, w, backend="python"), (str, type(None))),
-    "build backend": (lambda _, w: build(Constant, backend=w), ()),
-    "build platforms": (lambda _, w: build(Constant, platforms=w), ()),
-    "build fmi": (lambda _, w: build(Constant, fmi=w), ()),
+    "build output": (lambda _, w: build(Constant, w, backend="python"), PATH),
+    **keywords("build", lambda _, **w: build(Constant, **w), backend=(), platforms=(), fmi=()),
     "fmu_path": (lambda _, w: fmu_path(w), ()),
     "fmu_path backend": (lambda _, w: fmu_path("Constant", w), ()),
     "fmu_path n": (lambda _, w: fmu_path("PendulumChain", n=w), NUMBER),
     "grid": (lambda _, w: grid(w), ()),
     "grid values": (lambda _, w: grid({"a": w}), NUMBER),
-    "sample count": (lambda _, w: sample(w, {"a": (0, 1)}, seed=1), NUMBER),
-    "sample over": (lambda _, w: sample(2, w, seed=1), ()),
+    **keywords(
+        "sample", lambda _, **w: sample(**{"count": 2, "over": {"a": (0, 1)}, "seed": 1} | w), count=NUMBER, over=(),
+        seed=NUMBER,
+    ),
     "sample distribution": (lambda _, w: sample(2, {"a": w}, seed=1), ()),
-    "sample seed": (lambda _, w: sample(2, {"a": (0, 1)}, seed=w), NUMBER),
     "show": (lambda _, w: show(w), ()),
-    "show path": (lambda x, w: show(x.fmu, w), (str, type(None))),
+    "show path": (lambda x, w: show(x.fmu, w), PATH),
     "show theta_0": (lambda x, w: show(x.fmu, "x.html", theta_0=w), NUMBER),
     "sweep": (lambda _, w: sweep(w, {"theta_0": [0.1]}, "theta"), ()),
-    **{
-        f"sweep {name}": (lambda x, w, name=name: sweep(x.fmu, **CASES | {name: w}), right)
-        for name, right in {
-            "cases": (),
-            "keep": (),
-            "stop_time": NONE,
-            "step_size": NONE,
-            "start_time": NONE,
-            "tolerance": NONE,
-            "coupling": type(None),
-            "starts": type(None),
-            "record": type(None),
-            "journal": (str, type(None)),
-            "workers": NONE,
-            "client": (str, type(None)),
-        }.items()
-    },
+    **keywords(
+        "sweep", lambda x, **w: sweep(x.fmu, **CASES | w), cases=(), keep=(), stop_time=NONE, step_size=NONE,
+        start_time=NONE, tolerance=NONE, coupling=NOTHING, starts=NOTHING, record=NOTHING, journal=PATH, workers=NONE,
+        client=PATH,
+    ),
     "ensemble": (lambda _, w: ensemble(w, **MEMBERS), ()),
-    **{
-        f"ensemble {name}": (lambda _, w, name=name: ensemble("Pendulum", **MEMBERS | {name: w}), right)
-        for name, right in {
-            "values": (),
-            "stop_time": NUMBER,
-            "step_size": NUMBER,
-            "samples": NUMBER,
-            "start_time": int,
-            "method": (),
-            "operators": type(None),
-            "record": type(None),
-            "threads": NONE,
-            "backend": (),
-        }.items()
-    },
+    **keywords(
+        "ensemble", lambda _, **w: ensemble("Pendulum", **MEMBERS | w), values=(), stop_time=NUMBER, step_size=NUMBER,
+        samples=NUMBER, start_time=int, method=(), operators=NOTHING, record=NOTHING, threads=NONE, backend=(),
+    ),
     "ensemble operator": (lambda _, w: ensemble("Pendulum", **MEMBERS, operators={"length": w}), ()),
     "compare": (lambda x, w: compare(x.result, w), ()),
     "compare first": (lambda x, w: compare(w, x.result), ()),
@@ -170,8 +149,8 @@ CALLS: dict[str, tuple[Callable[[Things, Any], object], Any]] = {
     "to_parquet": (lambda x, w: x.result.to_parquet(w), TEXT),
     "from_parquet": (lambda _, w: Result.from_parquet(w), ()),
     "plot": (lambda x, w: x.result.plot(w, path="x.png"), ()),
-    "plot path": (lambda x, w: x.result.plot(path=w), (str, type(None))),
-}
+    "plot path": (lambda x, w: x.result.plot(path=w), PATH),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CALLS)

@@ -1,4 +1,7 @@
-"""What arguments are taken for, and what is said of those that are something else."""
+"""What arguments are taken for, and what is said of those that are something else.
+
+Each function takes what to call the argument, the argument, and the class of the error that it raises.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+Error = type[LiaisonsError]
+
 
 def shown(value: object) -> str:
     """A value in one line that is not too long."""
@@ -22,12 +27,8 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def listed(label: str, names: object, error: type[LiaisonsError] = SimulationError) -> list[str]:
-    """Names as a list; one may stand for itself.
-
-    :param label: what they are for.
-    :raises error: if they are no names.
-    """
+def listed(label: str, names: object, error: Error = SimulationError) -> list[str]:
+    """Names as a list; one may stand for itself."""
     if isinstance(names, str):
         return [names]
     found = list(names) if isinstance(names, Iterable) and not isinstance(names, (Mapping, bytes)) else [None]
@@ -36,43 +37,28 @@ def listed(label: str, names: object, error: type[LiaisonsError] = SimulationErr
     return [str(name) for name in found]
 
 
-def named(label: str, given: object, error: type[LiaisonsError] = SimulationError) -> Mapping[str, Any]:
-    """A dictionary by names.
-
-    :param label: what it is of.
-    :raises error: if it is none.
-    """
+def named(label: str, given: object, error: Error = SimulationError) -> Mapping[str, Any]:
+    """A dictionary by names."""
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         raise error(f"{label} = {shown(given)}: give a dictionary with names as keys")
     return given
 
 
-def as_path(label: str, path: object, error: type[LiaisonsError] = SimulationError) -> Path:
-    """A path.
-
-    :param label: what it is of.
-    :raises error: if it is none.
-    """
+def as_path(label: str, path: object, error: Error = SimulationError) -> Path:
+    """A path."""
     if not isinstance(path, (str, os.PathLike)):
         raise error(f"{label} = {shown(path)}: give a path")
     return Path(path)
 
 
-def finite(label: str, value: object, error: type[LiaisonsError] = SimulationError) -> None:
-    """Check that it is a finite number.
-
-    :raises error: if it is none.
-    """
+def finite(label: str, value: object, error: Error = SimulationError) -> None:
+    """Check that it is a finite number."""
     if not isinstance(value, Real) or not math.isfinite(value):
         raise error(f"{label} = {shown(value)}: must be a finite number")
 
 
-def numbers(label: str, values: object, error: type[LiaisonsError] = SimulationError) -> NDArray[np.float64]:
-    """An array of numbers.
-
-    :param label: what they are.
-    :raises error: if they are none.
-    """
+def numbers(label: str, values: object, error: Error = SimulationError) -> NDArray[np.float64]:
+    """An array of numbers."""
     import numpy as np  # slow to load: the command line's help does without
 
     try:
@@ -83,19 +69,13 @@ def numbers(label: str, values: object, error: type[LiaisonsError] = SimulationE
     raise error(f"{label} = {shown(values)}: give numbers")
 
 
-def whole(label: str, value: object, error: type[LiaisonsError] = SimulationError, *, least: int = 1) -> None:
-    """Check that it is a whole number.
-
-    :raises error: if it is none, or less than ``least``.
-    """
+def whole(label: str, value: object, error: Error = SimulationError, *, least: int = 1) -> None:
+    """Check that it is a whole number."""
     if not isinstance(value, Integral) or value < least:
         raise error(f"{label} = {shown(value)}: give a whole number, {least} at least")
 
 
-def chosen(label: str, value: object, known: Sequence[str], error: type[LiaisonsError] = SimulationError) -> None:
-    """Check that it is one of some words.
-
-    :raises error: if it is none of them.
-    """
+def chosen(label: str, value: object, known: Sequence[str], error: Error = SimulationError) -> None:
+    """Check that it is one of some words."""
     if not isinstance(value, str) or value not in known:
         raise error(f"{label} = {shown(value)}: choose one of {', '.join(map(repr, known))}")

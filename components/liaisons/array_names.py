@@ -6,12 +6,14 @@ FMI 2.0 has scalars only, called so; FMI 3.0 and a :class:`liaisons.Result` have
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from itertools import product
 
 Shape = tuple[int, ...]
 
-_DIGITS = 20  # no index has more
+_INDEX = "(?:0|[1-9][0-9]{0,18})"
+_ELEMENT = re.compile(rf"(.+)\[({_INDEX}(?:,{_INDEX})*)\]", re.DOTALL)
 
 
 def indices(shape: Shape) -> Iterator[str]:
@@ -23,15 +25,10 @@ def indices(shape: Shape) -> Iterator[str]:
 
 def split(name: str) -> tuple[str, Shape | None]:
     """``"theta[3]"`` is ``("theta", (3,))``; a name without an index at its end is itself and None."""
-    if not name.endswith("]"):
+    if not name.endswith("]"):  # most of them, at a tenth of the cost
         return name, None
-    base, bracket, index = name[:-1].rpartition("[")
-    numbers = index.split(",")
-    if not (
-        base and bracket and all(n.isascii() and n.isdigit() and len(n) < _DIGITS and str(int(n)) == n for n in numbers)
-    ):
-        return name, None
-    return base, tuple(map(int, numbers))
+    found = _ELEMENT.fullmatch(name)
+    return (found[1], tuple(map(int, found[2].split(",")))) if found else (name, None)
 
 
 def offset(index: Shape, shape: Shape) -> int | None:

@@ -25,10 +25,7 @@ def folder() -> Path:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file.
-
-    :raises OSError: if it cannot be read.
-    """
+    """SHA-256 of a file."""
     with path.open("rb") as file:
         return file_digest(file, "sha256").hexdigest()
 

@@ -11,8 +11,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,6 +25,11 @@ FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off"),
     "-fno-tree-slp-vectorize",  # what is stored in pairs makes the next stage of the solver wait, a fifth of its time
     *("-fPIC", "-shared", "-fvisibility=hidden", "-g0"),
+)
+_WASM = (
+    *("-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz", "-s", "-ffp-contract=off"),
+    *("-fno-math-errno", "-fvisibility=hidden"),
+    *("-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"),
 )
 TIME_OUT = 900.0  # [s] for one file
 
@@ -95,24 +100,41 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         raise BuildError(f"{tool} the compiler in the ziglang package: pip install ziglang")
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
     flags = [flag for flag in (*FLAGS, *target.flags) if not _is_of_linker(flag)]
-    with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
-        for name, content in sources.items():
-            Path(folder, name).write_bytes(content)
-        objects = []
-        for name in sorted(name for name in sources if name.endswith(".c")):
+    with _written(sources) as (folder, names):
+        for name in names:  # relative to the folder: no path gets into the library
             command = [*compiler, *aim, *flags, "-I.", "-c", name, "-o", f"{name}.o"]
             key = hashlib.sha256(repr((command, _with_headers(name, sources))).encode()).digest()
-            compiled = Path(folder, f"{name}.o")
+            compiled = folder / f"{name}.o"
             if key in _objects:
                 compiled.write_bytes(_objects[key])
             else:
                 _run(command, folder)
                 _objects[key] = compiled.read_bytes()
-            objects.append(compiled.name)
-        library = Path(folder, f"library{target.extension}")
-        # Names relative to the folder: no path gets into the library.
+        library, objects = folder / f"library{target.extension}", [f"{name}.o" for name in names]
         _run([*compiler, *aim, "-shared", *objects, "-o", library.name, *target.flags], folder)
         return library.read_bytes()
+
+
+def compile_wasm(sources: Mapping[str, bytes]) -> bytes:
+    """Compile and link C sources to a WebAssembly module whose public functions, malloc and free can be called.
+
+    :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
+    """
+    zig = zig_compiler()
+    if zig is None:
+        raise BuildError("WebAssembly needs the compiler in the ziglang package: pip install ziglang")
+    with _written(sources) as (folder, names):
+        _run([*zig, *_WASM, "-I.", *names, "-o", "module.wasm"], folder)
+        return (folder / "module.wasm").read_bytes()
+
+
+@contextmanager
+def _written(sources: Mapping[str, bytes]) -> Iterator[tuple[Path, list[str]]]:
+    """A folder with the sources, and the names of those that are compiled."""
+    with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
+        for name, content in sources.items():
+            Path(folder, name).write_bytes(content)
+        yield Path(folder), sorted(name for name in sources if name.endswith(".c"))
 
 
 def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, bytes]]:
@@ -130,7 +152,7 @@ def _is_of_linker(flag: str) -> bool:
     return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l"))
 
 
-def _run(command: list[str], folder: str) -> None:
+def _run(command: list[str], folder: Path) -> None:
     try:
         process = subprocess.Popen(
             command,
@@ -165,27 +187,3 @@ def _kill(process: subprocess.Popen[str]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
     else:
         subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True, check=False)
-
-
-def compile_wasm(sources: Mapping[str, bytes]) -> bytes:
-    """Compile and link C sources to a WebAssembly module whose public functions, malloc and free can be called.
-
-    :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
-    """
-    zig = zig_compiler()
-    if zig is None:
-        raise BuildError("WebAssembly needs the compiler in the ziglang package: pip install ziglang")
-    flags = ["-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz", "-s", "-ffp-contract=off"]
-    flags += [
-        "-fno-math-errno",
-        "-fvisibility=hidden",
-        "-Wl,--export-dynamic",
-        "-Wl,--export=malloc",
-        "-Wl,--export=free",
-    ]
-    with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
-        for name, content in sources.items():
-            Path(folder, name).write_bytes(content)
-        names = sorted(name for name in sources if name.endswith(".c"))
-        _run([*zig, *flags, "-I.", *names, "-o", "module.wasm"], folder)
-        return Path(folder, "module.wasm").read_bytes()

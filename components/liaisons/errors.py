@@ -41,6 +41,14 @@ class RefusedError(SimulationError):
     """
 
 
+class SweepError(LiaisonsError):
+    """A sweep cannot be done as it was asked for; what goes wrong in one case is recorded in the table."""
+
+
+class JournalError(SweepError):
+    """A journal belongs to another sweep, or is no journal."""
+
+
 class ValidityError(LiaisonsError, ValueError):
     """A closed form or a measure was asked for a case that it does not cover."""
 

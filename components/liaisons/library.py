@@ -6,7 +6,7 @@ import inspect
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
 
 from liaisons.arguments import as_path, shown, whole
@@ -14,8 +14,6 @@ from liaisons.errors import BuildError, suggestion
 from liaisons.project import ProjectError, fmus_directory, load_module
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     from liaisons.language import Component
     from liaisons.mechanics import Model
 
@@ -50,13 +48,19 @@ def catalogue_names() -> list[str]:
 def components(target: Target) -> list[type[Component]]:
     """The components that a word on the command line or an argument stands for.
 
-    :param target: a component of the catalogue (``Pendulum``) or ``all`` of them, a Python file with components
-        (``my_component.py``) or one component of such a file (``my_component.py:Name``); a class stands for itself.
+    :param target: ``all`` are those of the catalogue, ``my_component.py`` those of a file.
     :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
         else.
     """
+    from liaisons.language import Component
+
     if isinstance(target, type):
-        return [_buildable(target)]
+        if not _is_concrete(target):
+            what = "is abstract" if issubclass(target, Component) else "is no component"
+            raise ProjectError(
+                f"the class {target.__name__} {what}; derive one from liaisons.Mechanism or liaisons.Operator"
+            )
+        return [target]
     if not isinstance(target, (str, os.PathLike)):
         raise ProjectError(f"{shown(target)} is no component; give its name ('Pendulum'), its file or its class")
     target = str(target)
@@ -69,7 +73,9 @@ def components(target: Target) -> list[type[Component]]:
             raise ProjectError(f"no component is called {target!r}{suggestion(target, known)}")
         return [known[target]]
     path = Path(f"{file}.py" if separator else target)
-    found = _defined_in(load_module(path))
+    module = load_module(path)
+    defined = vars(module).items()  # what it imports is left out
+    found = {name: value for name, value in defined if _is_concrete(value) and value.__module__ == module.__name__}
     _files.update(dict.fromkeys(found.values(), path.resolve()))
     if not found:
         raise ProjectError(f"{path} defines no component; derive a class from liaisons.Mechanism or liaisons.Operator")
@@ -94,7 +100,6 @@ def component(target: Target) -> type[Component]:
 def model(component: type[Component], **sizes: object) -> Model:
     """The model of a component, with other structural sizes than it declares where they are given.
 
-    :param sizes: by name, for example ``n=100`` for a chain.
     :raises ProjectError: if the component has no size of that name.
     :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
     """
@@ -150,11 +155,9 @@ def build(
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
     """The FMU of one component, built before the path is returned if it is missing or out of date.
 
-    :param target: name, file or class of a component.
-    :param backend: ``"native"``, ``"python"``, or ``"auto"``: native where a C compiler is found.
+    :param backend: as of :func:`build`.
     :param sizes: structural sizes, for example ``n=100``; such FMUs go to a folder of their own, ``fmus/n=100/``.
-    :raises ProjectError: as :func:`build` does, or if the component has no such size.
-    :raises BuildError: if the FMU cannot be built.
+    :raises ProjectError: if the component has no such size; else as :func:`build` does.
     """
     from liaisons.fmu import build
 
@@ -166,7 +169,7 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     if path is None or seen != _identity(path):
         claim(found, folder)
         path = build(sized or model(found), folder, backend=backend)
-        _built[key] = (path, _identity(path))
+        _built[key] = path, _identity(path)
     return path
 
 
@@ -227,26 +230,7 @@ def fmu_file(target: Target) -> Path:
     return fmu_path(target)
 
 
-def _buildable(value: type) -> type[Component]:
+def _is_concrete(value: object) -> TypeGuard[type[Component]]:
     from liaisons.language import Component
 
-    if not issubclass(value, Component) or value.is_abstract:
-        what = "is abstract" if issubclass(value, Component) else "is no component"
-        raise ProjectError(
-            f"the class {value.__name__} {what}; derive one from liaisons.Mechanism or liaisons.Operator"
-        )
-    return value
-
-
-def _defined_in(module: ModuleType) -> dict[str, type[Component]]:
-    """The components that a file defines; what it imports, and abstract bases, are left out."""
-    from liaisons.language import Component
-
-    return {
-        name: value
-        for name, value in vars(module).items()
-        if isinstance(value, type)
-        and issubclass(value, Component)
-        and value.__module__ == module.__name__
-        and not value.is_abstract
-    }
+    return isinstance(value, type) and issubclass(value, Component) and not value.is_abstract

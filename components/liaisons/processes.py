@@ -23,9 +23,9 @@ _handled: set[int] = set()  # signals that end this process in good order
 
 
 def die_with_parent(parent: int) -> None:
-    """End this process as soon as its parent ends, however that comes about and whatever this one does by then.
+    """End this process as soon as its parent ends, whatever this one does by then; called by it first thing.
 
-    Called by the new process, first thing.  On Linux the kernel does it, when the *thread* ends that started the
+    On Linux the kernel does it, when the *thread* ends that started the
     process; elsewhere a thread watches, which foreign code that never returns does not stop.
 
     :param parent: ``os.getpid()`` of the parent, taken there: it may have ended before this is called.

@@ -39,11 +39,8 @@ def figures_directory(scenario: Path) -> Path:
 
 
 def declared_components() -> list[str] | None:
-    """What ``liaisons build`` builds when it is given no name: the list ``components`` of ``fmus/fmus.toml``.
+    """The list ``components`` of ``fmus/fmus.toml``, files relative to that; None if there is no such file.
 
-    Python files are given relative to that file.
-
-    :returns: None if there is no such file.
     :raises ProjectError: if it has no such list.
     """
     declaration = _root() / "fmus" / "fmus.toml"
@@ -93,9 +90,6 @@ def _root() -> Path:
 
 def _line(error: Exception, path: Path) -> int:
     """The innermost line of a file that an error went through."""
-    for raised in (error.__cause__, error):  # the cause was raised further in
-        frames = [] if raised is None else traceback.extract_tb(raised.__traceback__)
-        lines = [frame.lineno or 0 for frame in frames if Path(frame.filename) == path.resolve()]
-        if lines:
-            return lines[-1]
-    return 0
+    causes = [raised for raised in (error, error.__cause__) if raised]  # the cause was raised further in
+    frames = [frame for raised in causes for frame in traceback.extract_tb(raised.__traceback__)]
+    return next((frame.lineno or 0 for frame in frames[::-1] if Path(frame.filename) == path.resolve()), 0)

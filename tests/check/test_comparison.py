@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -80,15 +83,18 @@ def test_table_names_signal_unit_and_method() -> None:
     assert rest == ["linear: interpolated by straight lines, since its rate was not recorded with it"]
 
 
-def test_what_cannot_be_compared() -> None:
-    one = _sine(0.5)
-    with pytest.raises(ValidityError, match="sine and other have no signal in common"):
-        compare(one, Result("other", one.time, ("y",), one.values[:1], {"y": "m"}))
-    with pytest.raises(ValidityError, match="x is in m in sine, in mm in other; convert one"):
-        compare(one, Result("other", one.time, ("x",), one.values[:1], {"x": "mm"}))
-    with pytest.raises(ValidityError, match=r"sine \(t = 0 to 2 s\) and later \(3 to 5 s\) have no time in common"):
-        compare(one, Result("later", one.time + 3, ("x",), one.values[:1], {"x": "m"}))
-    with pytest.raises(ValidityError, match="the result of a sweep has cases and no time"):
-        compare(one, Result("a sweep", np.empty(0), ("x",), one.values[:1], {"x": "m"}))
-    with pytest.raises(ValidityError, match="'z' was not compared; compared: x, x_dot"):
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"names": ("y",)}, "sine and other have no signal in common"),
+        ({"units": {"x": "mm"}}, "x is in m in sine, in mm in other; convert one"),
+        ({"time": np.arange(5) + 3.0}, r"sine \(t = 0 to 2 s\) and other \(3 to 7 s\) have no time in common"),
+        ({"time": np.empty(0)}, "the result of other has cases and no time"),
+    ],
+)
+def test_what_cannot_be_compared(changes: dict[str, Any], words: str) -> None:
+    one = _sine(0.5, rate=False)
+    with pytest.raises(ValidityError, match=words):
+        compare(one, replace(one, title="other", **changes))
+    with pytest.raises(ValidityError, match="'z' was not compared; compared: x"):
         compare(one, one)["z"]

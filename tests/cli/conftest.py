@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
+from liaisons import Result
 from liaisons.cli import main
 
 BEAD = '''\
@@ -50,6 +51,8 @@ class Reply(NamedTuple):
 
 
 Cli = Callable[..., Reply]
+Runs = Callable[..., str]
+Simulated = Callable[..., Result]
 
 
 @pytest.fixture
@@ -66,6 +69,29 @@ def liaisons(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
             status = int(leave.code or 0)
         captured = capsys.readouterr()
         return Reply(status, captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture
+def runs(liaisons: Cli) -> Runs:
+    """Run a command that succeeds; what it prints."""
+
+    def run(*words: str | Path) -> str:
+        reply = liaisons(*words)
+        assert reply.status == 0, reply.out + reply.err
+        return reply.out
+
+    return run
+
+
+@pytest.fixture
+def simulated(runs: Runs, tmp_path: Path) -> Simulated:
+    """The result of ``liaisons simulate WORDS``, by a file."""
+
+    def run(*words: str | Path) -> Result:
+        runs("simulate", *words, "--csv", "out.csv")
+        return Result.from_csv(tmp_path / "out.csv")
 
     return run
 

@@ -4,28 +4,22 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Cli, is_misuse
+from .conftest import Cli, Runs, is_misuse
 
 
-def test_list_shows_every_component_with_its_coordinates(liaisons: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_list_shows_every_component_with_its_coordinates(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "250")
-    reply = liaisons("list")
-    lines = {line.split()[0]: line for line in reply.out.splitlines()[2:]}
-    assert reply.status == 0
+    lines = {line.split()[0]: line for line in runs("list").splitlines()[2:]}
     assert {"Pendulum", "Oscillator", "Flywheel", "Swing", "CircularHoop"} <= set(lines)
     assert {"Constant", "Ramp", "Sinusoid", "SmoothStep"} <= set(lines)
     assert "theta" in lines["Pendulum"]
     assert "length, pivot_x, pivot_z" in lines["Pendulum"]
 
 
-def test_list_shows_the_components_of_a_file_but_not_its_abstract_base(liaisons: Cli, bead: Path) -> None:
-    reply = liaisons("list", bead)
-    assert [line.split()[0] for line in reply.out.splitlines()[2:]] == ["Bead", "Parabola"]
-    assert "free of forces" in reply.out
-
-
-def test_one_component_of_a_file(liaisons: Cli, bead: Path) -> None:
-    assert [line.split()[0] for line in liaisons("list", f"{bead}:Parabola").out.splitlines()[2:]] == ["Parabola"]
+def test_list_shows_the_components_of_a_file_but_not_its_abstract_base(runs: Runs, bead: Path) -> None:
+    assert [line.split()[0] for line in runs("list", bead).splitlines()[2:]] == ["Bead", "Parabola"]
+    assert [line.split()[0] for line in runs("list", f"{bead}:Parabola").splitlines()[2:]] == ["Parabola"]
+    assert "free of forces" in runs("list", bead)
 
 
 @pytest.mark.parametrize(

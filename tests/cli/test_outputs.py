@@ -19,7 +19,7 @@ from liaisons.cosim.simulation import communication_points
 from liaisons.errors import SimulationError
 from liaisons.library import fmu_path
 
-from .conftest import COMMAND, Cli, begun, is_misuse
+from .conftest import COMMAND, Cli, Runs, Simulated, begun, is_misuse
 
 pytestmark = pytest.mark.usefixtures("shared_fmus")
 
@@ -31,11 +31,10 @@ needs_devices = pytest.mark.skipif(not Path("/dev/full").exists(), reason="this 
 
 
 @needs_devices
-def test_a_device_stays_a_device(liaisons: Cli, tmp_path: Path) -> None:
+def test_a_device_stays_a_device(liaisons: Cli, runs: Runs, tmp_path: Path) -> None:
     (tmp_path / "null").symlink_to("/dev/null")
     (tmp_path / "full").symlink_to("/dev/full")
-    reply = liaisons("simulate", "Pendulum", "--stop", "0.1", "--csv", "null", "--plot", "null")
-    assert reply.status == 0, reply.err
+    runs("simulate", "Pendulum", "--stop", "0.1", "--csv", "null", "--plot", "null")
     reply = liaisons("simulate", "Pendulum", "--stop", "0.1", "--csv", "full")
     assert is_misuse(reply, "full: cannot be written: No space left on device")
     for name in ("null", "full"):
@@ -115,9 +114,8 @@ def test_a_step_smaller_than_the_rounding_of_time() -> None:
         communication_points(1e17 - 1e3, 1e17, 0.1)
 
 
-def test_the_default_experiment_says_when_to_begin(liaisons: Cli, fmus: Path, tmp_path: Path) -> None:
-    liaisons("build", "Pendulum")
-    with ZipFile(fmus / "Pendulum.fmu") as old, ZipFile(tmp_path / "late.fmu", "w") as new:
+def test_the_default_experiment_says_when_to_begin(simulated: Simulated, tmp_path: Path) -> None:
+    with ZipFile(fmu_path("Pendulum")) as old, ZipFile(tmp_path / "late.fmu", "w") as new:
         for name in old.namelist():
             content = old.read(name)
             if name == "modelDescription.xml":
@@ -125,21 +123,17 @@ def test_the_default_experiment_says_when_to_begin(liaisons: Cli, fmus: Path, tm
                 content = content.replace(b'startTime="0.0"', b"").replace(b'startTime="0"', b"")
             new.writestr(old.getinfo(name), content)
     for given, first in (([], 0.5), (["--start", "0.25"], 0.25)):
-        reply = liaisons("simulate", "late.fmu", "--stop", "1", *given, "--csv", "out.csv")
-        assert reply.status == 0, reply.err
-        assert Result.from_csv(tmp_path / "out.csv").time[0] == first
+        assert simulated("late.fmu", "--stop", "1", *given).time[0] == first
     assert simulate(tmp_path / "late.fmu", stop_time=1.0).time[0] == 0.5
 
 
-def test_an_archive_that_says_nothing_of_its_experiment(liaisons: Cli, tmp_path: Path) -> None:
+def test_an_archive_that_says_nothing_of_its_experiment(simulated: Simulated, tmp_path: Path) -> None:
     """What its FMUs say: the latest end, the shortest step."""
     system = System("pair")
     components = [system.add("swing", fmu_path("Pendulum")), system.add("drive", fmu_path("Sinusoid"), offset=2.0)]
     system.connect(components[1]["y"], components[0]["length"])
     system.write_ssp(tmp_path / "pair.ssp")
-    reply = liaisons("simulate", "pair.ssp", "--csv", "out.csv")
-    assert reply.status == 0, reply.err
-    time = Result.from_csv(tmp_path / "out.csv").time
+    time = simulated("pair.ssp").time
     own = [component.fmu.experiment for component in components]
     assert time[-1] == max(e.stop_time or 0 for e in own)
     assert time[1] == min(e.step_size or 1 for e in own)
@@ -175,11 +169,9 @@ def test_a_run_that_fails_on_the_way_keeps_what_there_is(liaisons: Cli, tmp_path
     assert (tmp_path / "out.png").is_file()
 
 
-def test_a_sweep_begins_there_too(liaisons: Cli, tmp_path: Path) -> None:
+def test_a_sweep_begins_there_too(runs: Runs, tmp_path: Path) -> None:
     """A free mass moves for the half second that is left, 0.75 s to 1.25 s."""
     words = ("--over", "x_dot_0=1,2", "--set", "x_0=0", "--set", "stiffness=0", "--set", "damping=0", "--keep", "x")
     span = ("--start", "0.75", "--stop", "1.25", "--step", "0.25")
-    reply = liaisons("sweep", "Oscillator", *words, *span, "--csv", "table.csv")
-    assert reply.status == 0, reply.err
-    moved = np.genfromtxt(tmp_path / "table.csv", delimiter=",", names=True, encoding="utf-8")["x"]
-    assert moved == pytest.approx([0.5, 1.0], rel=1e-6)
+    runs("sweep", "Oscillator", *words, *span, "--csv", "table.csv")
+    assert Result.from_csv(tmp_path / "table.csv")["x"] == pytest.approx([0.5, 1.0], rel=1e-6)

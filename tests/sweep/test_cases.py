@@ -13,9 +13,6 @@ def test_the_last_name_of_a_grid_runs_fastest() -> None:
     assert cases["a"].tolist() == [1, 1, 1, 2, 2, 2]
     assert cases["b"].tolist() == [10, 20, 30, 10, 20, 30]
     assert cases.case(4) == {"a": 2.0, "b": 20.0}
-
-
-def test_one_number_is_a_grid_of_one() -> None:
     assert grid({"a": 3.0}).count == 1
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from importlib import import_module
 
 import pytest
@@ -10,52 +11,51 @@ from liaisons.cli import main
 from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.workers import Deliver
 
+BAD_VALUES = [
+    "theta_0=",
+    "=1",
+    "theta_0",
+    "theta_0=0:1:0",
+    "theta_0=0:1:-3",
+    "theta_0=0:1:x",
+    "theta_0=0:1:10000000000",
+]
+BAD_DISTRIBUTIONS = ["3:0", "1:1", "nan:1", "0:inf", "normal:1:0", "normal:1:-1", "normal:0:inf", "1"]
+MISUSE = {
+    "": "nothing is varied",
+    "--over theta0=1": "did you mean 'theta_0'",
+    "--over theta_0=1 --samples 3": "--samples, --seed and --latin-hypercube need --random",
+    "--over theta_0=1 --seed 3": "need --random",
+    "--over theta_0=1 --over theta_0=2": "theta_0 is varied twice",
+    "--over theta_0=1 --set theta_0=2": "'theta_0' is varied, and set",
+    "--over theta_0=1 --keep energy,": "no signal is named",
+    "--over theta_0=1 --workers 0": "workers = 0",
+    "--over theta_0=1 --workers 2 --dask tcp://x:1": "leave it out on a Dask cluster",
+    "--over theta_0=1 --dask ''": "no Dask scheduler",
+    "--over theta_0=1 --time-limit -1": "time_limit = -1",
+    "--over theta_0=1 --time-limit nan": "time_limit = nan",
+    "--over theta_0=1 --retry": "--retry needs the journal",
+    "--over theta_0=1 --csv .": "Is a directory; choose another path",
+    "--over theta_0=1 --csv both --journal both": "cannot be the table and the journal",
+    "--over theta_0=1 --csv nowhere/table.csv": "No such file or directory; choose another path",
+    "--over mass=1:2:1000000 --over theta_0=0:1:1000000": "cases are too many",
+    "--random theta_0=0:1": "needs --samples",
+    "--random theta_0=0:1 --samples -1": "count = -1",
+    "--random theta_0=0:1 --over mass=1": "use one of them",
+    "--random mass=1:2 --samples 1000000000000": "1000000000000 cases are too many",
+    **{f"--over {values}": "a count of 1 at least" for values in BAD_VALUES},
+    **{f"--samples 3 --random theta_0={values}": "low < high" for values in BAD_DISTRIBUTIONS},
+}
 
-def test_misuse_on_the_command_line(pendulum, tmp_path, capsys) -> None:
-    def words(*arguments: str) -> str:
-        assert main(["sweep", str(pendulum), "--keep", "theta", "--stop", "0.1", *arguments]) == 2
-        return capsys.readouterr().err
 
-    assert "did you mean 'theta_0'" in words("--over", "theta0=1")
-    assert "count = -1" in words("--random", "theta_0=0:1", "--samples", "-1")
-    assert "needs --samples" in words("--random", "theta_0=0:1")
-    assert "use one of them" in words("--random", "theta_0=0:1", "--over", "mass=1")
-    assert "nothing is varied" in words()
-    assert "--samples, --seed and --latin-hypercube need --random" in words("--over", "theta_0=1", "--samples", "3")
-    assert "theta_0 is varied twice" in words("--over", "theta_0=1", "--over", "theta_0=2")
-    assert "'theta_0' is varied, and set" in words("--over", "theta_0=1", "--set", "theta_0=2")
-    assert "no signal is named" in words("--over", "theta_0=1", "--keep", "energy,")
-    assert "need --random" in words("--over", "theta_0=1", "--seed", "3")
-    assert "workers = 0" in words("--over", "theta_0=1", "--workers", "0")
-    assert "leave it out on a Dask cluster" in words("--over", "theta_0=1", "--workers", "2", "--dask", "tcp://x:1")
-    assert "no Dask scheduler" in words("--over", "theta_0=1", "--dask", "")
-    assert "time_limit = -1" in words("--over", "theta_0=1", "--time-limit", "-1")
-    assert "time_limit = nan" in words("--over", "theta_0=1", "--time-limit", "nan")
-    assert "--retry needs the journal" in words("--over", "theta_0=1", "--retry")
-    assert "1000000000000 cases are too many" in words("--random", "mass=1:2", "--samples", "1000000000000")
-    assert "cases are too many" in words("--over", "mass=1:2:1000000", "--over", "theta_0=0:1:1000000")
-    assert "Is a directory; choose another path" in words("--over", "theta_0=1", "--csv", str(tmp_path))
-    both = str(tmp_path / "both")
-    assert "cannot be the table and the journal" in words("--over", "theta_0=1", "--csv", both, "--journal", both)
+@pytest.mark.parametrize("words", MISUSE)
+def test_misuse_is_one_line(pendulum, tmp_path, monkeypatch, capsys, words) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", str(pendulum), "--keep", "theta", "--stop", "0.1", *shlex.split(words)]) == 2
+    error = capsys.readouterr().err
+    assert MISUSE[words] in error
+    assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-    assert "No such file or directory; choose another path" in words(
-        "--over", "theta_0=1", "--csv", str(tmp_path / "nowhere" / "table.csv")
-    )
-
-
-@pytest.mark.parametrize(
-    "values",
-    ["theta_0=", "=1", "theta_0", "theta_0=0:1:0", "theta_0=0:1:-3", "theta_0=0:1:x", "theta_0=0:1:10000000000"],
-)
-def test_misuse_of_values(pendulum, capsys, values) -> None:
-    assert main(["sweep", str(pendulum), "--keep", "theta", "--over", values]) == 2
-    assert "a count of 1 at least" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("values", ["3:0", "1:1", "nan:1", "0:inf", "normal:1:0", "normal:1:-1", "normal:0:inf", "1"])
-def test_misuse_of_distributions(pendulum, capsys, values) -> None:
-    assert main(["sweep", str(pendulum), "--keep", "theta", "--samples", "3", "--random", f"theta_0={values}"]) == 2
-    assert "low < high" in capsys.readouterr().err
 
 
 def test_the_help_says_whom_to_trust(capsys) -> None:

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, final
@@ -27,22 +28,21 @@ CASES = {"theta_0": np.linspace(0.1, 1.0, 8), "mass": [1.0, 2.0, -1.0, 1.0, 1.0,
 
 
 @final
+@dataclass(frozen=True)
 class Counted:
     """A function of the result that writes down how often it was called, in whatever process."""
 
-    def __init__(self, log: Path) -> None:
-        self._log = log
-        self._log.touch()
+    log: Path
 
     def __call__(self, result: Result) -> float:
-        with self._log.open("a", encoding="utf-8") as file:
+        with self.log.open("a", encoding="utf-8") as file:
             file.write("called\n")
         return result["theta"][-1]
 
     def calls(self) -> int:
         """Since it was asked last."""
-        count = len(self._log.read_text(encoding="utf-8").splitlines())
-        self._log.write_text("", encoding="utf-8")
+        count = len(self.log.read_text(encoding="utf-8").splitlines()) if self.log.exists() else 0
+        self.log.write_text("", encoding="utf-8")
         return count
 
 
@@ -118,8 +118,7 @@ def test_a_whole_line_that_cannot_be_of_the_sweep_is_refused(tmp_path, content) 
 
 def test_the_first_line_is_checked_too(tmp_path) -> None:
     path = tmp_path / "journal"
-    with Journal(path, "key", 8, 1):
-        pass
+    Journal(path, "key", 8, 1).__exit__()
     path.write_bytes(path.read_bytes().replace(b"key", b"kez"))
     with pytest.raises(JournalError, match="line 1, which names the sweep, is damaged or of an earlier release"):
         Journal(path, "key", 8, 1)
@@ -142,27 +141,28 @@ def test_a_second_sweep_with_the_same_journal_is_refused(pendulum, tmp_path) -> 
     sweep(pendulum, CASES, ["theta"], journal=path, **SPAN)  # a lock does not outlive its process
 
 
-@final
-class Broken:
-    """A function of the result that fails as the machine does, as long as there is a file."""
-
-    def __init__(self, sign: Path, error: str) -> None:
-        self._sign, self._error = sign, error
-
-    def __call__(self, result: Result) -> float:
-        if self._sign.exists() and result["theta"][0] > 0.5:
-            if self._error == "killed":
-                os.kill(os.getpid(), signal.SIGKILL)
-            raise {"disk": OSError(errno.ENOSPC, "No space left"), "memory": MemoryError("none left")}[self._error]
-        return result["theta"][-1]
-
-
-@pytest.mark.parametrize(("error", "words"), [("disk", "No space left"), ("memory", "none left"), ("killed", "died")])
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.ENOSPC, "No space left"), "No space left"),
+        (MemoryError("none left"), "none left"),
+        (None, "died"),
+    ],
+)
 def test_what_the_machine_has_not_finished_is_tried_again(pendulum, tmp_path, error, words) -> None:
     journal, sign = tmp_path / "journal", tmp_path / "sign"
     sign.touch()
     cases = {"theta_0": [0.1, 0.9, 0.2], "mass": [1.0, 1.0, -1.0]}
-    keep = {"theta": Broken(sign, error)}
+
+    def broken(result: Result) -> float:
+        """It fails as the machine does, as long as there is a file."""
+        if sign.exists() and result["theta"][0] > 0.5:
+            if error:
+                raise error
+            os.kill(os.getpid(), signal.SIGKILL)
+        return result["theta"][-1]
+
+    keep = {"theta": broken}
     first = sweep(pendulum, cases, keep, journal=journal, workers=1, **SPAN)
     assert (first.failures.keys(), first.unfinished) == ({1, 2}, (1,))
     assert words in first.failures[1]
@@ -201,26 +201,25 @@ def test_a_header_that_is_half_written(pendulum, tmp_path, counted) -> None:
     assert counted.calls() == 7
 
 
-@pytest.mark.parametrize("change", ["cases", "keep", "span", "starts", "function"])
-def test_the_journal_of_another_sweep_is_refused(pendulum, tmp_path, change) -> None:
-    journal = tmp_path / "journal"
-    scale = 1.0
-    first = {"x": lambda result: scale * result["theta"][-1]}
-    sweep(pendulum, CASES, first, journal=journal, **SPAN)
-    before = journal.read_bytes()
-    cases, keep, options = CASES, first, dict(SPAN)
-    if change == "cases":
-        cases = CASES | {"theta_0": np.linspace(0.1, 1.1, 8)}
-    elif change == "keep":
-        keep = {"x": lambda result: result["theta"][0]}
-    elif change == "span":
-        options["step_size"] = 0.025
-    elif change == "starts":
-        options["starts"] = {"gravity": 9.8}
-    else:
-        scale = 2.0  # which the function has closed over
+@pytest.mark.parametrize(
+    ("change", "scale"),
+    [
+        ({"cases": CASES | {"theta_0": np.linspace(0.1, 1.1, 8)}}, 1.0),
+        ({"keep": {"x": lambda result: result["theta"][0]}}, 1.0),
+        ({"step_size": 0.025}, 1.0),
+        ({"starts": {"gravity": 9.8}}, 1.0),
+        ({}, 2.0),  # which the function has closed over
+    ],
+    ids=["cases", "keep", "span", "starts", "function"],
+)
+def test_the_journal_of_another_sweep_is_refused(pendulum, tmp_path, change, scale) -> None:
+    factor = 1.0
+    first: dict[str, Any] = {"cases": CASES, "keep": {"x": lambda result: factor * result["theta"][-1]}, **SPAN}
+    first["journal"] = journal = tmp_path / "journal"
+    sweep(pendulum, **first)
+    before, factor = journal.read_bytes(), scale
     with pytest.raises(JournalError, match="another sweep"):
-        sweep(pendulum, cases, keep, journal=journal, **options)
+        sweep(pendulum, **first | change)
     assert journal.read_bytes() == before
 
 
@@ -238,15 +237,9 @@ def test_a_file_that_is_no_journal_stays_as_it_is(pendulum, tmp_path) -> None:
 @pytest.mark.usefixtures("interruptible")
 def test_interrupted_on_the_command_line(pendulum, tmp_path) -> None:
     def command(*more: str) -> list[str]:
+        liaisons = [sys.executable, "-c", "import sys; from liaisons.cli import main; sys.exit(main())"]
         grid = ["--over", "theta_0=0.1:3:40", "--over", "length=0.5,1", "--keep", "theta", "--stop", "20", *more]
-        return [
-            sys.executable,
-            "-c",
-            "import sys; from liaisons.cli import main; sys.exit(main())",
-            "sweep",
-            str(pendulum),
-            *grid,
-        ]
+        return [*liaisons, "sweep", str(pendulum), *grid]
 
     csv, journal = tmp_path / "table.csv", tmp_path / "table.csv.journal"
     process = subprocess.Popen(command("--csv", str(csv)), stderr=subprocess.PIPE)

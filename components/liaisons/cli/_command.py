@@ -147,6 +147,15 @@ Starts = Annotated[
         parser=assignment,
     ),
 ]
+Inputs = Annotated[
+    list[str],
+    several(
+        "NAME=EXPRESSION|FILE.csv",
+        "move an input: an expression of the time t (its rates follow), or a table with a column time and one an "
+        "input, rates beside it where they are known; may be given several times",
+        "--input",
+    ),
+]
 Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]
 Stop = Annotated[Number, option("T", "end [s] (default: the FMU's)", parser=float)]
 Step = Annotated[Number, option("H", "communication step [s] (default: the FMU's)", parser=float)]

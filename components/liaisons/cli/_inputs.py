@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,33 +27,33 @@ _ROUNDING = 1e-9  # of the span of a table: so far it may miss the begin or the 
 
 
 def drives(
-    system: System, given: Iterable[str], *, prefix: str, start_time: float, stop_time: float
+    system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool
 ) -> dict[str, Function]:
-    """Functions of time for inputs of a system, by ``"component.variable"``.
-
-    The function of an active coordinate returns its rates as well.
+    """Functions of time by the names of inputs; that of an active coordinate returns its rates as well.
 
     :param given: ``NAME=EXPRESSION``, or the name of a file with a column of times and one an input.
-    :param prefix: stands before each name: ``"component."`` where a system is one FMU.
     :param start_time: begin of the simulation [s], and
     :param stop_time: its end; tables have to reach from one to the other.
+    :param single: the system is one FMU, whose inputs go by their own names.
     :raises LiaisonsError: if one of them cannot be understood or read, or there is no such input.
     """
     found: dict[str, Function] = {}
     for text in given:
         name, equals, right = text.partition("=")
         if Path(text).is_file() or not equals:
-            new = _of_table(system, Path(text), prefix, start_time, stop_time)
+            times, columns = read_table(Path(text))
+            _check_reach(text, times, start_time, stop_time)
+            new = _of_table(times, columns, {column: _driven(system, column, single=single) for column in columns})
         else:
-            new = {f"{prefix}{name.strip()}": _of_expression(system, prefix, name.strip(), right)}
-        for full in new:
-            if full in found:
-                raise SimulationError(f"--input: {full.removeprefix(prefix)} is given twice; leave one out")
+            new = {name.strip(): _of_expression(name.strip(), right, lambda name: _driven(system, name, single=single))}
+        for name in new:
+            if name in found:
+                raise SimulationError(f"--input: {name} is given twice; leave one out")
         found |= new
     return found
 
 
-def _of_expression(system: System, prefix: str, name: str, text: str) -> Function:
+def _of_expression(name: str, text: str, driven: Callable[[str], Port]) -> Function:
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
     from liaisons.cli._expressions import ExpressionError, expression  # loads CasADi
@@ -62,47 +62,51 @@ def _of_expression(system: System, prefix: str, name: str, text: str) -> Functio
         function = expression(text)
     except ExpressionError as error:
         raise ExpressionError(f"--input {name}: {error}") from None
-    return function if _driven(system, f"{prefix}{name}").triple() else _value_of(function)
+    return function if driven(name).triple() else _value_of(function)
 
 
-def _driven(system: System, full: str) -> Port:
+def _driven(system: System, name: str, *, single: bool) -> Port:
     """The input of this name.
 
     :raises SimulationError: with the nearest name, if there is none.
     """
-    owner, _, name = full.partition(".")
+    owner, _, variable = (next(iter(system.parts)), "", name) if single else name.partition(".")
     if owner not in system.parts:
         words = suggestion(owner, system.parts)
         raise SimulationError(f"--input: {system.name} has no component {owner!r}{words}; write COMPONENT.NAME")
-    component = system.parts[owner]
-    inputs = component.fmu.reals("input", longest=1000)
-    if name not in component.fmu.variables:
-        raise SimulationError(f"--input: {component.fmu.path.name} has no input {name!r}{suggestion(name, inputs)}")
-    causality = component.fmu.variables[name].causality
+    part = system.parts[owner]
+    inputs = part.fmu.reals("input", longest=1000)
+    if variable not in part.fmu.variables:
+        raise SimulationError(f"--input: {part.fmu.path.name} has no input {variable!r}{suggestion(variable, inputs)}")
+    causality = part.fmu.variables[variable].causality
     if causality != "input":
-        words = "; set it with --set" if "arameter" in causality else suggestion(name, inputs)
-        raise SimulationError(f"--input: {full} is of causality {causality!r}, so it cannot be driven{words}")
-    return component[name]
+        words = "; set it with --set" if "arameter" in causality else suggestion(variable, inputs)
+        port = f"{owner}.{variable}"
+        raise SimulationError(f"--input: {port} is of causality {causality!r}, so it cannot be driven{words}")
+    return part[variable]
 
 
-def _of_table(system: System, path: Path, prefix: str, start_time: float, stop_time: float) -> dict[str, Function]:
-    times, columns = read_table(path)
+def _check_reach(file: str, times: NDArray[np.float64], start_time: float, stop_time: float) -> None:
     allowed = _ROUNDING * (times[-1] - times[0])
     if times[0] > start_time + allowed or times[-1] < stop_time - allowed:
         raise SimulationError(
-            f"{path}: from {times[0]:g} to {times[-1]:g} s, but the simulation goes from {start_time:g} to "
+            f"{file}: from {times[0]:g} to {times[-1]:g} s, but the simulation goes from {start_time:g} to "
             f"{stop_time:g} s; give the rest, or --start and --stop"
         )
-    ends = {name: _driven(system, f"{prefix}{name}") for name in columns}
+
+
+def _of_table(
+    times: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]], ports: Mapping[str, Port]
+) -> dict[str, Function]:
+    """A curve for each column; that of an active coordinate takes the columns of its rates."""
     curves: dict[str, Function] = {}
     rates: set[str] = set()
-    for name, end in ends.items():
-        if port := end.triple():
-            beside = [f"{name.removesuffix(end.name)}{other.name}" for other in port[1:]]
+    for name, port in ports.items():
+        if triple := port.triple():
+            beside = [f"{name.removesuffix(port.name)}{rate.name}" for rate in triple[1:]]
             curves[name] = curve(times, columns[name], *map(columns.get, beside))
             rates.update(beside)
-    curves |= {name: _value_of(curve(times, columns[name])) for name in ends.keys() - curves.keys() - rates}
-    return {f"{prefix}{name}": function for name, function in curves.items()}
+    return curves | {name: _value_of(curve(times, columns[name])) for name in ports.keys() - curves.keys() - rates}
 
 
 def _value_of(function: Callable[[float], Triple]) -> Callable[[float], float]:
@@ -169,13 +173,17 @@ def curve(
 
     :param times: [s], increasing, shape (n,), n >= 2.
     """
-    v = _spline(times, values)(times, 1) if rates is None else rates
-    if accelerations is not None:
-        a = accelerations
-    else:
-        a = _spline(times, values)(times, 2) if rates is None else _spline(times, rates)(times, 1)
+    from scipy.interpolate import make_interp_spline  # slow to load
+
+    def derivative(column: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+        return make_interp_spline(times, column, k=min(5, len(times) - 1))(times, order)
+
+    if accelerations is None:
+        accelerations = derivative(values, 2) if rates is None else derivative(rates, 1)
+    if rates is None:
+        rates = derivative(values, 1)
     steps = np.diff(times)
-    pieces = _hermite(steps, values, v, a).T.tolist()
+    pieces = _hermite(steps, values, rates, accelerations).T.tolist()
     begins, sizes, last = times.tolist(), steps.tolist(), len(steps) - 1
 
     def function(t: float) -> Triple:
@@ -190,12 +198,6 @@ def curve(
         )
 
     return function
-
-
-def _spline(times: NDArray[np.float64], values: NDArray[np.float64]) -> Any:
-    from scipy.interpolate import make_interp_spline  # slow to load
-
-    return make_interp_spline(times, values, k=min(5, len(times) - 1))
 
 
 def _hermite(steps: NDArray, values: NDArray, rates: NDArray, accelerations: NDArray) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 from liaisons.check import Verdict, verdict
-from liaisons.cli._mismatch import mismatches
+from liaisons.cli._subject import mismatches
 from liaisons.cosim import simulate
 from liaisons.cosim.archive import Archive
 from liaisons.cosim.description import DESCRIPTION, read

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from liaisons.cli._command import Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command, option, several, subject
-from liaisons.library import fmu_file
+from liaisons.cli._command import Inputs, Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command, option, subject
 from liaisons.project import ProjectError
 
 _WHAT = "FMU|SSP|NAME|FILE.py"
@@ -34,9 +33,7 @@ def animate(
     step: Step = None,
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
-    given: Annotated[
-        list[str], several("NAME=EXPRESSION|FILE.csv", "move an input, as of liaisons simulate", "--input")
-    ],
+    given: Inputs,
     speed: Annotated[
         float | None, option("X", "seconds of motion a second (default: 1, or what makes it last 20 s)", parser=float)
     ] = None,
@@ -44,34 +41,18 @@ def animate(
     of: Annotated[Path | None, option("FILE", "the FMU of a result that is read from a file", "--fmu")] = None,
 ) -> int:
     """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
-    from liaisons import ssp
-    from liaisons.cli._inputs import drives
-    from liaisons.cosim import System
+    from liaisons.cli._subject import simulation
+    from liaisons.cosim.run import performed
     from liaisons.cosim.scenes import of_file
 
     path = Path(fmu)
-    if path.suffix.lower() == ".csv":
-        if of is None:
-            raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
-        result = of_file(path, of, dict(starts))
+    if path.suffix.lower() != ".csv":
+        _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given)
+        result = performed(asked)
+    elif of is None:
+        raise ProjectError(f"{path}: a result does not know what it looks like; add --fmu FILE")
     else:
-        if path.suffix.lower() == ".ssp":
-            system, prefix = ssp.read(path, System, dict(starts)), ""
-        else:
-            path = fmu_file(fmu)
-            system, prefix = System(path.stem), f"{path.stem.replace('.', '_')}."
-            system.experiment = system.add(prefix[:-1], path, **dict(starts)).fmu.experiment
-        begin = (system.experiment.start_time or 0.0) if start is None else start
-        span = ssp.chosen(system, begin, stop, step)
-        if span.stop_time is None or span.step_size is None:
-            raise ProjectError(f"{path.name} does not say when to end, or by which steps; add --stop and --step")
-        result = system.simulate(
-            span.stop_time,
-            span.step_size,
-            start_time=begin,
-            tolerance=system.experiment.tolerance if tolerance is None else tolerance,
-            inputs=drives(system, given, prefix=prefix, start_time=begin, stop_time=span.stop_time),
-        )
+        result = of_file(path, of, dict(starts))
     found = result.animate(output, speed=speed, turns=turns)
     print(f"motion: {output}{f', {found:g} times as fast as it is' if found != 1 else ''}")
     return 0

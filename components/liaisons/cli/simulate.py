@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer.core import TyperCommand
 
-from liaisons.cli._command import Start, Starts, Step, Stop, Tolerance, UnpackedLimit, command, option, several, subject
-from liaisons.library import fmu_file
-from liaisons.project import ProjectError
+from liaisons.array_names import split
+from liaisons.cli._command import (
+    Inputs,
+    Start,
+    Starts,
+    Step,
+    Stop,
+    Tolerance,
+    UnpackedLimit,
+    command,
+    option,
+    show,
+    subject,
+)
+from liaisons.errors import SimulationError
+from liaisons.files import check_writable
 
 if TYPE_CHECKING:
     from liaisons.results import Result
@@ -46,71 +61,73 @@ def simulate(
     step: Step = None,
     tolerance: Tolerance = None,
     _limit: UnpackedLimit = None,
-    given: Annotated[
-        list[str],
-        several(
-            "NAME=EXPRESSION|FILE.csv",
-            "move an input: an expression of the time t (its rates follow), or a table with a column time and one an "
-            "input, rates beside it where they are known; may be given several times",
-            "--input",
-        ),
-    ],
+    given: Inputs,
     record: Annotated[str, option("NAME,...", "show only these signals (default: outputs and inputs)")] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
     plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
-    from liaisons import ssp
-    from liaisons.cli._inputs import drives
-    from liaisons.cli._mismatch import mismatches, taken_out
-    from liaisons.cli._outputs import Outputs
-    from liaisons.cosim import System
+    from liaisons.cli._subject import simulation
+    from liaisons.cosim.run import performed
     from liaisons.results import IncompleteError, Interrupted
 
-    path = Path(fmu)
-    if path.suffix.lower() == ".ssp":
-        system, prefix = ssp.read(path, System, dict(starts)), ""
-    else:
-        # A system of one: unlike keywords of simulate(), its start values may have any name (Ramp.start_time).
-        path = fmu_file(fmu)
-        system, prefix = System(path.stem), f"{path.stem.replace('.', '_')}."
-        system.experiment = system.add(prefix[:-1], path, **dict(starts)).fmu.experiment
-    own = system.experiment
-    begin = (own.start_time or 0.0) if start is None else start
-    span = ssp.chosen(system, begin, stop, step)
-    if span.stop_time is None or span.step_size is None:
-        raise ProjectError(f"{path.name} does not say when to end, or by which steps; add --stop and --step")
-
-    figure = None if plot is None else Path(plot or f"{system.name}.png")
-    outputs = Outputs(csv, parquet, figure)
-    outputs.check()
-    inputs = drives(system, given, prefix=prefix, start_time=begin, stop_time=span.stop_time)
-    wanted = [f"{prefix}{name}" for name in record.split(",")] if record else None
-    parts = system.parts.items()
-    hidden = [n for part, c in parts for v in mismatches(c.fmu) if (n := f"{part}.{v}") not in (wanted or ())]
-    if wanted is None:
-        wanted = [f"{part}.{v}" for part, c in parts for v in c.fmu.recorded()]
+    wanted = record.split(",") if record else None
+    _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=wanted)
+    figure = None if plot is None else Path(plot or f"{asked.title}.png")
+    _check_writable(csv, parquet, figure)
 
     def write(result: Result, words: str = "") -> None:
-        """Show it with names as the user knows them: that of a single FMU is left out."""
-        units = {name.removeprefix(prefix): result.units[name] for name in result.names}
-        bare = replace(result, names=tuple(units), units=units)
-        shown, contradictions = taken_out(bare, [name.removeprefix(prefix) for name in hidden])
-        outputs.write(shown, contradictions, words)
+        shown, contradictions = _taken_out(result, wanted or ())
+        show(shown.summary())
+        for line in contradictions:
+            print(line)
+        for what, file, save in (
+            ("signals", csv, shown.to_csv),
+            ("signals", parquet, shown.to_parquet),
+            ("figure", figure, lambda path: shown.plot(path=path)),
+        ):
+            if file:
+                save(file)
+                print(f"{what}: {file}{words}")
 
     try:
-        result = system.simulate(
-            span.stop_time,
-            span.step_size,
-            start_time=begin,
-            tolerance=own.tolerance if tolerance is None else tolerance,
-            record=[*wanted, *hidden],
-            inputs=inputs,
-            progress=span.stop_time - begin > 1e4 * span.step_size,
-        )
+        result = performed(asked, progress=len(asked.times) > 1e4)
     except (IncompleteError, Interrupted) as error:
         write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
         raise
     write(result)
     return 0
+
+
+def _taken_out(result: Result, wanted: Collection[str]) -> tuple[Result, list[str]]:
+    """The result without mismatches that nobody wanted to see, and a line for each that is not 0."""
+    kept, lines = [], []
+    for row, name in enumerate(result.names):
+        base = split(name)[0]
+        if name in wanted or not base.endswith("_mismatch"):
+            kept.append(row)
+        elif (late := abs(result.values[row]).nonzero()[0]).size:
+            motion, unit = base.removesuffix("_mismatch"), result.units[name]
+            largest, first = abs(result.values[row]).max(), result.time[late[0]]
+            lines.append(
+                f"{motion}, {motion}_dot and {motion}_ddot contradict each other: {name} is up to {largest:.6g} {unit},"
+                f" for the first time at t = {first:.6g} s"
+            )
+    names = tuple(result.names[row] for row in kept)
+    units = {name: result.units[name] for name in names}
+    return replace(result, names=names, values=result.values[kept], units=units), lines
+
+
+def _check_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:
+    """Notice before the run what would keep files from being written after it."""
+    for path in filter(None, (csv, parquet, figure)):
+        check_writable(path)
+    if parquet and find_spec("pyarrow") is None:
+        raise SimulationError(f"{parquet}: Parquet needs PyArrow; pip install 'liaisons[parquet]'")
+    if figure:
+        from matplotlib.figure import Figure
+
+        kinds = Figure().canvas.get_supported_filetypes()
+        if (figure.suffix[1:].lower() or "png") not in kinds:
+            raise SimulationError(f"{figure}: no figure ends so; choose one of {', '.join(sorted(kinds))}")

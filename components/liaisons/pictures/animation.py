@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import base64
+from collections.abc import Mapping
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,13 +17,16 @@ from liaisons.files import replacing
 from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import glb
-from liaisons.pictures.recorded import recorded_page
+from liaisons.pictures.inline import page
 from liaisons.progress import progress_bar
 
 LONGEST = 20.0
 """[s] that an animation takes at most, unless its speed is given."""
 
 _MANY = 100  # frames: from here on their progress is shown
+
+_DRAWN = (".gif", ".png", ".mp4")
+_KINDS = (*_DRAWN, ".glb", ".html")
 
 _BYTES = 6  # of a number in a page: four in base64, rounded up
 
@@ -57,14 +61,17 @@ def animate(
 
     :param time: of the signals [s].
     :param speed: seconds of motion a second; real time unless that takes longer than :data:`LONGEST`.
-    :param against: signals that a ghost of the picture follows, e.g. those of the closed form, at the same times.
+    :param against: signals that a ghost of the picture follows, e.g. those of the closed form, at the same times; not
+        in glb and html.
     :param turns: how often the camera goes round a spatial mechanism; it stands still in glb, html and png.
     :returns: the speed.
-    :raises SimulationError: for another ending, a missing extra, or nothing to draw.
+    :raises SimulationError: for another ending, a ghost that is not drawn, a missing extra, or nothing to draw.
     """
     kind = path.suffix.lower()
-    if kind not in _WRITERS:
-        raise SimulationError(f"{path}: no animation ends so; choose one of {', '.join(_WRITERS)}")
+    if kind not in _KINDS:
+        raise SimulationError(f"{path}: no animation ends so; choose one of {', '.join(_KINDS)}")
+    if against is not None and kind not in _DRAWN:
+        raise SimulationError(f"{path}: a ghost is drawn in {', '.join(_DRAWN)} only; choose one, or leave out against")
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise SimulationError(f"{path}: films need imageio-ffmpeg; pip install 'liaisons[film]', or write a .gif")
     if not scene.picture.shapes:
@@ -81,9 +88,15 @@ def animate(
         ghost = _frames(scene, at, kept | followed)
     many = title if len(at) > _MANY else ""
     with replacing(path) as whole, progress_bar(many, "frame {:g} of {:g}", 0, len(at)) as show:
-        done = count(1)
-        say = {"turns": turns, "title": title, "speed": speed, "step": lambda: show(next(done))}
-        _WRITERS[kind](whole, scene.picture, shown, ghost, **say)
+        if kind == ".glb":
+            whole.write_bytes(glb(shown, title))
+        elif kind == ".html":
+            whole.write_bytes(_recorded(scene.picture, shown, title=title, speed=speed, rate=RATE))
+        else:
+            from liaisons.pictures import drawing  # matplotlib is slow to load
+
+            done, write = count(1), {".gif": drawing.write_gif, ".mp4": drawing.write_film, ".png": drawing.write_strip}
+            write[kind](drawing.Stage(shown, ghost), whole, turns=turns, progress=lambda: show(next(done)))
     return speed
 
 
@@ -101,7 +114,21 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
     rate = min(RATE, fit * speed / float(time[-1] - time[0]))
     at = _instants(time, speed / rate)
     shown = _frames(scene, at, {name: _between(time, values, at) for name, values in signals.items()})
-    return recorded_page(picture, shown, title=title, speed=speed, rate=rate)
+    return _recorded(picture, shown, title=title, speed=speed, rate=rate)
+
+
+def _recorded(picture: Picture, shown: Frames, *, title: str, speed: float, rate: float) -> bytes:
+    plan = {
+        "picture": picture.document,
+        "signals": picture.variables,
+        "values": base64.b64encode(shown.values.astype("<f4").tobytes()).decode(),
+        "frames": len(shown.time),
+        "rate": rate,
+        "speed": speed,
+        "start": float(shown.time[0]),
+        "plane": picture.plane,
+    }
+    return page("recorded.html", ("picture.js", "recorded.js"), title, "", plan)
 
 
 def _pace(time: NDArray[np.float64]) -> float:
@@ -124,45 +151,3 @@ def _between(time: NDArray[np.float64], values: NDArray[np.float64], at: NDArray
     from scipy.interpolate import Akima1DInterpolator
 
     return Akima1DInterpolator(time, values, method="makima")(np.minimum(at, time[-1]))
-
-
-def _gif(path: Path, _: Picture, shown: Frames, ghost: Frames | None, *, turns: float, step: Any, **__: Any) -> None:
-    from liaisons.pictures.drawing import Stage, write_gif  # matplotlib is slow to load
-
-    write_gif(Stage(shown, ghost), path, turns=turns, progress=step)
-
-
-def _png(path: Path, _: Picture, shown: Frames, ghost: Frames | None, **__: Any) -> None:
-    from liaisons.pictures.drawing import Stage, write_strip
-
-    write_strip(Stage(shown, ghost), path)
-
-
-def _mp4(path: Path, _: Picture, shown: Frames, ghost: Frames | None, *, turns: float, step: Any, **__: Any) -> None:
-    import imageio_ffmpeg
-
-    from liaisons.pictures.drawing import Stage, pixels
-
-    film = None
-    for image in pixels(Stage(shown, ghost), turns=turns, width=720):
-        if film is None:
-            size = image.shape[1], image.shape[0]
-            film = imageio_ffmpeg.write_frames(str(path), size, fps=RATE, output_params=["-f", "mp4"])
-            film.send(None)
-        film.send(np.ascontiguousarray(image))
-        step()
-    if film is not None:
-        film.close()
-
-
-def _glb(path: Path, _: Picture, shown: Frames, __: Frames | None, *, title: str, **___: Any) -> None:
-    path.write_bytes(glb(shown, title))
-
-
-def _html(
-    path: Path, picture: Picture, shown: Frames, _: Frames | None, *, title: str, speed: float, **__: Any
-) -> None:
-    path.write_bytes(recorded_page(picture, shown, title=title, speed=speed, rate=RATE))
-
-
-_WRITERS: dict[str, Callable[..., None]] = {".gif": _gif, ".png": _png, ".mp4": _mp4, ".glb": _glb, ".html": _html}

@@ -184,8 +184,24 @@ def write_gif(stage: Stage, path: Path, *, turns: float, progress: Callable[[], 
     )
 
 
-def write_strip(stage: Stage, path: Path, *, count: int = 6) -> None:
-    """Write some instants side by side, evenly spaced, as a PNG."""
+def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[], None]) -> None:
+    """Write an MP4."""
+    import imageio_ffmpeg
+
+    film = None
+    for image in pixels(stage, turns=turns, width=720):
+        if film is None:
+            size = image.shape[1], image.shape[0]
+            film = imageio_ffmpeg.write_frames(str(path), size, fps=RATE, output_params=["-f", "mp4"])
+            film.send(None)
+        film.send(np.ascontiguousarray(image))
+        progress()
+    if film is not None:
+        film.close()
+
+
+def write_strip(stage: Stage, path: Path, *, count: int = 6, **_: object) -> None:
+    """Write some instants side by side, evenly spaced, as a PNG; the camera stands still."""
     time = stage.frames.time
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
     for axes, k in zip(

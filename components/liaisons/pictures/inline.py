@@ -13,9 +13,9 @@ from typing import Any
 
 
 def page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
-    """Fill a template.
+    """Make a page.
 
-    :param template: name of its file.
+    :param template: name of the file of its body.
     :param modules: names of the ES modules, each after those that it imports.
     :param title: text, as is ``description``; neither becomes markup.
     :param plan: data for the script.
@@ -35,7 +35,8 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
         "script": script,
         "plan": json.dumps(plan, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
     }
-    text = (folder / template).read_text(encoding="utf-8")
+    body = (folder / template).read_text(encoding="utf-8").rstrip()
+    text = (folder / "frame.html").read_text(encoding="utf-8").replace("{body}", body)
     return re.sub(r"\{(\w+)\}", lambda found: given[found[1]], text).encode()
 
 

@@ -356,11 +356,12 @@ class Result:
         :param path: ends in ``.gif``, ``.png`` (a strip of instants), ``.mp4`` (needs the extra ``film``), ``.glb``
             (glTF, for Blender, slides and model viewers) or ``.html`` (one file, to be dragged and zoomed).
         :param speed: seconds of motion a second; real time unless that takes longer than 20 s.
-        :param against: signals that a ghost of the mechanism follows, e.g. ``Pendulum.exact(result.time)``.
+        :param against: signals that a ghost of the mechanism follows, e.g. ``Pendulum.exact(result.time)``; drawn in
+            gif, png and mp4 only.
         :param turns: how often the camera goes round a spatial mechanism.
         :returns: the speed.
-        :raises SimulationError: for another ending, a missing extra, a result without a picture, or numbers that are
-            not finite.
+        :raises SimulationError: for another ending, a ghost where none is drawn, a missing extra, a result without a
+            picture, or numbers that are not finite.
         """
         path = as_path("path", path)
         if self.scene is None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.arguments import named, shown, whole
-from liaisons.sweeps.errors import SweepError
+from liaisons.errors import SweepError
 
 
 @runtime_checkable

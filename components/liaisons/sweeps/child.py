@@ -14,10 +14,10 @@ from contextlib import suppress
 from threading import Event, Timer
 from typing import final
 
+from liaisons.errors import SweepError
 from liaisons.processes import die_with_parent
-from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
-from liaisons.sweeps.session import session_of
+from liaisons.sweeps.session import session
 
 _SERVE = "import sys; from liaisons.sweeps.child import serve; serve(int(sys.argv[1]))"
 
@@ -30,9 +30,8 @@ class Child:
     """
 
     def __init__(self, task: bytes) -> None:
-        self._task = task
+        self._task: bytes | None = task  # None when it is closed
         self._process: subprocess.Popen[bytes] | None = None
-        self._closed = False
 
     def outcome(self, case: int, time_limit: float | None) -> Outcome:
         """Simulate one case; what goes wrong comes back in words.
@@ -42,8 +41,7 @@ class Child:
         """
         code = None
         for _ in range(LIVES):
-            late = Event()
-            process = self._running()
+            process, late = self._running(), Event()
             found = _asked(process, case, time_limit, late)
             if found is not None and not late.is_set():
                 return found
@@ -54,11 +52,11 @@ class Child:
 
     def close(self) -> None:
         """End the process, whatever it does, for good."""
-        self._closed = True
+        self._task = None
         self._end()
 
     def _running(self) -> subprocess.Popen[bytes]:
-        if self._closed:
+        if self._task is None:
             raise SweepError("the sweep has been ended")
         if self._process is None:
             self._process = process = subprocess.Popen(
@@ -92,11 +90,11 @@ def serve(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is for the one who waits
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what an FMU prints is no answer
-    with session_of(pickle.load(sys.stdin.buffer)) as session, suppress(EOFError):
+    with session(pickle.load(sys.stdin.buffer)) as outcome, suppress(EOFError):
         answers.write(b"!")
         answers.flush()
         while True:
-            pickle.dump(session.outcome(pickle.load(sys.stdin.buffer)), answers)
+            pickle.dump(outcome(pickle.load(sys.stdin.buffer)), answers)
             answers.flush()
 
 

@@ -14,9 +14,9 @@ from uuid import uuid4
 
 from liaisons.arguments import shown
 from liaisons.cosim.instances import extracted
+from liaisons.errors import SweepError
 from liaisons.folders import passing_folder
 from liaisons.sweeps.child import Child
-from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import Failure, Outcome, failure
 from liaisons.sweeps.study import Study
 from liaisons.sweeps.workers import Deliver

@@ -13,12 +13,12 @@ import sys
 import time
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from io import BufferedRandom
 from pathlib import Path
 from typing import Any, final
 
-from liaisons.sweeps.errors import JournalError, SweepError
+from liaisons.errors import JournalError, SweepError
 from liaisons.sweeps.outcome import Failure, Outcome
 
 _logger = logging.getLogger("liaisons.sweeps")
@@ -45,19 +45,15 @@ class Journal:
         self._path = path
         self._seed = zlib.crc32(key.encode())  # a line of another sweep is not taken for one of this
         self._cases, self._columns = cases, columns
-        try:
-            self._file: BufferedRandom = path.open("a+b")
-        except OSError as error:
-            raise self._unusable(error) from None
-        try:
-            self._lock()
-            found = self._read(key)
-        except OSError as error:
-            self._file.close()
-            raise self._unusable(error) from None
-        except SweepError:
-            self._file.close()
-            raise
+        with ExitStack() as stack:
+            try:
+                self._file: BufferedRandom = stack.enter_context(path.open("a+b"))
+                self._lock()
+                found = self._read(key)
+            except OSError as error:
+                words = f"cannot be used as a journal: {error.strerror or error}; choose another path"
+                raise SweepError(f"{path}: {words}") from None
+            stack.pop_all()
         self.done = {
             case: outcome
             for case, outcome in found.items()
@@ -87,9 +83,6 @@ class Journal:
     def _write(self, lines: bytes) -> None:
         self._file.write(lines)
         self._file.flush()
-
-    def _unusable(self, error: OSError) -> SweepError:
-        return SweepError(f"{self._path}: cannot be used as a journal: {error.strerror or error}; choose another path")
 
     def _lock(self) -> None:
         end = time.monotonic() + _PATIENCE

@@ -12,8 +12,7 @@ import numpy as np
 
 from liaisons.arguments import listed, shown
 from liaisons.cosim import Result
-from liaisons.errors import suggestion
-from liaisons.sweeps.errors import SweepError
+from liaisons.errors import SweepError, suggestion
 
 Measure: TypeAlias = str | Callable[[Result], float]
 """A signal's value at the end, ``"theta"``, ``"theta:max"``, ``"theta:min"``; or a function of the whole result."""

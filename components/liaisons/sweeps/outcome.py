@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
@@ -25,24 +24,17 @@ class Failure:
 Outcome: TypeAlias = tuple[float, ...] | Failure
 """What was kept of a case, or why it failed."""
 
-
 LIVES = 2
 """So many processes may die over one case before it is given up, until the next start."""
 
 
 def died(code: int | None) -> Failure:
-    """Of a case over which as many processes have died as may.
-
-    :param code: how the last one ended.
-    """
+    """Of a case over which as many processes have died as may, the last one with this exit code."""
     return Failure(f"the process that simulated it died, {LIVES} times (exit code {code})", refused=False)
 
 
 def too_long(time_limit: float) -> Failure:
-    """Of a case whose process was ended for that.
-
-    :param time_limit: [s].
-    """
+    """Of a case whose process was ended for that."""
     return Failure(f"took longer than the time limit of {time_limit:g} s", refused=False)
 
 
@@ -52,10 +44,7 @@ def failure(error: Exception) -> Failure:
     Fatal is not: an FMU that is beyond repair may have run out of memory.
     """
     words = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
-    return Failure(" ".join(words.split()), any(isinstance(cause, RefusedError) for cause in _causes(error)))
-
-
-def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    while error is not None:
-        yield error
-        error = error.__cause__
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, RefusedError):
+        cause = cause.__cause__
+    return Failure(" ".join(words.split()), refused=cause is not None)

@@ -45,11 +45,6 @@ class Study:
             for name, part in self.simulation.parts.items()
         }
 
-    def unit(self, place: Place) -> str:
-        """Unit of a variable; empty if it has none."""
-        owner, variable = place
-        return self.simulation.parts[owner].fmu.variables[variable].unit
-
     def fmus(self) -> list[Fmu]:
         """Of all parts."""
         return [part.fmu for part in self.simulation.parts.values()]
@@ -89,8 +84,7 @@ class Study:
 
     def _converted(self, owner: str, variable: str, value: float) -> object:
         """A number as the type of its variable; what does not fit is left to the one who checks start values."""
-        known = self.simulation.parts[owner].fmu.variables.get(variable)
-        kind = "Real" if known is None else known.type
+        kind = self.simulation.parts[owner].fmu.variables[variable].type
         if kind in {"Integer", "Enumeration"} and value.is_integer():
             return int(value)
         return bool(value) if kind == "Boolean" and value in {0.0, 1.0} else value

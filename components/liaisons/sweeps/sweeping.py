@@ -18,12 +18,11 @@ from liaisons.cosim import System
 from liaisons.cosim.parts import Part
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.cosim.simulation import checked, owned
-from liaisons.errors import SimulationError
+from liaisons.errors import SimulationError, SweepError
 from liaisons.progress import progress_bar
 from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
-from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.journal import Journal
 from liaisons.sweeps.kept import Measure, measures, split
 from liaisons.sweeps.outcome import Failure, Outcome
@@ -191,7 +190,8 @@ def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
     finished = {case: outcome for case, outcome in outcomes.items() if not isinstance(outcome, Failure)}
     kept = np.full((len(study.keep), study.cases.count), np.nan)
     kept[:, list(finished)] = np.reshape(list(finished.values()), (-1, len(study.keep))).T
-    units = {name: study.unit(place) for name, place in study.varied.items()}
+    parts = study.simulation.parts
+    units = {name: parts[owner].fmu.variables[variable].unit for name, (owner, variable) in study.varied.items()}
     for name, measure in study.keep.items():
         units[name] = study.simulation.units[split(measure)[0]] if isinstance(measure, str) else ""
     failures = {case: outcome for case, outcome in outcomes.items() if isinstance(outcome, Failure)}

@@ -21,11 +21,11 @@ from typing import final
 
 from liaisons.cosim import loop
 from liaisons.cosim.instances import extracted
+from liaisons.errors import SweepError
 from liaisons.folders import passing_folder
 from liaisons.processes import die_with_parent
-from liaisons.sweeps.errors import SweepError
 from liaisons.sweeps.outcome import LIVES, Outcome, died, too_long
-from liaisons.sweeps.session import Task, session_of
+from liaisons.sweeps.session import Task, session
 from liaisons.sweeps.study import Study
 
 Deliver = Callable[[Mapping[int, Outcome]], None]
@@ -85,40 +85,30 @@ class _Worker:
         self.cases: list[int] = []
 
     def give(self, cases: list[int]) -> None:
+        """What to do next; none: it may release its FMUs while others work."""
         self.cases = cases
-        with suppress(OSError):  # it has just died; its sentinel will tell
+        with suppress(OSError):  # it has just died; its end of the pipe will tell
             self.pipe.send(cases)
 
     def since(self) -> float:
         """How long it has been at its case [s]."""
         return max(0.0, time.monotonic() - self.at[0])
 
-    def dismiss(self) -> None:
-        """There is nothing more to do for it: it may release its FMUs while others work."""
-        with suppress(OSError):
-            self.pipe.send(None)
-
-    def end(self, patience: float = _PATIENCE) -> None:
-        """Wait for the end of the process, but not for ever."""
+    def end(self, patience: float) -> None:
+        """Wait for the end of the process, but not for ever [s]."""
         self.process.join(patience)
         self.process.kill()
         self.process.join()
 
     def close(self) -> None:
-        self.end(_PATIENCE if not self.cases else 0.0)
+        self.end(0.0 if self.cases else _PATIENCE)
         self.pipe.close()
 
 
 @final
 class _Pool:
     def __init__(
-        self,
-        task: Task,
-        waiting: deque[int],
-        count: int,
-        deliver: Deliver,
-        *,
-        time_limit: float | None,
+        self, task: Task, waiting: deque[int], count: int, deliver: Deliver, *, time_limit: float | None
     ) -> None:
         self._task = task
         self._waiting = waiting
@@ -135,12 +125,9 @@ class _Pool:
             self._workers.append(self._started())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
-            ready = wait([*(w.pipe for w in busy), *(w.process.sentinel for w in busy)], self._rest(busy))
+            ready = wait([worker.pipe for worker in busy], self._rest(busy))
             for worker in busy:
-                alive = True
-                if worker.pipe in ready:
-                    alive = self._receive(worker)
-                if not alive or (worker.process.sentinel in ready and not worker.pipe.poll()):
+                if worker.pipe in ready and not self._receive(worker):
                     self._bury(worker)
                 elif not worker.cases:
                     worker.give(self._next())
@@ -156,7 +143,8 @@ class _Pool:
 
     def close(self) -> None:
         for worker in self._workers:
-            worker.dismiss()
+            if not worker.cases:
+                worker.give([])
         for worker in self._workers:
             worker.close()
 
@@ -202,7 +190,7 @@ class _Pool:
 
     def _bury(self, worker: _Worker) -> None:
         """Of a process that has died, whose only case may be to blame."""
-        worker.end()
+        worker.end(_PATIENCE)
         if len(worker.cases) == 1:
             (case,) = worker.cases
             self._deaths[case] = self._deaths.get(case, 0) + 1
@@ -223,16 +211,16 @@ def _work(pipe: Connection, at: MutableSequence[float], task: Task, parent: int)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not what the parent does then, which a fork has inherited
     gc.freeze()  # what was there before the fork stays; looking through it would copy its memory
-    with session_of(task) as session:
+    with session(task) as outcome:
         while True:
             outcomes: dict[int, Outcome] = {}
             reported = time.monotonic()
-            cases: list[int] | None = pipe.recv()
-            if cases is None:
+            cases: list[int] = pipe.recv()
+            if not cases:
                 return
             for case in cases:
                 at[1], at[0] = case, time.monotonic()
-                outcomes[case] = session.outcome(case)
+                outcomes[case] = outcome(case)
                 at[0] = math.inf
                 if time.monotonic() - reported > _FLUSH:
                     pipe.send(outcomes)

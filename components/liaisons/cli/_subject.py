@@ -1,0 +1,65 @@
+"""What commands simulate: the FMU or the system that a word stands for, as it was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from liaisons import ssp
+from liaisons.array_names import split
+from liaisons.cli._inputs import drives
+from liaisons.cosim import System
+from liaisons.cosim.description import Fmu
+from liaisons.cosim.simulation import Simulation, checked
+from liaisons.library import fmu_file
+from liaisons.project import ProjectError
+
+MISMATCH = "_mismatch"
+
+
+def simulation(
+    word: str, starts: Iterable[Any], *span: float | None, given: Iterable[str], record: list[str] | None = None
+) -> tuple[System, Simulation]:
+    """What a word and the options of every simulation stand for; the files of an archive go with its system.
+
+    :param span: --start, --stop, --step and --tolerance, None where they are not given.
+    :param given: --input.
+    :param record: signals besides :func:`mismatches`; outputs and inputs if None.
+    """
+    path = Path(word)
+    if single := path.suffix.lower() != ".ssp":
+        path = fmu_file(word)
+        system = System(path.stem)
+        system.experiment = system.add(path.stem.replace(".", "_"), path, **dict(starts)).fmu.experiment
+    else:
+        system = ssp.read(path, System, dict(starts))
+    parts, own = system.filled(), system.experiment
+    start, stop, step, tolerance = span
+    begin = (own.start_time or 0.0) if start is None else start
+    found = ssp.chosen(system, begin, stop, step)
+    if found.stop_time is None or found.step_size is None:
+        raise ProjectError(f"{path.name} does not say when to end, or by which steps; add --stop and --step")
+    watched = [name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatches(part.fmu)]
+    asked = checked(
+        system.name,
+        parts,
+        system.connections,
+        single=single,
+        start_time=begin,
+        stop_time=found.stop_time,
+        step_size=found.step_size,
+        tolerance=own.tolerance if tolerance is None else tolerance,
+        record=record,
+        also=watched,
+        inputs=drives(system, given, begin, found.stop_time, single=single),
+    )
+    return system, asked
+
+
+def mismatches(fmu: Fmu) -> list[str]:
+    """Local variables that say how far σ, σ̇ and σ̈ of the inputs contradict each other; none in other tools' FMUs."""
+    inputs = {split(name)[0] for name in fmu.reals("input")}
+    found = [(name, split(name)[0]) for name in fmu.reals("local")]
+    triples = {base: {base.removesuffix(MISMATCH) + rate for rate in ("", "_dot", "_ddot")} for _, base in found}
+    return [name for name, base in found if base.endswith(MISMATCH) and triples[base] <= inputs]
