@@ -12,6 +12,7 @@ from sphinx.application import Sphinx
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
+import gallery  # noqa: E402
 import links  # noqa: E402
 import mathml  # noqa: E402
 import reference  # noqa: E402
@@ -54,6 +55,7 @@ templates_path: list[str] = []
 
 def setup(app: Sphinx) -> None:
     """Connect what this site adds to Sphinx."""
+    gallery.setup(app)
     mathml.setup(app)
     reference.setup(app)
     links.setup(app)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from liaisons import Result, simulate
+from liaisons import Result, operator, simulate
 from liaisons.errors import SimulationError
-from liaisons.models import Pendulum
+from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture
 from liaisons.pictures.camera import facing
 from liaisons.pictures.frames import frames
@@ -34,6 +34,14 @@ def content(path: Path) -> tuple[dict, bytes]:
     assert (magic, version, length) == (b"glTF", 2, len(data))
     size = struct.unpack("<I", data[12:16])[0]
     return json.loads(data[20 : 20 + size]), data[28 + size :]
+
+
+def test_what_an_operator_moves_has_its_own_picture(fmu: Callable[..., Path], tmp_path: Path) -> None:
+    length = operator(fmu(Sinusoid), offset=1.0, amplitude=0.1, angular_frequency=6.0)
+    result = simulate(fmu(Pendulum), stop_time=0.2, length=length)
+    assert result.scene is not None
+    assert result.scene.picture == simulate(fmu(Pendulum), stop_time=0.1).scene.picture  # pyright: ignore[reportOptionalMemberAccess]
+    result.animate(tmp_path / "motion.glb")
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

@@ -29,7 +29,7 @@ LENGTHS: dict[str, list[str | float]] = {
     "DoublePendulum": ["length_1", "length_2"],
     "Pendulum": ["length"],
     "PendulumChain": ["length"] * 10,
-    "Swing": ["rope", "torso_length"],
+    "Swing": ["rope", "torso_length", 0.4, 0.4],
 }
 ROUNDING = 1e-12
 
@@ -67,6 +67,15 @@ def test_rods_keep_their_length_and_boxes_their_shape(name: str, moved: Callable
         turn = box.axes @ np.swapaxes(box.axes, 1, 2)
         assert turn == pytest.approx(np.broadcast_to(np.eye(3), turn.shape), abs=1e-9)
         assert np.linalg.det(box.axes) == pytest.approx(1, abs=1e-9)
+
+
+def test_what_is_seen_has_room_for_the_corners_of_boxes(moved: Callable[[str], Result]) -> None:
+    seen = shown(moved("Satellite"))
+    panel = seen.shapes[1]
+    assert panel.axes is not None
+    assert panel.size is not None
+    far = panel.points[:, 0] + np.einsum("ni,nij->nj", panel.size / 2, panel.axes)
+    assert np.min(np.linalg.norm(seen.points - far[:, None], axis=2), axis=1) == pytest.approx(0, abs=ROUNDING)
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

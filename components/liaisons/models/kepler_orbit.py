@@ -36,7 +36,7 @@ class KeplerOrbit(Mechanism):
 
     def picture(self) -> Shapes:
         planet = {"x": self.x, "y": self.y}
-        return [Trail(planet), Ball({}), Ball(planet)]
+        return [Trail(planet), Ball({}, radius=0.12), Ball(planet, radius=0.05)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})

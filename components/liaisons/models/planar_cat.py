@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Gravity, Mechanism, Parameter, output
-from liaisons.language.shapes import Ball, Rod, Shapes
+from liaisons.language.shapes import Ball, Rod, Shapes, turned
 from liaisons.models.solutions import attitudes
 
 
@@ -73,16 +73,16 @@ class PlanarCat(Mechanism):
             yield _Body(mass, inertia, (x, z), (self.dot(x) - turn * z, self.dot(z) + turn * x), spin)
 
     def picture(self) -> Shapes:
-        h, (x, z), cosine, sine = self.hinge, next(self._bodies).position, ca.cos(self.phi), ca.sin(self.phi)
+        h, (x, z) = self.hinge, next(self._bodies).position
 
-        def place(along: ca.SX, across: Any = 0.0) -> dict[str, ca.SX]:  # in the trunk's axes, from its centre
-            a, b = x + along, z + across
-            return {"x": self.com_x + cosine * a - sine * b, "z": self.com_z + sine * a + cosine * b}
+        def place(hinge: Any, along: Any = 0.0, up: Any = 0.0, psi: Any = 0.0) -> dict[str, ca.SX]:
+            r = turned("y", -self.phi) @ (ca.vertcat(x + hinge, 0, z) + turned("y", -psi) @ ca.vertcat(along, 0, up))
+            return {"x": self.com_x + r[0], "z": self.com_z + r[2]}
 
-        limbs = ((2 * self.arm_1, self.psi_1), (-2 * self.arm_2, self.psi_2))
-        head, tail = (place(at + c * ca.cos(psi), c * ca.sin(psi)) for at, (c, psi) in zip((h, -h), limbs, strict=True))
-        trunk = [Rod(place(-h), place(h), 0.3 * h), Rod(place(h), head, 0.25 * h), Rod(place(-h), tail, 0.2 * h)]
-        return [*trunk, *(Rod(place(at * h), place(at * h, -h), 0.1 * h) for at in (-0.8, 0.8)), Ball(head, 0.4 * h)]
+        head, tail = place(h, c := 2 * self.arm_1, 0.0, self.psi_1), place(-h, -2 * self.arm_2, 0.0, self.psi_2)
+        trunk = [Rod(place(-h), place(h), 0.3 * h), Rod(place(h), head, 0.25 * h), Rod(place(-h), tail, 0.1 * h)]
+        rest = [Ball(head, 0.4 * h), *(Rod(place(a * h), place(a * h, 0, -h), 0.1 * h) for a in (-0.8, 0.8))]
+        return [*trunk, *rest, *(Rod(head, place(h, c + a * h, 0.6 * h, self.psi_1), 0.1 * h) for a in (-0.3, 0.3))]
 
     def kinetic_energy(self) -> ca.SX:
         fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
-from liaisons.language.shapes import Box, Rod, Shape, Shapes, circle
+from liaisons.language.shapes import Box, Rod, Shapes, circle
 from liaisons.models.solutions import attitudes
 
 _TENSOR = ("J_xx", "J_xy", "J_xz", "J_xy", "J_yy", "J_yz", "J_xz", "J_yz", "J_zz")
@@ -56,13 +56,16 @@ class Satellite(Mechanism):
 
     def picture(self) -> Shapes:
         R, spins = self.attitude.matrix, (self.wheel_1, self.wheel_2, self.wheel_3)
-        shapes: list[Shape] = [Box({}, R, (1.0, 1.0, 1.0))]
+
+        def place(of: ca.SX) -> dict[str, ca.SX]:
+            return dict(zip("xyz", ca.vertsplit(of), strict=True))
+
+        panels = [Box(place(side * R[:, 1]), R, (0.5, 1.1, 0.03)) for side in (-1, 1)]
+        shapes = [Box({}, R, (0.5, 0.5, 0.5)), *panels]
         for i, spin in enumerate(spins):
-            axis, a, b = R[:, i], R[:, (i + 1) % 3], R[:, (i + 2) % 3]
-            centre = dict(zip("xyz", ca.vertsplit(0.7 * axis), strict=True))
-            spoke = 0.7 * axis + 0.4 * (ca.cos(spin) * a + ca.sin(spin) * b)
-            rim = dict(zip("xyz", ca.vertsplit(spoke), strict=True))
-            shapes += [Rod({}, centre), circle(centre, 0.4, (a, b), 24), Rod(centre, rim)]
+            axis, a, b = 0.3 * R[:, i], R[:, (i + 1) % 3], R[:, (i + 2) % 3]
+            spoke = 0.4 * (ca.cos(spin) * a + ca.sin(spin) * b)
+            shapes += [circle(place(axis), 0.4, (a, b), 24), Rod(place(axis - spoke), place(axis + spoke))]
         return shapes
 
     def kinetic_energy(self) -> ca.SX:

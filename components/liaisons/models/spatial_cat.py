@@ -70,10 +70,13 @@ class SpatialCat(Mechanism):
             return {"x": self.com_x + x, "y": self.com_y + y, "z": self.com_z + z}
 
         joint, end_A, end_B = place(ca.SX.zeros(3)), place(-2 * _A), place(2 * axis)
+        ears = [Rod(end_B, place(2 * axis + B @ ca.SX([-0.7, side, 0])), radius=0.08 * d) for side in (-0.4, 0.4)]
+        tail = Rod(end_A, place(-3 * _A + ca.SX([-0.8, 0, 0])), radius=0.08 * d)
         feet = [(-at * _A, ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
         feet += [(at * axis, B @ ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
         legs = [Rod(place(hip), place(hip + leg), radius=0.08 * d) for hip, leg in feet]
-        return [Rod(joint, end, radius=0.4 * d) for end in (end_A, end_B)] + [Ball(end_B, radius=0.5 * d), *legs]
+        halves = [Rod(joint, end, radius=0.4 * d) for end in (end_A, end_B)]
+        return [*halves, Ball(end_B, radius=0.5 * d), *legs, *ears, tail]
 
     def kinetic_energy(self) -> ca.SX:
         omega, (axis, spin) = self.attitude.rate, self._half_B()

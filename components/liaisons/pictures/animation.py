@@ -112,8 +112,7 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
     speed = _pace(time)
     fit = most // (_BYTES * max(len(picture.variables), 1))
     rate = min(RATE, fit * speed / float(time[-1] - time[0]))
-    at = _instants(time, speed / rate)
-    shown = _frames(scene, at, {name: _between(time, values, at) for name, values in signals.items()})
+    shown = motion_frames(scene, time, signals, speed / rate)
     return _recorded(picture, shown, title=title, speed=speed, rate=rate)
 
 
@@ -129,6 +128,15 @@ def _recorded(picture: Picture, shown: Frames, *, title: str, speed: float, rate
         "plane": picture.plane,
     }
     return page("recorded.html", ("picture.js", "recorded.js"), title, "", plan)
+
+
+def motion_frames(scene: Scene, time: NDArray[np.float64], signals: Values, step: float) -> Frames:
+    """The shapes of the picture at every step [s].
+
+    :raises SimulationError: if the FMU cannot be asked, or a coordinate is not finite.
+    """
+    at = _instants(time, step)
+    return _frames(scene, at, {name: _between(time, values, at) for name, values in signals.items()})
 
 
 def _pace(time: NDArray[np.float64]) -> float:

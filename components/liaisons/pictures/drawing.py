@@ -19,7 +19,7 @@ from liaisons.pictures.camera import Camera, facing
 from liaisons.pictures.frames import RATE, Frames, Moving
 
 _TRAIL = 3 * RATE  # frames that a trail lasts
-_COILS = 9
+_COILS = 3, 9
 _COLOURS = {
     "rod": "#4b5b6b",
     "wire": "#8593a0",
@@ -100,9 +100,16 @@ class Stage:
             elif shape.kind == "wire":
                 yield from _lines(seen[-1], WIRE * self.extent, colour, closed=shape.closed)
             elif shape.kind == "spring":
-                yield from _lines(_zigzag(seen[-1, 0], seen[-1, 1], SPRING * self.extent), WIRE * self.extent, colour)
+                coils = self._coils(shape)
+                zigzag = _zigzag(seen[-1, 0], seen[-1, 1], SPRING * self.extent, coils)
+                yield from _lines(zigzag, WIRE * self.extent, colour)
             else:
                 yield from _fading(seen[:, 0], WIRE / 2 * self.extent, colour)
+
+    def _coils(self, spring: Moving) -> int:
+        """A short spring of a chain has fewer."""
+        length = float(np.linalg.norm(spring.points[0, 1] - spring.points[0, 0]))
+        return min(max(round(30 * length / self.extent), _COILS[0]), _COILS[1])
 
 
 def _line(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...]) -> _Face:
@@ -139,12 +146,12 @@ def _box(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float)
             yield _Face(face[2], corners, (*(light * c for c in to_rgb(_COLOURS["box"])), opacity))
 
 
-def _zigzag(a: NDArray, b: NDArray, width: float) -> NDArray:
+def _zigzag(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:
     along = b - a
     length = float(np.hypot(along[0], along[1])) or 1.0
     across = min(width, length / 6) * np.array([-along[1], along[0], 0]) / length
-    part = np.concatenate([[0], np.linspace(0.12, 0.88, 2 * _COILS + 1), [1]])
-    off = np.concatenate([[0, 0], np.resize([1, -1], 2 * _COILS - 1), [0, 0]])
+    part = np.concatenate([[0], np.linspace(0.12, 0.88, 2 * coils + 1), [1]])
+    off = np.concatenate([[0, 0], np.resize([1, -1], 2 * coils - 1), [0, 0]])
     return a + part[:, None] * along + off[:, None] * across
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, final
 
 import numpy as np
@@ -14,6 +15,8 @@ from liaisons.pictures.declared import Picture
 
 RATE = 30
 """Frames a second."""
+
+_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 Signal = Callable[[str], NDArray]
 """Values of a variable at the frames, (n,)."""
@@ -37,6 +40,13 @@ class Moving:
     size: NDArray | None = None
     closed: bool = False
 
+    @property
+    def corners(self) -> NDArray:
+        """Of a box, (n, 8, 3); of others none."""
+        if self.axes is None or self.size is None:
+            return self.points[:, :0]
+        return self.points + _CORNERS @ (self.axes * self.size[:, :, None] / 2)
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -50,8 +60,8 @@ class Frames:
 
     @property
     def points(self) -> NDArray:
-        """All points of all shapes, (n, k, 3)."""
-        return np.concatenate([shape.points for shape in self.shapes], axis=1)
+        """All points of all shapes, the corners of boxes among them, (n, k, 3)."""
+        return np.concatenate([points for shape in self.shapes for points in (shape.points, shape.corners)], axis=1)
 
 
 def frames(picture: Picture, time: NDArray, signal: Signal) -> Frames:

@@ -22,9 +22,13 @@ export function shapesOf(picture, place, prefix = "") {
   });
 }
 
-/** All points of the shapes now. */
+/** All points of the shapes now, the corners of boxes among them. */
 function pointsOf(shapes, values) {
-  return shapes.flatMap((s) => [s.from, s.to, s.at, ...(s.points ?? [])].filter(Boolean).map((p) => p(values)));
+  return shapes.flatMap((s) => {
+    const found = [s.from, s.to, s.at, ...(s.points ?? [])].filter(Boolean).map((p) => p(values));
+    const edges = (s.axes ?? []).map((axis, i) => [axis(values), s.size[i](values) / 2]);
+    return edges.reduce((all, [axis, half]) => all.flatMap((p) => [along(p, axis, half), along(p, axis, -half)]), found);
+  });
 }
 
 /** Colours of the style sheet, light or dark. */
@@ -139,7 +143,8 @@ export class View {
       },
       spring: () => {
         const a = at("from"), b = at("to");
-        items.push({ depth: (a[2] + b[2]) / 2, paint: (c) => spring(c, a, b, 0.03 * unit, colours.spring) });
+        shape.coils ??= Math.min(Math.max(Math.round((30 * Math.hypot(...minus(shape.to(values), shape.from(values)))) / this.extent), 3), 9);
+        items.push({ depth: (a[2] + b[2]) / 2, paint: (c) => spring(c, a, b, 0.03 * unit, shape.coils, colours.spring) });
       },
       trail: () => {
         const now = shape.at(values);
@@ -251,8 +256,8 @@ function polygon(c, corners, fill, edge) {
   c.stroke();
 }
 
-function spring(c, a, b, width, colour) {
-  const turns = 9, length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
+function spring(c, a, b, width, turns, colour) {
+  const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
   const across = [(a[1] - b[1]) / length, (b[0] - a[0]) / length];
   Object.assign(c, { strokeStyle: colour, lineWidth: 2, lineJoin: "round", lineCap: "round" });
   c.beginPath();

@@ -1,0 +1,198 @@
+"""The gallery: of each scenario its claim, figure, motion, verdicts and source, all from one run of them.
+
+sphinx-gallery would run the scripts one after the other and keep what matplotlib shows.  A scenario is a function that
+is given ``claim``, has verdicts and one figure, and may simulate for ten seconds; ``liaisons.scenarios`` hands all of
+it back, so that a scraper and a reset of one's own would be as long as this file, and would use one core.
+
+``sphinx-build -D scenarios=kepler,helix docs docs/_build/html`` runs only these.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import re
+from collections.abc import Collection
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from html import escape
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+from PIL import Image
+from sphinx.application import Sphinx
+from sphinx.errors import ExtensionError
+from sphinx.util.display import status_iterator
+
+from liaisons import Result, show
+from liaisons.cosim import system
+from liaisons.errors import LiaisonsError
+from liaisons.language import Operator
+from liaisons.library import catalogue
+from liaisons.pictures import motion_page
+from liaisons.project import scenario_files
+from liaisons.scenarios import execute, load
+
+THUMBNAIL = 420, 300
+"""Largest width and height [px]."""
+
+MOTION = 300_000
+"""Bytes of the frames of a motion: a picture of many parts is shown in fewer."""
+
+
+class Entry(NamedTuple):
+    """What the gallery says of a scenario; ``error`` says why it has no page."""
+
+    name: str
+    claim: str
+    error: str
+
+
+def setup(app: Sphinx) -> None:
+    """Write the pages before they are read."""
+    app.add_config_value("scenarios", "", "env", str)
+    app.connect("builder-inited", write_gallery)
+
+
+def write_gallery(app: Sphinx) -> None:
+    """Write ``gallery/index.md``, a page for every scenario, and live pages of the mechanisms in them.
+
+    :raises ExtensionError: if a scenario fails, or one is asked for that there is not.
+    """
+    pages, shown = Path(app.srcdir) / "gallery", Path(app.outdir) / "gallery"
+    names = app.config.scenarios.split(",") if app.config.scenarios else list(scenario_files())
+    for folder in (pages, shown / "live"):
+        folder.mkdir(parents=True, exist_ok=True)
+    for page in pages.glob("*.md"):
+        page.unlink()
+    try:
+        live = sorted({mechanism for name in names for mechanism in mechanisms(load(name).path)})
+    except LiaisonsError as error:
+        raise ExtensionError(str(error)) from None
+    with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
+        runs = [pool.submit(write_page, name, names, pages, shown) for name in names]
+        tasks = [*runs, *(pool.submit(write_live, name, shown / "live") for name in live)]
+        for task in status_iterator(as_completed(tasks), "gallery... ", length=len(tasks), stringify_func=_done):
+            task.result()
+    entries = [run.result() for run in runs]
+    if failed := [f"{entry.name}: {entry.error}" for entry in entries if entry.error]:
+        raise ExtensionError("\n".join(failed))
+    (pages / "index.md").write_text(_index(entries, live), encoding="utf-8")
+
+
+def mechanisms(path: Path) -> list[str]:
+    """Names of the mechanisms of the catalogue that a scenario simulates."""
+    words = set(re.findall(r"\w+", path.read_text(encoding="utf-8")))
+    return [name for name, item in catalogue().items() if name in words and not issubclass(item, Operator)]
+
+
+def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> Entry:
+    """Run a scenario; write its page and figure, and, where they are shown, its thumbnail and its motion.
+
+    :param names: of all that have a page.
+    """
+    scenario, results = load(name), []
+
+    def watched(*arguments: Any, **options: Any) -> Result:
+        result = performed(*arguments, **options)
+        results[1:] = [] if results else [result]  # the first one is shown
+        return result
+
+    performed = system.performed
+    with patch.object(system, "performed", watched):
+        outcome = execute(scenario, pages)
+    if not outcome.passed:
+        failed = [str(verdict) for verdict in outcome.verdicts if not verdict.passed]
+        return Entry(name, scenario.claim, outcome.error or "; ".join(failed))
+    with Image.open(outcome.figure) as figure:
+        figure.thumbnail(THUMBNAIL)
+        figure.save(shown / f"{name}.png")
+    motion = _motion(results[0]) if results else b""
+    if motion:
+        (shown / f"{name}.motion.html").write_bytes(motion)
+    rows = [{"claim": v.claim, **v.row(), "because": v.reason} for v in outcome.verdicts]
+    source = os.path.relpath(scenario.path, pages)
+    text = [
+        f"# {_title(name)}",
+        _text(scenario.main.__globals__["__doc__"], names),
+        f"![{_title(name)}]({name}.png)",
+        *([_frame(f"{name}.motion.html", "The first of its simulations, to be dragged and zoomed.")] if motion else []),
+        *([_links("Live, to be tried out", mechanisms(scenario.path))] if mechanisms(scenario.path) else []),
+        _table(rows),
+        f"All of it took {outcome.seconds:.1f} s, from built FMUs.  `liaisons run {name}` does the same:",
+        f"```{{literalinclude}} {source}\n:language: python\n```",
+    ]
+    (pages / f"{name}.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
+    return Entry(name, scenario.claim, "")
+
+
+def write_live(name: str, folder: Path) -> Entry:
+    """Write the live page of a mechanism."""
+    show(name, folder / f"{name}.html")
+    return Entry(name, "", "")
+
+
+def _done(task: Any) -> str:
+    return task.result().name
+
+
+def _motion(result: Result) -> bytes:
+    """What was simulated, moving; nothing if it has no picture or was not recorded finely enough."""
+    assert result.scene is not None  # as of everything simulated
+    signals = dict(zip(result.names, result.values, strict=True))
+    try:
+        return motion_page(result.scene, result.time, signals, title=result.title, most=MOTION)
+    except LiaisonsError:  # some coordinate was not recorded
+        return b""
+
+
+# ---- text --------------------------------------------------------------------------------------------------------
+
+
+def _index(entries: list[Entry], live: list[str]) -> str:
+    cards = "\n".join(
+        f'<a href="{entry.name}.html"><img src="{entry.name}.png" alt="" loading="lazy">'
+        f"<b>{_title(entry.name)}</b> {escape(entry.claim)}</a>"
+        for entry in entries
+    )
+    pages = "\n".join(entry.name for entry in entries)
+    return "\n\n".join((
+        "# Gallery",
+        "Each claim ends in a verdict: the error of simulated FMUs beside its tolerance.",
+        f'<div class="gallery">\n{cards}\n</div>',
+        _links("Every mechanism, live", live),
+        f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n",
+    ))  # fmt: skip
+
+
+def _title(name: str) -> str:
+    return name.replace("_", " ").capitalize()
+
+
+def _links(what: str, names: list[str]) -> str:
+    links = ", ".join(f'<a href="live/{name}.html">{name}</a>' for name in names)
+    return f"{what}: {links}."
+
+
+def _frame(page: str, caption: str) -> str:
+    return f'<iframe class="motion" src="{page}" title="{caption}" loading="lazy"></iframe>\n<p>{caption}</p>'
+
+
+def _text(docstring: str, names: Collection[str]) -> str:
+    """As Markdown; displayed lines are indented in both, and a scenario that is named is linked."""
+    parts = re.split(r"(``?[^`]+``?)", docstring.strip())
+    return "".join(_code(part.strip("`"), names) if i % 2 else _escaped(part) for i, part in enumerate(parts))
+
+
+def _code(name: str, names: Collection[str]) -> str:
+    return f"[{_title(name).lower()}]({name}.md)" if name in names else f"`{name}`"
+
+
+def _escaped(text: str) -> str:
+    blocks = text.split("\n\n")
+    return "\n\n".join(b if b.startswith("    ") else re.sub(r"([*_<>\[\]$#|~^\\])", r"\\\1", b) for b in blocks)
+
+
+def _table(rows: list[dict[str, str]]) -> str:
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *([_escaped(cell) for cell in row.values()] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
