@@ -31,7 +31,7 @@ MOMENT = np.array([0.3, -0.2, 1.1])  # mass times centre of mass
 AXIS = np.array([2.0, 1.0, 2.0]) / 3  # of the wheel
 J_WHEEL = 0.2
 RAIL, TRACK = np.array([0.4, 0.1, 0.0]), np.array([0.0, 0.6, 0.8])  # the slider is at RAIL + slider · TRACK
-SLIDER_MASS, STIFFNESS = 0.5, 3.0
+SLIDER_MASS, STIFFNESS, OIL = 0.5, 3.0, 0.3
 PIN = np.array([0.2, -0.5, 0.3])  # body point where a load acts
 
 
@@ -39,7 +39,7 @@ NUMBERS = "made of bare numbers, in SI units"
 
 
 class HeavyTop(Mechanism):
-    """Rigid body about a fixed point in gravity, with a wheel that an operator turns and a mass on a spring."""
+    """Rigid body about a fixed point in gravity, in oil, with a wheel that an operator turns and a mass on a spring."""
 
     attitude = Orientation("attitude of the body")
     slider = Coordinate("m", "position of the slider on its track", start=0.2)
@@ -66,6 +66,10 @@ class HeavyTop(Mechanism):
     def potential_energy(self) -> ca.SX:
         weight = -9.81 * (self.attitude.matrix @ ca.DM(MOMENT))[2]
         return -weight + SLIDER_MASS * 9.81 * self.mass["z"] + STIFFNESS / 2 * self.slider**2
+
+    @unchecked(NUMBERS)
+    def dissipation_function(self) -> ca.SX:
+        return OIL / 2 * ca.sumsqr(self.attitude.rate)
 
 
 TOP = derive(HeavyTop)
@@ -101,7 +105,7 @@ def newton_and_euler(n: State) -> tuple[NDArray, float, float, NDArray]:
     place = RAIL + n["slider"] * TRACK
     on_slider = SLIDER_MASS * down - R.T @ vector(n, "mass_x_load", "mass_y_load", "mass_z_load")
     on_pin = -R.T @ vector(n, "pin_x_load", "pin_y_load", "pin_z_load")
-    torque = np.cross(MOMENT, down) + np.cross(place, on_slider) + np.cross(PIN, on_pin)
+    torque = np.cross(MOMENT, down) + np.cross(place, on_slider) + np.cross(PIN, on_pin) - OIL * omega
 
     def missing(omega_dot: NDArray, slide: float) -> NDArray:
         """What the balances lack when the accelerations are these; linear in them."""
@@ -129,7 +133,7 @@ def test_top_moves_by_newton_and_euler(seed: int) -> None:
     # Linear systems of condition 10 in numbers of order 100.
     np.testing.assert_allclose(found, [slide, *omega_dot], rtol=1e-11, atol=1e-11)
     assert TOP.evaluate("operator_forces", **n)[0] == pytest.approx(wheel_torque, rel=1e-11, abs=1e-11)
-    # H' is the torque in the inertial frame: gravity and loads, and nothing of the motion.
+    # H' is the torque in the inertial frame: gravity, loads and friction.
     np.testing.assert_allclose(TOP.evaluate("momentum_rates", **n)[1:], torque, rtol=1e-12, atol=1e-12)
 
 
@@ -144,13 +148,13 @@ def test_momentum_is_the_angular_momentum_of_the_parts_and_gives_the_rates_back(
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_energy_changes_by_the_power_of_wheel_drives_and_loads(seed: int) -> None:
+def test_energy_changes_by_the_power_of_wheel_drives_loads_and_friction(seed: int) -> None:
     n = random_state(TOP, seed)
     rate = TOP.in_motion(TOP.mechanism.dot(TOP.energy))
     function = ca.Function("rate", list(TOP.symbols.values()), [rate])
     found = float(function(*(n[name] for name in TOP.symbols)))
-    power = TOP.evaluate("power", **n)[0]
-    assert found == pytest.approx(power, rel=1e-11, abs=1e-11)  # sums of a dozen terms of size 100
+    balance = TOP.evaluate("power", **n)[0] - TOP.evaluate("dissipation", **n)[0]
+    assert found == pytest.approx(balance, rel=1e-11, abs=1e-11)  # sums of a dozen terms of size 100
 
 
 @pytest.mark.parametrize("seed", range(5))

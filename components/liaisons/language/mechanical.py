@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import casadi as ca
@@ -27,7 +27,7 @@ from liaisons.language.declarations import (
 )
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
-from liaisons.language.variables import ActiveInput, Dimension, Variable
+from liaisons.language.variables import ActiveInput, Dimension, State, Variable
 
 
 class _Actives(Every[ActiveCoordinate]):
@@ -90,54 +90,126 @@ class MechanicalComponent(Component, abstract=True):
 
     def layout(self) -> Layout:
         place_of = {item.name: item for item in self.points}
-        places = {name: place_of[name.rpartition("_")[0]] for name in self.point_components()}
-        turns, internal = self.orientations, [state.name for state in self.internal_states]
-        passive = (*self.constraints, *self.non_holonomic)
+        units_at = {name: place_of[name.rpartition("_")[0]].unit for name in self.point_components()}
+        positions = [
+            *(q.name for q in self.coordinates),
+            *(name for turn in self.orientations for name in turn.quaternion),
+        ]
+        momenta = [
+            *(f"p_{q.name}" for q in self.coordinates),
+            *(name for turn in self.orientations for name in turn.momenta),
+        ]
+        moving = (*positions, *momenta, *(state.name for state in self.internal_states))
         return Layout(
-            parameters=(
-                *self._declared_parameters(),
-                *self._sized(v for q in self.coordinates for v in layout.start_of(q)),
-                *(v for turn in turns for v in layout.start_of_turn(turn)),
-                *map(layout.start_of_internal, self.internal_states),
-            ),
-            inputs=(
-                *(v for s in self.actives for v in layout.triple(s)),
-                *self._sized(v for q in self.coordinates for v in layout.forces_on(q)),
-                *self._sized(layout.load_at(name, place) for name, place in places.items()),
-            ),
-            outputs=(
-                *self._sized(v for q in self.coordinates for v in layout.of_coordinate(q)),
-                *(v for turn in turns for v in layout.of_turn(turn)),
-                *(v for state in self.internal_states for v in layout.of_internal(state)),
-                *map(layout.residual, (*passive, *self.submersions)),
-                *(layout.multiplier(item, units.force(item.unit)) for item in self.constraints),
-                *(layout.multiplier(item, units.multiplier(item.unit)) for item in self.non_holonomic),
-                *(v for s in self.actives for v in layout.of_active(s)),
-                *self._sized(v for name, place in places.items() for v in layout.of_point(name, place)),
-                *layout.of_energies(),
-                *(layout.readable(item.name, item.unit, item.description) for item in self.outputs),
-                *map(layout.of_calculated, self.calculated_parameters),
-            ),
-            states=layout.moving(
-                [
-                    *(q.name for q in self.coordinates),
-                    *(name for turn in turns for name in turn.quaternion),
-                    *(f"p_{q.name}" for q in self.coordinates),
-                    *(name for turn in turns for name in turn.momenta),
-                    *internal,
-                ]
+            parameters=(*self._declared_parameters(), *self._initial()),
+            inputs=tuple(self._given(units_at)),
+            outputs=(*self._motion(), *self._read()),
+            states=(
+                *(State(name, f"{name}_dot") for name in moving),
+                State("work", "power"),
+                State("dissipated", "dissipation"),
             ),
             ports=(
                 *(layout.port(q.name, q.unit, "free") for q in self.coordinates),
                 *(layout.port(s.name, s.unit, "active") for s in self.actives),
-                *(layout.port(name, place.unit, "point") for name, place in places.items()),
+                *(layout.port(name, unit, "point") for name, unit in units_at.items()),
             ),
             active=tuple(ActiveInput(s.name, f"{s.name}_dot", f"{s.name}_ddot") for s in self.actives),
             dimensions=() if self.dimension is None else (self.dimension,),
         )
 
-    def _sized(self, variables: Iterable[Variable]) -> Iterable[Variable]:
-        return (replace(variable, dimension=self.dimension) for variable in variables)
+    def _initial(self) -> Iterator[Variable]:
+        """Configuration, and rates or momenta, at the start."""
+        size = self.dimension
+        for q in self.coordinates:
+            position = q.variable("parameter", "fixed", f"{q.name}_0")
+            text = f"{q.description}, at the start"
+            yield replace(position, description=text, start=q.leading or q.start, dimension=size)
+            yield layout.start(f"{q.name}_dot", units.rate(q.unit), q.start_rate, size)
+        for turn in self.orientations:
+            unit = "rad/s" if turn.start == "rate" else "kg.m2/s"
+            yield from (layout.start(name, "1", float(name == turn.quaternion[0])) for name in turn.quaternion)
+            yield from (layout.start(name, unit, 0.0) for name in turn.start_names)
+        yield from map(layout.start_of_internal, self.internal_states)
+
+    def _given(self, units_at: Mapping[str, str]) -> Iterator[Variable]:
+        """σ, σ̇ and σ̈ of active coordinates; drives and loads of free ones; loads at points, by their units."""
+        size, together = self.dimension, "to be set with it, in model exchange too"
+        for s in self.actives:
+            speed = units.rate(s.unit)
+            yield s.variable("input", "continuous")
+            yield layout.zero(f"{s.name}_dot", speed, f"rate of {s.name}, {together}")
+            yield layout.zero(f"{s.name}_ddot", units.rate(speed), f"acceleration of {s.name}, {together}")
+        for q in self.coordinates:
+            unit, along = units.force(q.unit), f"along +{q.name}"
+            yield layout.zero(f"{q.name}_force", unit, f"generalised force on this mechanism {along} (K eq. 14)", size)
+            load = f"generalised force that this mechanism exerts {along} on what is attached to it"
+            yield layout.zero(f"{q.name}_load", unit, load, size)
+        for name, of in units_at.items():
+            text = f"force that this mechanism exerts along +{name} on what is attached there"
+            yield layout.zero(f"{name}_load", units.force(of), text, size)
+
+    def _motion(self) -> Iterator[Variable]:
+        """Coordinates, orientations, internal states, their momenta and rates."""
+        readable, size = layout.readable, self.dimension
+        for q in self.coordinates:
+            speed, momentum = units.rate(q.unit), f"p_{q.name}"
+            yield readable(q.name, q.unit, q.description, symbol=q.symbol, dimension=size)
+            yield readable(f"{q.name}_dot", speed, f"rate of {q.name}", derivative_of=q.name, dimension=size)
+            yield readable(f"{q.name}_ddot", units.rate(speed), f"acceleration of {q.name}", dimension=size)
+            yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}", dimension=size)
+            text = f"rate of {momentum}: all generalised forces along {q.name}"
+            yield layout.rate(momentum, units.force(q.unit), text, size)
+        for turn in self.orientations:
+            for name in turn.quaternion:
+                yield readable(name, "1", f"{turn.description}: quaternion, scalar first")
+                yield layout.rate(name, "1/s", f"rate of {name}")
+            for name in turn.rates:
+                yield readable(name, "rad/s", f"{turn.description}: angular velocity in the body frame")
+                yield readable(f"{name}_dot", "rad/s2", f"rate of {name}")
+            for name in turn.momenta:
+                yield readable(name, "kg.m2/s", f"{turn.description}: angular momentum in the inertial frame")
+                yield layout.rate(name, "N.m", f"rate of {name}: torque")
+        for state in self.internal_states:
+            yield from layout.of_internal(state)
+
+    def _read(self) -> Iterator[Variable]:
+        """Constraints, operators, points, energies, and what is declared beside them."""
+        readable, size = layout.readable, self.dimension
+        for item in (*self.constraints, *self.non_holonomic, *self.submersions):
+            yield readable(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}")
+        for item in (*self.constraints, *self.non_holonomic):
+            unit = units.force(item.unit) if isinstance(item, constraint) else units.multiplier(item.unit)
+            yield readable(f"lambda_{item.name}", unit, f"multiplier of: {item.description} (K eq. 7)")
+        for s in self.actives:
+            text = f"generalised force of the operator on this mechanism along +{s.name} (M eq. 27)"
+            yield readable(f"{s.name}_force", units.force(s.unit), text)
+            yield readable(f"{s.name}_power", "W", f"power of the operator through {s.name} (M eq. 28)")
+            text = (
+                f"what {s.name} went in the last communication step beyond what {s.name}_dot and {s.name}_ddot say, "
+                "where they contradict each other; else 0, as in model exchange and in hold mode"
+            )
+            yield Variable(f"{s.name}_mismatch", s.unit, text, "local", "discrete")
+        for item in self.points:
+            for axis in components_of(self, item.name):
+                name, speed = f"{item.name}_{axis}", units.rate(item.unit)
+                yield readable(name, item.unit, f"{axis} of {item.description}", dimension=size)
+                yield readable(f"{name}_dot", speed, f"rate of {name}", dimension=size)
+                yield readable(f"{name}_ddot", units.rate(speed), f"acceleration of {name}", dimension=size)
+        yield readable("kinetic_energy", "J", "kinetic energy T (K eq. 12)")
+        yield readable("potential_energy", "J", "potential energy V")
+        yield readable("energy", "J", "energy T + V (K eq. 61)")
+        yield readable("work", "J", "work done on this mechanism through all its ports since the start")
+        text = "energy lost by friction, or taken out by non-holonomic constraints, since the start"
+        yield readable("dissipated", "J", text)
+        text = "energy - energy at start - work + dissipated: 0 up to the integration error"
+        yield readable("energy_balance", "J", text)
+        yield readable("power", "W", "power through all ports", "local", derivative_of="work")
+        text = "power lost by friction, the rates times the gradient of the dissipation function (K eq. 67)"
+        yield readable("dissipation", "W", text, "local", derivative_of="dissipated")
+        yield from (readable(item.name, item.unit, item.description) for item in self.outputs)
+        for item in self.calculated_parameters:
+            yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
         if not self.coordinates and not self.orientations:
