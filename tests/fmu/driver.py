@@ -65,9 +65,9 @@ def _type(parameter: str, version: str) -> Any:
 def _signatures(version: str) -> dict[str, list[Any]]:
     header = (Path(fmpy.__file__).parent / "c-code" / f"fmi{version}FunctionTypes.h").read_text(encoding="utf-8")
     status = rf"typedef\s+fmi{version}Status\s+fmi{version}(\w+)TYPE\s*\(([^)]*)\)"
-    names = {old: name for name, (old, _) in _OTHERWISE.items()} if version == "2" else {}
+    names: dict[str, str] = {old: name for name, (old, _) in _OTHERWISE.items()} if version == "2" else {}
     return {
-        names.get(name, name): [_type(parameter, version) for parameter in parameters.split(",")[1:]]
+        names.get(name) or name: [_type(parameter, version) for parameter in parameters.split(",")[1:]]
         for name, parameters in re.findall(status, header)
     }
 
