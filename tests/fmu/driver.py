@@ -7,6 +7,7 @@ names and without the sizes of what cannot be an array there.  Arrays are one va
 from __future__ import annotations
 
 import ctypes as c
+import re
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,70 +23,13 @@ OK, WARNING, DISCARD, ERROR = range(4)
 MODEL_EXCHANGE, CO_SIMULATION, SCHEDULED_EXECUTION = "ModelExchange", "CoSimulation", "ScheduledExecution"
 
 N = c.c_size_t
-REFERENCES, REALS, SIZES, BOOL = c.POINTER(c.c_uint), c.POINTER(c.c_double), c.POINTER(N), c.POINTER(c.c_bool)
+REALS, BOOL = c.POINTER(c.c_double), c.POINTER(c.c_bool)
 TYPES = {
     "Float32": c.c_float,
     "Float64": c.c_double,
     **{f"{sign}Int{bits}": getattr(c, f"c_{sign.lower()}int{bits}") for sign in ("", "U") for bits in (8, 16, 32, 64)},
     "Boolean": c.c_bool,
     "String": c.c_char_p,
-}
-_DERIVATIVE = [REFERENCES, N, REFERENCES, N, REALS, N, REALS, N]
-_COMMON: dict[str, list[Any]] = {  # of both versions
-    "SetDebugLogging": [c.c_bool, N, c.POINTER(c.c_char_p)],
-    **{f"{way}{mode}Mode": [] for way, mode in (("Exit", "Initialization"), ("Enter", "Event"))},
-    "EnterContinuousTimeMode": [],
-    "Terminate": [],
-    "Reset": [],
-    **{f"{way}{name}": [REFERENCES, N, c.POINTER(TYPES[name]), N] for way in ("Get", "Set") for name in TYPES},
-    "GetFMUState": [c.POINTER(c.c_void_p)],
-    "SetFMUState": [c.c_void_p],
-    "FreeFMUState": [c.POINTER(c.c_void_p)],
-    "SerializedFMUStateSize": [c.c_void_p, SIZES],
-    "SerializeFMUState": [c.c_void_p, c.c_char_p, N],
-    "DeserializeFMUState": [c.c_char_p, N, c.POINTER(c.c_void_p)],
-    "GetDirectionalDerivative": _DERIVATIVE,
-    "CompletedIntegratorStep": [c.c_bool, BOOL, BOOL],
-    "SetTime": [c.c_double],
-    **{f"{n}ContinuousStates": [REALS, N] for n in ("Set", "Get", "GetNominalsOf")},
-    "GetContinuousStateDerivatives": [REALS, N],
-    "GetEventIndicators": [REALS, N],
-    "GetOutputDerivatives": [REFERENCES, N, c.POINTER(c.c_int32), REALS, N],
-    "DoStep": [c.c_double, c.c_double, c.c_bool, BOOL, BOOL, BOOL, REALS],
-}
-_THREE: dict[str, list[Any]] = {
-    "EnterInitializationMode": [c.c_bool, c.c_double, c.c_double, c.c_bool, c.c_double],
-    **{f"{way}ConfigurationMode": [] for way in ("Enter", "Exit")},
-    "EnterStepMode": [],
-    "UpdateDiscreteStates": [*[BOOL] * 5, REALS],
-    "EvaluateDiscreteStates": [],
-    **{f"{way}Binary": [REFERENCES, N, SIZES, c.c_void_p, N] for way in ("Get", "Set")},
-    **{f"{way}Clock": [REFERENCES, N, BOOL] for way in ("Get", "Set")},
-    **{
-        f"{way}{what}": [REFERENCES, N, *[c.c_void_p] * (pointers + (way + what).startswith("GetInterval"))]
-        for way in ("Get", "Set")
-        for what, pointers in (
-            ("IntervalDecimal", 1),
-            ("ShiftDecimal", 1),
-            ("IntervalFraction", 2),
-            ("ShiftFraction", 2),
-        )
-    },
-    "GetNumberOfVariableDependencies": [c.c_uint, SIZES],
-    "GetVariableDependencies": [c.c_uint, SIZES, REFERENCES, SIZES, c.c_void_p, N],
-    "GetAdjointDerivative": _DERIVATIVE,
-    "GetNumberOfEventIndicators": [SIZES],
-    "GetNumberOfContinuousStates": [SIZES],
-    "ActivateModelPartition": [c.c_uint, c.c_double],
-}
-_TWO: dict[str, list[Any]] = {
-    "EnterInitializationMode": [],
-    "SetupExperiment": [c.c_int, c.c_double, c.c_double, c.c_int, c.c_double],
-    "NewDiscreteStates": [c.c_void_p],
-    "SetRealInputDerivatives": [REFERENCES, N, c.POINTER(c.c_int), REALS],
-    "CancelStep": [],
-    "GetStatus": [c.c_int, c.POINTER(c.c_int)],
-    **{f"Get{name}Status": [c.c_int, c.c_void_p] for name in ("Real", "Integer", "Boolean", "String")},
 }
 _OTHERWISE: dict[str, tuple[str, tuple[int, ...]]] = {
     **{
@@ -98,21 +42,37 @@ _OTHERWISE: dict[str, tuple[str, tuple[int, ...]]] = {
     "GetContinuousStateDerivatives": ("GetDerivatives", ()),
     "DoStep": ("DoStep", (3, 4, 5, 6)),
     "DeserializeFMUState": ("DeSerializeFMUstate", ()),
-    **{name: (name.replace("State", "state"), ()) for name in _COMMON if "FMUState" in name and name[0] != "D"},
+    "SerializedFMUStateSize": ("SerializedFMUstateSize", ()),
+    **{f"{way}FMUState": (f"{way}FMUstate", ()) for way in ("Get", "Set", "Free", "Serialize")},
 }
 """Names in FMI 2.0, and the arguments that are missing there."""
 
 
-def _in_two(name: str, types: list[Any]) -> list[Any]:
-    int_for = {c.c_bool: c.c_int, BOOL: c.POINTER(c.c_int), c.POINTER(c.c_bool): c.POINTER(c.c_int)}
-    missing = _OTHERWISE.get(name, ("", ()))[1]
-    return [int_for.get(t, t) for i, t in enumerate(types) if i not in missing]
+def _type(parameter: str, version: str) -> Any:
+    """That of a parameter in a header of the standard."""
+    (name,) = re.findall(r"size_t|(?<=fmi\d)[A-Z]\w*(?=[\s*\[])", f"{parameter} ")[:1]
+    of_version = (
+        {"Integer": c.c_int, "Boolean": c.c_int, "FMUstate": c.c_void_p} if version == "2" else {"Clock": c.c_bool}
+    )
+    known = {"size_t": N, "ValueReference": c.c_uint, "FMUState": c.c_void_p, "Real": c.c_double, **TYPES, **of_version}
+    if name == "Byte":
+        return c.c_char_p
+    if "*" not in parameter and "[" not in parameter:
+        return known.get(name, c.c_int)
+    return c.POINTER(known[name]) if name in known else c.c_void_p
 
 
-SIGNATURES: dict[str, dict[str, list[Any]]] = {
-    "2": {n: _in_two(n, types) for n, types in _COMMON.items() if n in _OTHERWISE or n[3:] not in TYPES} | _TWO,
-    "3": _COMMON | _THREE,
-}
+def _signatures(version: str) -> dict[str, list[Any]]:
+    header = (Path(fmpy.__file__).parent / "c-code" / f"fmi{version}FunctionTypes.h").read_text(encoding="utf-8")
+    status = rf"typedef\s+fmi{version}Status\s+fmi{version}(\w+)TYPE\s*\(([^)]*)\)"
+    names: dict[str, str] = {old: name for name, (old, _) in _OTHERWISE.items()} if version == "2" else {}
+    return {
+        names.get(name) or name: [_type(parameter, version) for parameter in parameters.split(",")[1:]]
+        for name, parameters in re.findall(status, header)
+    }
+
+
+SIGNATURES = {version: _signatures(version) for version in ("2", "3")}
 """By version: arguments behind the instance of every function that has one and returns a status."""
 
 Observer = Callable[["Instance", float], float | None]
@@ -186,13 +146,32 @@ class Library:
         self, kind: str = CO_SIMULATION, /, *, tolerance: float | None = None, options: Any = None, **values: ArrayLike
     ) -> Instance:
         """An instance that has left initialization mode; values by name, settings among them."""
+        instance = self.initializing(kind, tolerance=tolerance, options=options, **values)
+        assert instance.call("ExitInitializationMode") == OK, instance.messages
+        return instance
+
+    def initializing(
+        self, kind: str = CO_SIMULATION, /, *, tolerance: float | None = None, options: Any = None, **values: ArrayLike
+    ) -> Instance:
+        """The same in initialization mode."""
         instance = self.instantiate(kind, **(options or {}))
         assert instance.initialize(tolerance) == OK
         for name in ("input_reconstruction", "symplectic_steps"):
             if name in values:
                 assert instance.set_integer(name, int(np.asarray(values.pop(name)))) == OK
         assert instance.set(values) == OK
-        assert instance.call("ExitInitializationMode") == OK, instance.messages
+        return instance
+
+    def running(self, kind: str = MODEL_EXCHANGE, /, **options: Any) -> Instance:
+        """The same out of event mode, in continuous-time or step mode."""
+        instance = self.start(kind, **options)
+        instance.go_on()
+        return instance
+
+    def restored(self, content: bytes, kind: str = CO_SIMULATION, **options: Any) -> Instance:
+        """A new instance with a saved state."""
+        instance = self.instantiate(kind, **options)
+        assert instance.deserialize(content) == OK
         return instance
 
 
@@ -361,6 +340,20 @@ class Instance:
         if self._two and status in (OK, DISCARD) and not self.library.python:
             assert self.call("GetRealStatus", 2, c.byref(reached)) == OK
         return Step(status, flags[0], flags[2], reached.value)
+
+    def follow(
+        self,
+        size: float,
+        count: int,
+        inputs: Callable[[float], Mapping[str, ArrayLike]] | None = None,
+        *,
+        first: int = 0,
+        ahead: bool = False,
+    ) -> None:
+        """Equal steps; before each, the inputs of its beginning are set, ahead those of its end."""
+        for i in range(first, first + count):
+            assert inputs is None or self.set(inputs((i + ahead) * size)) == OK
+            assert self.step(i * size, size) == OK, self.messages
 
     def update(self) -> Event:
         """fmi3UpdateDiscreteStates, fmi2NewDiscreteStates."""

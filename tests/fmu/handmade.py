@@ -279,3 +279,8 @@ def driven(times: ArrayLike, length: Callable[[float], tuple[float, float, float
 def breathing(t: float) -> tuple[float, float, float]:
     """The length 1 + 0.1 sin 2t with its two derivatives."""
     return 1 + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t), -0.4 * np.sin(2 * t)
+
+
+def breathing_inputs(t: float) -> dict[str, float]:
+    """These by the names of the pendulum's inputs."""
+    return dict(zip(("length", "length_dot", "length_ddot"), breathing(t), strict=True))

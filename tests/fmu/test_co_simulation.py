@@ -7,7 +7,7 @@ import ctypes as c
 import numpy as np
 import pytest
 from driver import CO_SIMULATION, OK, Instance, Library, reals
-from handmade import GRAVITY, breathing, driven
+from handmade import GRAVITY, breathing, breathing_inputs, driven
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -18,16 +18,8 @@ HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 
 def follow(library: Library, mode: int, size: float, *, duration: float = 10.0) -> float:
     """Error of (theta, p_theta) at the end with the breathing length, reconstructed in steps of a size."""
-    names = ("length", "length_dot", "length_ddot")
-
-    def at(t: float) -> dict[str, float]:
-        return dict(zip(names, breathing(t), strict=True))
-
-    instance = library.start(CO_SIMULATION, tolerance=1e-12, input_reconstruction=mode, **at(0.0))
-    steps = round(duration / size)
-    for i in range(steps):
-        assert instance.set(at((i + (mode == INTERPOLATE)) * size)) == OK
-        assert instance.step(i * size, size) == OK
+    instance = library.start(tolerance=1e-12, input_reconstruction=mode, **breathing_inputs(0.0))
+    instance.follow(size, round(duration / size), breathing_inputs, ahead=mode == INTERPOLATE)
     return float(np.abs(instance.get("theta", "p_theta") - driven([duration], breathing)[:, 0]).max())
 
 
@@ -103,8 +95,7 @@ def test_forces_and_friction(every_pendulum) -> None:
     rate, momentum = instance.get("p_theta_dot", "p_theta")
     assert instance.set(friction=0.3) == OK
     assert instance["p_theta_dot"] == pytest.approx(rate - 0.3 * momentum, rel=1e-15)
-    for i in range(1, 10):
-        assert instance.step(float(i), 1.0) == OK
+    instance.follow(1.0, 9, first=1)
 
     def rates(_: float, y: NDArray, friction: float) -> list[float]:
         theta, p, _, _ = y
@@ -121,8 +112,7 @@ def test_forces_and_friction(every_pendulum) -> None:
 @pytest.mark.parametrize("target", ["fmi2", "python"])
 def test_component_without_state(library, target) -> None:
     instance = library(Sinusoid, target).start(offset=2.0)
-    for i in range(10):
-        assert instance.step(i * 0.1, 0.1) == OK
+    instance.follow(0.1, 10)
     assert instance.get("y", "y_dot", "y_ddot") == pytest.approx([2 + np.sin(1), np.cos(1), -np.sin(1)], abs=1e-15)
 
 
@@ -131,21 +121,6 @@ def test_outputs_follow_the_inputs_at_once(pendulum_library) -> None:
     before = instance["energy"]
     assert instance.set(length=2.0) == OK  # p_theta stays: the potential energy is what changes
     assert instance["energy"] - before == pytest.approx(-GRAVITY * np.cos(0.5), rel=1e-14)  # a few roundings
-
-
-def test_result_does_not_depend_on_the_communication_steps(pendulum_library) -> None:
-    """With a constant length every step size gives the same motion, up to the tolerance."""
-    rng = np.random.default_rng(1)
-    ends = []
-    for sizes in ([3.0], [1.0, 2.0], list(rng.dirichlet(np.ones(50)) * 3.0)):
-        instance = pendulum_library.start(tolerance=1e-10, theta_0=2.0)
-        t = 0.0
-        for size in sizes:
-            assert instance.step(t, size) == OK
-            t += size
-        ends.append(instance.get("theta", "p_theta"))
-    # 3 s are some 20 solver steps of error 1e-10 * (1 + 4 kg.m2/s).
-    np.testing.assert_allclose(ends, [ends[0]] * 3, atol=1e-8)
 
 
 # ---- jumps -------------------------------------------------------------------------------------------------------

@@ -32,8 +32,7 @@ Situation = tuple[Instance, tuple[str, ...], tuple[str, ...]]
 def situation(request, ring_library) -> Situation:
     """An instance in some mode, away from its start; what is known there, and of that what can be set."""
     mode, kind, knowns, settable = request.param
-    instance = ring_library.instantiate(kind)
-    assert instance.initialize() == OK
+    instance = ring_library.initializing(kind)
     assert instance.set(START) == OK
     if mode != "initialization":
         assert instance.call("ExitInitializationMode") == OK
@@ -76,8 +75,7 @@ def test_work_of_a_jump_is_differentiated_where_it_is_booked(pendulum_library) -
     assert instance.step(0.0, 0.5) == OK
     assert instance.set(length=1.1) == OK
     assert instance.directional(["work"], {"length_dot": 1.0})[0] == pytest.approx(0.3, rel=1e-14)
-    instance = pendulum_library.start(MODEL_EXCHANGE, **start)
-    instance.go_on()
+    instance = pendulum_library.running(MODEL_EXCHANGE, **start)
     assert instance.directional(["work"], {"length_dot": 1.0})[0] == pytest.approx(0.0, abs=1e-15)
 
 

@@ -233,9 +233,9 @@ def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library) 
     """Every parameter and input is changed in turn: what moves must be declared, and what is declared moves."""
     declared = dependencies(native, "InitialUnknowns")
     knowns = ("mass", "gravity", "friction", "theta_0", "theta_dot_0", *INPUTS)
-    instance = pendulum_library.instantiate()
-    assert instance.initialize() == OK
-    assert instance.set(theta_0=0.4, theta_dot_0=0.7, length_dot=0.3, friction=0.2, theta_force=0.1) == OK
+    instance = pendulum_library.initializing(
+        theta_0=0.4, theta_dot_0=0.7, length_dot=0.3, friction=0.2, theta_force=0.1
+    )
     found = moved(instance, declared, knowns, lambda name, value: instance.set({name: value}))
     # theta_dot = p/(m l²) with p = m l² theta_dot_0, and work is a difference of equal energies: the dependencies on
     # the way cancel, which a sparsity pattern cannot know.
@@ -247,8 +247,7 @@ def test_initial_dependencies_are_those_of_the_binary(native, pendulum_library) 
 def test_running_dependencies_are_those_of_the_binary(native, pendulum_library) -> None:
     declared = dependencies(native, "Outputs") | dependencies(native, "Derivatives")
     y = {"theta": 0.4, "p_theta": 0.7, "work": 0.1, "dissipated": 0.2}
-    instance = pendulum_library.start(MODEL_EXCHANGE, friction=0.2, length_dot=0.3, theta_force=0.1)
-    instance.go_on()
+    instance = pendulum_library.running(MODEL_EXCHANGE, friction=0.2, length_dot=0.3, theta_force=0.1)
 
     def put(name: str, value: float) -> int:
         if name in INPUTS:

@@ -5,21 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from driver import CO_SIMULATION, DISCARD, ERROR, OK, Instance, Library
-from handmade import breathing
+from handmade import breathing, breathing_inputs
 
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Ramp
 
 WITH_EVENTS = {"events": True, "early": True}
-NAMES = ("length", "length_dot", "length_ddot")
 
 
 def stepping(library: Library, **start: float) -> Instance:
     """An instance with event mode that has left it."""
-    instance = library.start(options=WITH_EVENTS, **start)
-    instance.go_on()
-    return instance
+    return library.running(CO_SIMULATION, options=WITH_EVENTS, **start)
 
 
 # ---- instants of the component -----------------------------------------------------------------------------------
@@ -106,9 +103,9 @@ def test_early_return_keeps_the_way_that_inputs_were_on(pendulum3) -> None:
             return stop if stop is not None and time < stop else None
 
         options = {"early": True, "observer": observer}
-        start = dict(zip(NAMES, breathing(0.0), strict=True))
+        start = breathing_inputs(0.0)
         instance = pendulum3.start(options=options, tolerance=1e-12, input_reconstruction=2, theta_0=0.8, **start)
-        assert instance.set(dict(zip(NAMES, breathing(0.5), strict=True))) == OK
+        assert instance.set(breathing_inputs(0.5)) == OK
         step = instance.advance(0.0, 0.5)
         if stop is not None:
             assert step == (OK, False, True, stop)
@@ -202,21 +199,21 @@ def test_inputs_inside_a_step(pendulum3) -> None:
     given = {"length": length, "length_dot": length.deriv(), "length_ddot": length.deriv(2), "theta_force": torque}
     asked: list[float] = []
 
+    def at(time: float) -> dict[str, float]:
+        return {name: float(curve(time)) for name, curve in given.items()}
+
     def answer(instance: Instance, time: float) -> None:
         asked.append(time)
-        assert instance.set({name: float(curve(time)) for name, curve in given.items()}) == OK
+        assert instance.set(at(time)) == OK
 
-    start = {name: float(curve(0.0)) for name, curve in given.items()} | {"theta_0": 1.0}
+    start = at(0.0) | {"theta_0": 1.0}
     options = {"observer": answer, "wanted": given}
     instance = pendulum3.start(options=options, tolerance=1e-12, **start)
     assert instance.advance(0.0, 1.0) == (OK, False, False, 1.0)
     np.testing.assert_allclose(asked, [0.2, 0.4, 0.6, 0.8, 1.0], rtol=1e-15)
     assert set(instance.seen) == {(True, False, False, False)}  # inputs, no outputs; no step of the solver is finished
     fine = pendulum3.start(tolerance=1e-13, input_reconstruction=2, **start)
-    for i in range(1000):
-        end = (i + 1) / 1000
-        assert fine.set({name: float(curve(end)) for name, curve in given.items()}) == OK
-        assert fine.step(i / 1000, end - i / 1000) == OK
+    fine.follow(0.001, 1000, at, ahead=True)
     names = ("theta", "p_theta", "work", "energy_balance")
     # the torque is linear in steps of h = 1 ms there: h²/12 · 3.6 N.m/s² · 1 s / (1 kg m²)
     np.testing.assert_allclose(instance.get(*names), fine.get(*names), rtol=0, atol=1e-6)
@@ -253,8 +250,7 @@ def test_states_of_an_event_belong_to_instances_with_event_mode(kick3) -> None:
     instance = stepping(kick3, t_1=0.7)
     assert instance.advance(0.0, 1.0).early
     content = instance.serialize()
-    other = kick3.instantiate(CO_SIMULATION, **WITH_EVENTS)
-    assert other.deserialize(content) == OK
+    other = kick3.restored(content, CO_SIMULATION, **WITH_EVENTS)
     assert other["x_dot"] == 1.0  # still before the event
     assert other.call("EnterEventMode") == OK
     assert other["x_dot"] == 3.0

@@ -20,17 +20,10 @@ from driver import (
     TYPES,
     WARNING,
     Instance,
-    Library,
     reals,
 )
 
 OUTPUTS = ("theta", "p_theta", "work", "energy", "length", "friction")
-
-
-def initializing(library: Library, kind: str = CO_SIMULATION) -> Instance:
-    instance = library.instantiate(kind)
-    assert instance.initialize() == OK
-    return instance
 
 
 def refused(instance: Instance, status: int, expected: int, message: str) -> None:
@@ -57,7 +50,7 @@ def test_values_that_are_refused_change_nothing(every_pendulum, values, status, 
     python = every_pendulum.python
     running = every_pendulum.start(theta_0=1.0)
     assert running.step(0.0, 0.1) == OK
-    for instance in (running, *([initializing(every_pendulum)] if "mass" not in values else [])):
+    for instance in (running, *([every_pendulum.initializing()] if "mass" not in values else [])):
         before = instance.get(*OUTPUTS)
         refused(instance, instance.set(values), DISCARD if python else status, message)
         np.testing.assert_array_equal(instance.get(*OUTPUTS), before)
@@ -81,8 +74,7 @@ def test_values_that_are_refused_change_nothing(every_pendulum, values, status, 
     ],
 )
 def test_a_bad_start_ends_initialization_with_an_error(every_pendulum, values, said) -> None:
-    instance = initializing(every_pendulum)
-    assert instance.set(values) == OK
+    instance = every_pendulum.initializing(**values)
     assert instance.call("ExitInitializationMode") == ERROR
     (message,) = instance.messages
     assert message.startswith(said)
@@ -112,7 +104,7 @@ def test_settings_and_the_time_cannot_be_set_while_it_runs(pendulum_library) -> 
 
 @pytest.mark.parametrize("value", [-1, 3])
 def test_reconstruction_that_does_not_exist(every_pendulum, value) -> None:
-    instance = initializing(every_pendulum)
+    instance = every_pendulum.initializing()
     message = f"input_reconstruction = {value}: set 0 (hold), 1 (extrapolate) or 2 (interpolate)"
     status = instance.set_integer("input_reconstruction", value)
     refused(instance, status, DISCARD if every_pendulum.python else ERROR, message)

@@ -7,20 +7,12 @@ from collections.abc import Callable, Sequence
 import fmpy
 import numpy as np
 import pytest
-from driver import DISCARD, MODEL_EXCHANGE, OK, Instance, Library, reals
-from handmade import breathing, libration
+from driver import DISCARD, MODEL_EXCHANGE, OK, Instance, reals
+from handmade import breathing_inputs, libration
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 Inputs = Callable[[float], dict[str, float]]
-NAMES: tuple[str, ...] = ("length", "length_dot", "length_ddot")
-
-
-def continuous(library: Library, **start: float) -> Instance:
-    """An instance in continuous-time mode."""
-    instance = library.start(MODEL_EXCHANGE, **start)
-    instance.go_on()
-    return instance
 
 
 def rates(instance: Instance, t: float, y: Sequence[float] | NDArray) -> NDArray:
@@ -43,15 +35,10 @@ def integrate(instance: Instance, span: tuple[float, float], y: NDArray, inputs:
 
 
 def test_motion_with_a_driven_length_is_that_of_co_simulation(pendulum_library) -> None:
-    def inputs(t: float) -> dict[str, float]:
-        return dict(zip(NAMES, breathing(t), strict=True))
-
-    exchange = continuous(pendulum_library, **inputs(0.0))
-    y = integrate(exchange, (0.0, 5.0), exchange.vector("GetContinuousStates", 4), inputs)
-    simulated = pendulum_library.start(tolerance=1e-12, input_reconstruction=2, **inputs(0.0))
-    for i in range(100):
-        assert simulated.set(inputs((i + 1) * 0.05)) == OK
-        assert simulated.step(i * 0.05, 0.05) == OK
+    exchange = pendulum_library.running(**breathing_inputs(0.0))
+    y = integrate(exchange, (0.0, 5.0), exchange.vector("GetContinuousStates", 4), breathing_inputs)
+    simulated = pendulum_library.start(tolerance=1e-12, input_reconstruction=2, **breathing_inputs(0.0))
+    simulated.follow(0.05, 100, breathing_inputs, ahead=True)
     # Sixth-order interpolation at H = 0.05 s: some 1e-12; SciPy at 1e-12 over 50 steps.
     np.testing.assert_allclose(simulated.get("theta", "p_theta", "work", "dissipated"), y, atol=1e-10)
     # Outputs belong to the states that were set, work up to rounding of energies of 10 J; the balance needs no event.
@@ -61,7 +48,7 @@ def test_motion_with_a_driven_length_is_that_of_co_simulation(pendulum_library) 
 
 
 def test_free_motion(pendulum_library) -> None:
-    instance = continuous(pendulum_library, theta_0=2.0)
+    instance = pendulum_library.running(theta_0=2.0)
     y = integrate(instance, (0.0, 5.0), instance.vector("GetContinuousStates", 4))
     theta, theta_dot = libration(5.0, 2.0)
     # 50 steps of SciPy's of 1e-12 * (1 + 6 kg.m2/s).
@@ -69,7 +56,7 @@ def test_free_motion(pendulum_library) -> None:
 
 
 def test_completed_steps_ask_for_nothing(pendulum_library) -> None:
-    instance = continuous(pendulum_library)
+    instance = pendulum_library.running()
     event, end = instance.flags(1), instance.flags(1)
     assert instance.call("CompletedIntegratorStep", True, event, end) == OK
     assert (event[0], end[0]) == (0, 0)
@@ -82,7 +69,7 @@ def test_sizes_of_the_states_follow_the_parameters(pendulum_library) -> None:
 
 def test_jump_of_an_input_in_event_mode_is_booked(pendulum_library) -> None:
     """A jump of l' by 0.3 m/s does the work m/2 0.3²; angle and momentum stay."""
-    instance = continuous(pendulum_library, theta_0=0.8, friction=0.3)
+    instance = pendulum_library.running(theta_0=0.8, friction=0.3)
     y = integrate(instance, (0.0, 1.0), instance.vector("GetContinuousStates", 4))
     assert instance.call("EnterEventMode") == OK
     assert instance.set(length_dot=0.3) == OK
@@ -117,7 +104,7 @@ def test_fmpy_finds_the_time_event(kick_library) -> None:
 
 
 def test_derivatives_that_do_not_exist_are_refused(fall_library) -> None:
-    instance = continuous(fall_library)
+    instance = fall_library.running()
     assert instance.call("SetContinuousStates", reals([0.0, 0.0]), 2) == OK
     assert instance.call("GetContinuousStateDerivatives", reals([0.0, 0.0]), 2) == DISCARD
     assert instance.messages == ["x must stay > 0; at t = 0 it does not (0)"]

@@ -85,9 +85,7 @@ def test_many_small_jumps_are_the_motion(library, mode: int) -> None:
     errors = []
     for steps in (50, 100, 200):
         instance = library(Swing).start(input_reconstruction=mode, tolerance=1e-10, **SWING)
-        for i in range(steps):
-            assert instance.set(lean=LEAN + (0.2 - LEAN) * (i + 1) / steps) == OK
-            assert instance.step(i / steps, 1 / steps) == OK
+        instance.follow(1 / steps, steps, lambda t: {"lean": LEAN + (0.2 - LEAN) * t}, ahead=True)
         errors.append(abs(instance["theta"] - 0.3 - swing_lift(ROPE, 0.2)))
     assert max(errors) <= 1e-8  # p = 0: nothing but the lift moves it
 
@@ -103,9 +101,7 @@ def test_what_the_rate_has_moved_does_not_jump_again(library, mode: int) -> None
     errors = []
     for steps in (20, 40, 80):
         instance = library(Swing).start(input_reconstruction=mode, tolerance=1e-11, **SWING, **at(0.0))
-        for i in range(steps):
-            assert instance.set(at(i / steps)) == OK
-            assert instance.step(i / steps, 1 / steps) == OK
+        instance.follow(1 / steps, steps, at)
         assert instance.set(at(1.0)) == OK
         assert instance.step(1.0, 1e-9) == OK
         # At the start the swing moves with the posture, so that p_θ ≠ 0 lets θ go on.
@@ -191,13 +187,10 @@ def test_rates_alone_turn_the_satellite(library) -> None:
     ends = []
     for mode in (HOLD, EXTRAPOLATE):
         instance = library(Satellite).start(input_reconstruction=mode, wheel_1_dot=5.0)
-        for i in range(10):
-            assert instance.step(0.1 * i, 0.1) == OK
+        instance.follow(0.1, 10)
         ends.append(instance.get("q_w", "q_x", "q_y", "q_z"))
     consistent = library(Satellite).start(wheel_1_dot=5.0)
-    for i in range(10):
-        assert consistent.set(wheel_1=0.5 * i) == OK
-        assert consistent.step(0.1 * i, 0.1) == OK
+    consistent.follow(0.1, 10, lambda t: {"wheel_1": 5.0 * t})
     for end in ends:
         np.testing.assert_allclose(end, consistent.get("q_w", "q_x", "q_y", "q_z"), rtol=0, atol=1e-7)
 
@@ -358,8 +351,7 @@ def test_steps_that_are_rolled_back_are_not_complained_about(library) -> None:
         instance.drop(state)
         assert instance["length_mismatch"] == 0
         assert instance.set(length=1.0) == OK
-        for i in range(1, 5):
-            assert instance.step(0.1 * i, 0.1) == OK
+        instance.follow(0.1, 4, first=1)
         assert instance.call("Terminate") == OK
         assert instance.messages == []
 

@@ -20,10 +20,8 @@ from typing import Any
 import numpy as np
 import pytest
 from driver import DISCARD, ERROR, OK, Instance, Library
-from handmade import breathing, libration
+from handmade import breathing_inputs, libration
 from numpy.typing import NDArray
-
-NAMES = ("length", "length_dot", "length_ddot")
 
 
 @pytest.fixture(scope="session")
@@ -55,11 +53,11 @@ def test_agrees_with_the_native_fmu(handmade, mode) -> None:
     """Two code generators, two solvers, two runtimes; every variable, at each of the steps and after each setting."""
 
     def run(library: Library) -> Iterator[NDArray]:
-        start = {"theta_0": 1.0, "theta_dot_0": 0.5, "friction": 0.05, **length(0.0)}
+        start = {"theta_0": 1.0, "theta_dot_0": 0.5, "friction": 0.05, **breathing_inputs(0.0)}
         instance, t = library.start(tolerance=1e-11, input_reconstruction=mode, **start), 0.0
         yield everything(instance)
         for i in range(20):
-            given = [length(t + 0.1 if mode == 2 else t) | {"theta_force": np.cos(t)}, {"theta_force": 0.1 * i}]
+            given = [breathing_inputs(t + 0.1 * (mode == 2)) | {"theta_force": np.cos(t)}, {"theta_force": 0.1 * i}]
             for values in [given[0], *([{"friction": 0.2}] if i == 10 else [])]:
                 assert instance.set(values) == OK
                 yield everything(instance)
@@ -73,10 +71,6 @@ def test_agrees_with_the_native_fmu(handmade, mode) -> None:
     python, native = (np.array(list(run(handmade("pendulum", target)))) for target in ("python", "fmi2"))
     # Errors of 1e-11 a step and of 1e-12 from the accelerations at the ends of the quintic polynomials.
     assert python == pytest.approx(native, abs=1e-9)
-
-
-def length(t: float) -> dict[str, float]:
-    return dict(zip(NAMES, breathing(t), strict=True))
 
 
 # ---- states from anywhere ----------------------------------------------------------------------------------------

@@ -279,9 +279,7 @@ def test_numbers_that_are_not_finite_are_refused_when_they_are_read(every_pendul
 
 
 def test_a_start_whose_energy_is_not_finite_is_refused(pendulum_library) -> None:
-    instance = pendulum_library.instantiate()
-    assert instance.initialize() == OK
-    assert instance.set(theta_dot_0=1e200) == OK
+    instance = pendulum_library.initializing(theta_dot_0=1e200)
     assert instance.call("ExitInitializationMode") == ERROR
     assert instance.messages[-1].endswith("inf at t = 0: it must be finite; set another value and initialize again")
     assert instance.set(theta_dot_0=1.0) == OK
@@ -289,9 +287,7 @@ def test_a_start_whose_energy_is_not_finite_is_refused(pendulum_library) -> None
 
 
 def test_numbers_that_are_not_finite_before_initialization_ends_are_put_down_to_their_cause(fall_library) -> None:
-    instance = fall_library.instantiate()
-    assert instance.initialize() == OK
-    assert instance.set(x_0=0.0) == OK
+    instance = fall_library.initializing(x_0=0.0)
     assert instance.read("x", "a")[0] == ERROR
     assert instance.messages == ["x_0 = 0 at t = 0: it must be > 0; a = -inf"]
 
@@ -318,8 +314,7 @@ def test_derivatives_that_are_not_finite_are_refused(pendulum_library) -> None:
 
 def test_in_model_exchange_numbers_that_are_not_finite_are_discarded(pendulum_library) -> None:
     """As the standard has it: the importer's solver may try a shorter step."""
-    instance = pendulum_library.start(MODEL_EXCHANGE)
-    instance.go_on()
+    instance = pendulum_library.running(MODEL_EXCHANGE)
     assert instance.call("SetContinuousStates", reals([0.0, 1e200, 0.0, 0.0]), 4) == OK
     assert instance.read("theta", "energy")[0] == DISCARD
     assert instance.messages[-1].startswith("energy = inf")

@@ -145,9 +145,7 @@ def test_condition_that_fails_inside_a_step_discards_it(fall_library) -> None:
 
 
 def test_condition_that_fails_at_the_start_is_refused(fall_library) -> None:
-    instance = fall_library.instantiate()
-    assert instance.initialize() == OK
-    assert instance.set(limit=-2.0) == OK
+    instance = fall_library.initializing(limit=-2.0)
     assert instance.call("ExitInitializationMode") == ERROR
     message = "v must stay > -limit; at t = 0 it does not (-2); set another value and initialize again"
     assert instance.messages == [message]
@@ -160,6 +158,5 @@ def test_steps_stop_at_instants_where_the_component_is_not_smooth(every_kick, sy
     if every_kick.python and symplectic:
         return
     instance = every_kick.start(t_1=t_1, **({"symplectic_steps": symplectic} if symplectic else {}))
-    for i in range(round(6.0 / size)):
-        assert instance.step(i * size, size) == OK
+    instance.follow(size, round(6.0 / size))
     assert instance["x"] == pytest.approx(6.0 + 2 * (6.0 - t_1), rel=1e-15)

@@ -26,11 +26,6 @@ def begin(library: Library, steps: int, tolerance: float | None = None, **values
     return library.start(tolerance=tolerance, symplectic_steps=steps, **values)
 
 
-def advance(instance: Instance, size: float, count: int, first: int = 0) -> None:
-    for i in range(first, first + count):
-        assert instance.step(i * size, size) == OK, instance.messages
-
-
 # ---- the method ------------------------------------------------------------------------------------------------
 
 
@@ -73,7 +68,7 @@ def test_order(pendulum_library) -> None:
     counts, errors = np.array([40, 80, 160]), []  # steps of 0.2 to 0.05 s: a radian to a sixth of one
     for count in counts:
         instance = begin(pendulum_library, int(count), theta_0=2.0)
-        advance(instance, 8.0, 1)
+        instance.follow(8.0, 1)
         errors.append(abs(instance["theta"] - libration(8.0, 2.0)[0]))
     slope, _ = np.polyfit(np.log(1.0 / counts), np.log(errors), 1)
     # The next power of the step adds (a third)² of itself to the error of the middle step: a tenth in the slope.
@@ -83,10 +78,10 @@ def test_order(pendulum_library) -> None:
 def test_motion_runs_backwards(pendulum_library) -> None:
     """A symmetric method retraces its steps when all velocities are turned round, whatever the step."""
     there = begin(pendulum_library, 1, theta_0=2.0)
-    advance(there, 0.2, 100)
+    there.follow(0.2, 100)
     theta, theta_dot = there.get("theta", "theta_dot")
     back = begin(pendulum_library, 1, theta_0=theta, theta_dot_0=-theta_dot)
-    advance(back, 0.2, 100)
+    back.follow(0.2, 100)
     # 200 steps with rounding errors of numbers of size 6, each of which grows with the time (as shear does): 200² / 2
     np.testing.assert_allclose(back.get("theta", "theta_dot"), [2.0, 0.0], atol=2e4 * 6 * ROUNDING)
     assert abs(theta - libration(20.0, 2.0)[0]) > 1e-7  # so large are the steps that the motion itself is not exact
@@ -98,7 +93,7 @@ def test_areas_in_phase_space_stay(pendulum_library) -> None:
 
     def end(steps: int, name: str, shift: float) -> NDArray:
         instance = begin(pendulum_library, steps, 1e-2, **(start | {name: start[name] + shift}))
-        advance(instance, 0.4, 10)
+        instance.follow(0.4, 10)
         return instance.get(*STATES)
 
     def area(steps: int) -> float:
@@ -117,7 +112,7 @@ def test_energy_after_a_million_steps(pendulum_library) -> None:
     """What the project promises: 1e-11 J; by rounding alone it is about 1e-16 * 10 J * √1e6 = 1e-12 J."""
     instance = begin(pendulum_library, 1000, theta_0=1.0)
     start = instance["energy"]
-    advance(instance, 10.0, 1000)
+    instance.follow(10.0, 1000)
     assert abs(instance["energy"] - start) <= 1e-11
     assert abs(instance["energy_balance"]) <= 1e-11
 
@@ -129,7 +124,7 @@ def test_a_turning_body_keeps_energy_and_angular_momentum(folder) -> None:
     instance = begin(library, 100, **start)
     names = ("energy", "H_x", "H_y", "H_z")
     before = instance.get(*names)
-    advance(instance, 1.0, 1000)
+    instance.follow(1.0, 1000)
     # 1e5 steps, rounding errors of numbers of size 12 that add up at random: 12 * √1e5, and some to spare
     np.testing.assert_allclose(instance.get(*names), before, atol=10 * 12 * 1e5**0.5 * ROUNDING)
     norm = np.linalg.norm(instance.get("q_w", "q_x", "q_y", "q_z"))
@@ -140,7 +135,7 @@ def test_constraints_hold(folder) -> None:
     library = Library(build(assemble(CartesianPendulum), folder, backend="native"))
     instance = begin(library, 10)
     start = instance["energy"]
-    advance(instance, 0.1, 1000)
+    instance.follow(0.1, 1000)
     assert np.abs(instance.get("rod_residual", "plane_residual")).max() <= 8 * ROUNDING
     # Putting states back onto the constraint is no symplectic map: what it takes adds up, 1e4 steps of one rounding.
     assert abs(instance["energy"] - start) <= 1e4 * ROUNDING
@@ -159,9 +154,7 @@ def lengths(t: float) -> dict[str, float]:
 def pumped(library: Library, steps: int, tolerance: float | None = None) -> Instance:
     """After 10 s in communication steps of 0.1 s, inputs interpolated."""
     instance = begin(library, steps, tolerance, input_reconstruction=2, theta_0=0.5, friction=0.1, **lengths(0.0))
-    for i in range(100):
-        assert instance.set(lengths((i + 1) * 0.1)) == OK
-        assert instance.step(i * 0.1, 0.1) == OK
+    instance.follow(0.1, 100, lengths, ahead=True)
     return instance
 
 
@@ -185,23 +178,6 @@ def test_uneven_communication_steps(pendulum_library) -> None:
     assert instance["theta"] == pytest.approx(libration(times[-1], 1.0)[0], abs=1e-9)
 
 
-def test_roll_back_is_exact(pendulum_library) -> None:
-    """The history from which the next step is guessed belongs to the state."""
-    instance = begin(pendulum_library, 3, theta_0=1.0)
-    advance(instance, 0.1, 5)
-    saved, content = instance.save(), instance.serialize()
-    advance(instance, 0.1, 20, first=5)
-    end = instance.get(*STATES, "work")
-    assert instance.restore(saved) == OK
-    advance(instance, 0.1, 20, first=5)
-    np.testing.assert_array_equal(instance.get(*STATES, "work"), end)
-    instance.drop(saved)
-    other = pendulum_library.instantiate()
-    assert other.deserialize(content) == OK
-    advance(other, 0.1, 20, first=5)
-    np.testing.assert_array_equal(other.get(*STATES, "work"), end)
-
-
 # ---- refusals --------------------------------------------------------------------------------------------------
 
 
@@ -222,5 +198,5 @@ def test_it_is_fixed_at_initialization(pendulum_library) -> None:
 def test_both_versions_of_fmi_step_alike(pendulum2, pendulum3) -> None:
     two, three = (begin(library, 5, theta_0=1.0) for library in (pendulum2, pendulum3))
     for instance in (two, three):
-        advance(instance, 0.1, 10)
+        instance.follow(0.1, 10)
     np.testing.assert_array_equal(three.get(*STATES), two.get(*STATES))

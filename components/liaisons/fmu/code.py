@@ -9,7 +9,7 @@ from importlib import resources
 from importlib.util import find_spec
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 
@@ -110,7 +110,7 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     }
     if model.project is not None:
         functions["project"] = model.project
-    return functions | _forward(model) | (_reverse(model) if adjoint else {})
+    return functions | _derivatives(model, "forward") | (_derivatives(model, "reverse") if adjoint else {})
 
 
 def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
@@ -145,33 +145,20 @@ def _activities(model: Model) -> dict[str, int]:
     return found
 
 
-def _forward(model: Model) -> dict[str, ca.Function]:
-    """Derivatives along a direction: (arguments, results, directions) → derivatives of the results."""
-    functions = {}
-    for name, function, _, result_vectors in _differentiated(model):
-        arguments, results = _expressions(function)
-        directions = [_symbol(argument) for argument in arguments]
-        (derivatives,) = ca.forward(results, arguments, [directions])
-        functions[f"{name}_forward"] = ca.Function(
-            f"{name}_forward",
-            [*arguments, *map(_symbol, results), *directions],
-            _dense_vectors(model, derivatives, result_vectors),
-        )
-    return functions
+def _derivatives(model: Model, way: Literal["forward", "reverse"]) -> dict[str, ca.Function]:
+    """Along a direction: (arguments, results, directions) → derivatives of the results.
 
-
-def _reverse(model: Model) -> dict[str, ca.Function]:
-    """Derivatives of a weighted sum of the results: (arguments, results, weights) → with respect to the arguments."""
+    In reverse: (arguments, results, weights) → derivatives of the weighted sum of the results by the arguments.
+    """
     functions = {}
-    for name, function, argument_vectors, _ in _differentiated(model):
+    for name, function, argument_vectors, result_vectors in _differentiated(model):
         arguments, results = _expressions(function)
-        weights = [_symbol(result) for result in results]
-        (derivatives,) = ca.reverse(results, arguments, [weights])
-        functions[f"{name}_reverse"] = ca.Function(
-            f"{name}_reverse",
-            [*arguments, *map(_symbol, results), *weights],
-            _dense_vectors(model, derivatives, argument_vectors),
-        )
+        forward = way == "forward"
+        seeds = list(map(_symbol, arguments if forward else results))
+        (derivatives,) = (ca.forward if forward else ca.reverse)(results, arguments, [seeds])
+        dense = _dense_vectors(model, derivatives, result_vectors if forward else argument_vectors)
+        title = f"{name}_{way}"
+        functions[title] = ca.Function(title, [*arguments, *map(_symbol, results), *seeds], dense)
     return functions
 
 
@@ -249,7 +236,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
 
 
 def _tables(model: Model) -> list[str]:
-    where = places(model)
+    where, jumps = places(model), jump_table(model)
     row = {variable.name: i for i, variable in enumerate(model.variables)}
     first_input = sum(variable.count for variable in model.parameters)
     count = {variable.name: variable.count for variable in model.variables}
@@ -265,16 +252,11 @@ def _tables(model: Model) -> list[str]:
         *_table("Variable", "variables", _variables(model)),
         *_table("Start", "starts", [_row(str(place), _number(value)) for place, value in _starts(model)]),
         *_table("Active", "active", [_row(*map(str, of_coordinate)) for of_coordinate in active]),
-        *_jumps(model),
+        *(_table("unsigned char", "jumps", [", ".join(map(str, row)) for row in jumps]) if jumps else []),
         *_table("State", "state", [_row(str(row[s.name]), str(row[s.derivative])) for s in model.states]),
         *_table("Dimension", "dimensions", [_row(_string(d.name), str(d.count)) for d in model.dimensions]),
         *_table("char *const", "condition_texts", [_string(text) for text in model.condition_texts]),
     ]
-
-
-def _jumps(model: Model) -> list[str]:
-    rows = jump_table(model)
-    return _table("unsigned char", "jumps", [", ".join(map(str, row)) for row in rows]) if rows else []
 
 
 def _table(kind: str, name: str, rows: Sequence[str]) -> list[str]:

@@ -24,7 +24,7 @@ def while_running(model: Model) -> Pattern:
     if programs:
         return _between_entries(programs["outputs"], 0, range(4))
     groups = {0: (TIME,), 1: shown_states(model), 2: model.inputs, 3: model.parameters}
-    return _between_variables(running(model), model.outputs, groups)
+    return _between_variables(model.outputs_function, model.outputs, groups)
 
 
 def at_start(model: Model) -> Pattern:
@@ -35,11 +35,6 @@ def at_start(model: Model) -> Pattern:
     on_motion = _between_entries(programs["outputs"], 0, (1, 4))
     of_motion = np.vstack([_between_entries(programs["start"], result, range(3)) for result in range(2)])
     return _between_entries(programs["outputs"], 0, (0, 2, 3)) | (on_motion @ of_motion)
-
-
-def running(model: Model) -> ca.Function:
-    """z of (t, y, u, k, m), while the model runs."""
-    return model.outputs_function
 
 
 def initial(model: Model) -> ca.Function:

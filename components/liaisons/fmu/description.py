@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from liaisons import units
-from liaisons.fmu.dependencies import between_numbers, initial, running, shown_states, states_that_jump
+from liaisons.fmu.dependencies import between_numbers, initial, shown_states, states_that_jump
 from liaisons.fmu.jumps import states_moved_along
 from liaisons.fmu.layout import (
     SYMPLECTIC_STEPS,
@@ -259,7 +259,7 @@ def _structure(model: Model) -> Iterator[str]:
     parameters, inputs = (indices([v.name for v in group]) for group in (model.parameters, model.inputs))
 
     sparse = scalars(model) <= MOST_DEPENDENCIES
-    runs = between_numbers(running(model), (1, 2)) if sparse else None
+    runs = between_numbers(model.outputs_function, (1, 2)) if sparse else None
     starts = between_numbers(initial(model), (2, 1)) if sparse else None
     first = first_reference(model) + len(parameters) + len(inputs)  # index of the first of model.outputs
     for title, found, knowns, pattern in (

@@ -6,7 +6,6 @@ A variable's value reference is its position in the file, from 1; see :mod:`liai
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
 
 import numpy as np
 
@@ -125,11 +124,9 @@ def _structure(model: Model) -> Iterator[str]:
     known = (TIME, *states, *model.inputs, *model.parameters)
     known_at_start = (TIME, *model.inputs, *model.parameters)
     outputs, derivatives, initial_unknowns = unknowns(model)
-    yield from chain(
-        _unknowns(model, "Output", outputs, known, runs),
-        _unknowns(model, "ContinuousStateDerivative", derivatives, known, runs),
-        _unknowns(model, "InitialUnknown", initial_unknowns, known_at_start, starts),
-    )
+    yield from _unknowns(model, "Output", outputs, known, runs)
+    yield from _unknowns(model, "ContinuousStateDerivative", derivatives, known, runs)
+    yield from _unknowns(model, "InitialUnknown", initial_unknowns, known_at_start, starts)
 
 
 def _unknowns(

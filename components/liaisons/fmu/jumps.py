@@ -11,8 +11,10 @@ effective mass Θ (M eq. 50) must not depend on x, that is the vector field -X_K
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
@@ -63,22 +65,23 @@ def jump_effects(model: Model) -> Jumps:
     if a > _MOST:
         return unknown
     mixes, size = np.zeros((a, a), dtype=bool), coupled(model) if a else 0
-    samples = [_Rates(model, sample, size) for sample in _samples(model)] if a else []
+    samples = _samples(model, size) if a else []
     if a and len(samples) < _SAMPLES:
         return unknown
     rates, accelerations = ([place[i] for place in places] for i in (1, 2))
-    for found in samples:
+    for sample in samples:
+        resting = sample.u.copy()
+        resting[rates] = 0
         for i in range(a):
-            moves[i] |= found.differ([rates[i]], at_rest=rates).any()
+            moves[i] |= sample.changes(resting, rates[i]).any()
             # On accelerations rates depend where these make constraint forces: momenta are no states of motion then.
-            mixes[i, i] |= found.curve(rates[i]) or found.differ([accelerations[i]]).any()
-            for j in range(i):
-                mixes[i, j] |= found.mix(rates[i], rates[j])
+            mixes[i, i] |= sample.changes(sample.u, accelerations[i]).any()
+            for j in range(i + 1):
+                mixes[i, j] |= sample.changes(sample.u, rates[i], rates[j]).any()
                 mixes[j, i] = mixes[i, j]
-    for found in samples:
+    for sample in samples:
         for i in np.flatnonzero(~np.diag(mixes)):
-            changes = found.differ([rates[i]])
-            moved[: changes.size] |= changes
+            moved[:size] |= sample.changes(sample.u, rates[i])
     return Jumps(moves, mixes, moved)
 
 
@@ -101,46 +104,22 @@ def states_moved_along(model: Model) -> set[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    t: float
-    y: NDArray
+    """A random state that is allowed."""
+
+    rates: Callable[[NDArray], NDArray]  # of the states, by the inputs
     u: NDArray
-    k: NDArray
-    sizes: NDArray  # of y
-    steps: NDArray  # to change u by
+    steps: NDArray  # of order 1, to change u by
+    sizes: NDArray  # of the coupled states
 
-
-class _Rates:
-    """Differences of the rates of the coupled states at one sample, where inputs change by steps of order 1."""
-
-    def __init__(self, model: Model, sample: _Sample, size: int) -> None:
-        self._model, self._sample, self._sizes = model, sample, sample.sizes[:size]
-
-    def differ(self, places: list[int], at_rest: list[int] | None = None) -> NDArray[np.bool_]:
-        """Which rates of states change with these inputs; before, some others are 0."""
-        u = self._sample.u.copy()
-        u[at_rest or []] = 0
-        return self._counts([(1, self._at(u, places)), (-1, self._at(u, []))])
-
-    def curve(self, place: int) -> bool:
-        """Whether some are not linear in this input."""
-        u = self._sample.u
-        terms = [(1, self._at(u, [place])), (-2, self._at(u, [])), (1, self._at(u, [place], -1.0))]
-        return bool(self._counts(terms).any())
-
-    def mix(self, a: int, b: int) -> bool:
-        """Whether some have a product of these inputs."""
-        signs = {(a, b): 1, (a,): -1, (b,): -1, (): 1}
-        return bool(self._counts([(sign, self._at(self._sample.u, list(at))) for at, sign in signs.items()]).any())
-
-    def _at(self, u: NDArray, places: list[int], step: float = 1.0) -> NDArray:
-        moved, s = u.copy(), self._sample
-        moved[places] += step * s.steps[places]
-        return _column(self._model.derivatives.call([s.t, s.y, moved, s.k])[0])[: self._sizes.size]
-
-    def _counts(self, terms: list[tuple[int, NDArray]]) -> NDArray[np.bool_]:
-        """Whether a sum is more than rounding errors of its terms."""
-        scale = np.max([np.abs(rates) for _, rates in terms], axis=0) + self._sizes
-        return np.abs(sum(factor * rates for factor, rates in terms)) > _NOTHING * scale
+    def changes(self, u: NDArray, *places: int) -> NDArray[np.bool_]:
+        """Which rates have a term with these inputs as factors: an alternating sum is more than rounding errors."""
+        terms = []
+        for count in range(len(places) + 1):
+            for chosen in combinations(places, count):
+                moved = u.copy()
+                np.add.at(moved, list(chosen), self.steps[list(chosen)])
+                terms.append((-1) ** count * self.rates(moved)[: self.sizes.size])
+        return np.abs(sum(terms)) > _NOTHING * (np.max(np.abs(terms), axis=0) + self.sizes)
 
 
 def _active_places(model: Model) -> list[tuple[int, int, int]]:
@@ -152,8 +131,12 @@ def _active_places(model: Model) -> list[tuple[int, int, int]]:
     return [row for a in model.active for row in zip(first[a.value], first[a.rate], first[a.acceleration], strict=True)]
 
 
-def _samples(model: Model) -> list[_Sample]:
-    """Random states that are allowed; seeded."""
+def _samples(model: Model, coupled_states: int) -> list[_Sample]:
+    """Some of them; seeded."""
+
+    def rates(t: float, y: NDArray, k: NDArray, u: NDArray) -> NDArray:
+        return _column(model.derivatives.call([t, y, u, k])[0])
+
     random = np.random.default_rng(20240229)
     found: list[_Sample] = []
     lasting = len(model.condition_texts) - model.start_only
@@ -166,9 +149,9 @@ def _samples(model: Model) -> list[_Sample]:
         if model.project is not None:
             y = _column(model.project.call([t, y, u, k])[0])
         margins = _column(model.conditions.call([t, y, u, k])[0])[:lasting]
-        rates = _column(model.derivatives.call([t, y, u, k])[0])
-        if np.all(margins > 0) and np.all(np.isfinite(np.concatenate([y, sizes, rates]))):
-            found.append(_Sample(t, y, u, k, sizes, random.uniform(0.5, 1.5, u.size)))
+        if np.all(margins > 0) and np.all(np.isfinite(np.concatenate([y, sizes, rates(t, y, k, u)]))):
+            steps = random.uniform(0.5, 1.5, u.size)
+            found.append(_Sample(partial(rates, t, y, k), u, steps, sizes[:coupled_states]))
         if len(found) == _SAMPLES:
             break
     return found

@@ -35,6 +35,10 @@ _DEPENDENCIES = b"""\
 Python 3.11 or later with the packages of resources/requirements.txt.  Inside a Python process that interpreter is used;
 another host loads one beforehand, on Linux: LD_PRELOAD=libpython3.11.so, and PYTHONPATH with the packages.
 """
+_FUNCTIONS = (
+    *("start", "derivatives", "outputs", "jump", "remember", "nominals", "conditions", "events"),
+    *("project", "draw"),  # which not all models have
+)
 _BINARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 # The module that pythonfmu's wrapper imports once and executes at each instantiation.  The wrapper (0.7.0) releases
@@ -65,28 +69,12 @@ def python_members(model: Model, guid: str) -> dict[str, bytes]:
 def _component(model: Model, guid: str) -> bytes:
     """The table that ``python_runtime.table`` reads."""
     names = [variable.name for variable in model.inputs]
-    functions = {
-        "start": model.start,
-        "derivatives": model.derivatives,
-        "outputs": model.outputs_function,
-        "jump": model.jump,
-        "remember": model.remember,
-        "nominals": model.nominals,
-        "conditions": model.conditions,
-        "events": model.events,
-    }
-    if model.project is not None:
-        functions["project"] = model.project
-    if model.draw is not None:
-        functions["draw"] = model.draw
+    functions = {name: getattr(model, "outputs_function" if name == "outputs" else name) for name in _FUNCTIONS}
     document = {
         "name": model.name,
         "guid": guid,
         "tolerance": model.experiment.tolerance,
-        "parameters": [_entry(variable) for variable in model.parameters],
-        "inputs": [_entry(variable) for variable in model.inputs],
-        "outputs": [_entry(variable) for variable in model.outputs],
-        "drawn": [_entry(variable) for variable in model.drawn],
+        **{group: list(map(_entry, getattr(model, group))) for group in ("parameters", "inputs", "outputs", "drawn")},
         "sizes": [[size.name, size.count] for size in model.dimensions],
         "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
         "mismatches": [-1 if (place := mismatch_place(model, s)) is None else place for s in model.active],
@@ -94,22 +82,15 @@ def _component(model: Model, guid: str) -> bytes:
         "coupled": coupled(model),
         "condition_texts": model.condition_texts,
         "start_only": model.start_only,
-        "functions": {name: function.serialize() for name, function in functions.items()},
+        "functions": {name: function.serialize() for name, function in functions.items() if function is not None},
     }
     return json.dumps(document, indent=1, allow_nan=False).encode()
 
 
 def _entry(variable: Variable) -> dict[str, Any]:
-    return {
-        "name": variable.name,
-        "causality": variable.causality,
-        "variability": variable.variability,
-        "start": variable.start,
-        "minimum": variable.minimum,
-        "maximum": variable.maximum,
-        "strict": variable.strict,
-        "domain": variable.domain() if variable.minimum is not None or variable.maximum is not None else "",
-    }
+    members = ("name", "causality", "variability", "start", "minimum", "maximum", "strict")
+    bounded = variable.minimum is not None or variable.maximum is not None
+    return {name: getattr(variable, name) for name in members} | {"domain": variable.domain() if bounded else ""}
 
 
 def _runtime() -> dict[str, bytes]:

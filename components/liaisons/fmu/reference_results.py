@@ -87,7 +87,7 @@ def trajectory(model: Model) -> Trajectory | None:
         return None
     model = _with_reference_starts(model)
     u, k = (np.concatenate([*(v.starts for v in vs), []]) for vs in (model.inputs, model.parameters))
-    motion = _Motion(model, u)
+    motion = _motion(model, u)
     y, m = (np.array(x, dtype=float).ravel() for x in model.start.call([ca.DM(0), u, k]))
     times = np.linspace(0, model.experiment.stop_time, INTERVALS + 1)
     rows: list[NDArray] = []
@@ -117,25 +117,28 @@ def _with_reference_starts(model: Model) -> Model:
     return replace(model, parameters=started(model.parameters), inputs=started(model.inputs))
 
 
-class _Motion:
-    """The inputs at a time: those that an operator prescribes move evenly accelerated, the others rest.
+_Motion = Callable[[float], NDArray]
+"""The inputs at a time, shape (u,); the same array each time."""
+
+
+def _motion(model: Model, start: NDArray) -> _Motion:
+    """Those that an operator prescribes move evenly accelerated, the others rest.
 
     In an FMU such a motion goes on exactly between two communication points, whatever their distance.
     """
+    place = {v.name: i for i, v in enumerate(v for w in model.inputs for v in [w] * w.count)}
+    moving = [a for a in model.active if start[place[a.rate]] or start[place[a.acceleration]]]
+    rows = [[place[name] for name in (a.value, a.rate, a.acceleration)] for a in moving]
+    places = np.array(rows, dtype=int).reshape(-1, 3).T
+    u, (value, rate, acceleration) = start.copy(), start[places]
 
-    def __init__(self, model: Model, start: NDArray) -> None:
-        place = {v.name: i for i, v in enumerate(v for w in model.inputs for v in [w] * w.count)}
-        moving = [a for a in model.active if start[place[a.rate]] or start[place[a.acceleration]]]
-        self._start, self._u = start, start.copy()
-        self._places = np.array([[place[n] for n in (a.value, a.rate, a.acceleration)] for a in moving], dtype=int)
+    def at(t: float) -> NDArray:
+        if moving:
+            u[places[0]] = value + rate * t + acceleration * t**2 / 2
+            u[places[1]] = rate + acceleration * t
+        return u
 
-    def __call__(self, t: float) -> NDArray:
-        """Shape (u,); the same array each time."""
-        if self._places.size:
-            value, rate, acceleration = self._start[self._places.T]
-            self._u[self._places[:, 0]] = value + rate * t + acceleration * t**2 / 2
-            self._u[self._places[:, 1]] = rate + acceleration * t
-        return self._u
+    return at
 
 
 def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArray) -> Iterator[NDArray]:
