@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import venv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,22 +56,12 @@ class Place:
     folder: Path
     environment: Mapping[str, str]
 
-    def run(self, command: str | Sequence[str | Path]) -> subprocess.CompletedProcess[str]:
-        """Run a command line of a shell, or words."""
-        shell = isinstance(command, str)
-        return subprocess.run(
-            ["bash", "-c", command] if shell else list(command),
-            cwd=self.folder,
-            env=dict(self.environment),
-            capture_output=True,
-            text=True,
-            encoding="utf-8",
-            check=False,
+    def runs(self, command: str) -> str:
+        """Run a command line of a shell and expect that it does; what it prints."""
+        words, environment = ["bash", "-c", command], dict(self.environment)
+        done = subprocess.run(
+            words, cwd=self.folder, env=environment, capture_output=True, encoding="utf-8", check=False
         )
-
-    def runs(self, command: str | Sequence[str | Path]) -> str:
-        """Run it and expect that it does; what it prints."""
-        done = self.run(command)
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
         return done.stdout
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+import runpy
 import shlex
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -18,8 +19,8 @@ from PIL import Image
 from liaisons.scenarios import names
 
 from . import documents
-from .conftest import Cli
-from .documents import ROOT, Place, blocks
+from .conftest import Cli, Runs
+from .documents import ROOT, blocks
 
 # What stands for something else in a command.
 MEANT = {"FMU": "fmus/Pendulum.fmu", "NAME": "free_fall"}
@@ -58,7 +59,7 @@ def lines_of_python() -> str:
     calls = [f"single.{call[7:]}" if call.startswith("result.") and '"theta"' in call else call for call in calls]
     before = ["import liaisons, matplotlib", "matplotlib.use('Agg')", "a = b = result", "result.to_csv('b.csv')"]
     single = "single = liaisons.simulate('Pendulum', stop_time=1.0)"
-    return "\n".join([python_block("System("), *before, single, *calls])
+    return "\n".join([python_block("System("), *before, single, *calls, "assert result['lower.theta'][0] == -0.2"])
 
 
 def write_files(folder: Path) -> None:
@@ -68,29 +69,6 @@ def write_files(folder: Path) -> None:
     (folder / "small_angle.py").write_text(python_block("@scenario"), encoding="utf-8")
     (folder / "lines.py").write_text(lines_of_python(), encoding="utf-8")
     (folder / "sweep.py").write_text(f"{python_block('sweep(')}\nassert table['x'].shape == (6,)\n", encoding="utf-8")
-
-
-def test_the_scenario(liaisons: Cli, tmp_path: Path) -> None:
-    write_files(tmp_path)
-    reply = liaisons("run", "small_angle.py")
-    assert reply.status == 0, reply.out + reply.err
-    assert (tmp_path / "figures" / "small_angle.png").is_file()
-
-
-@pytest.mark.usefixtures("liaisons")
-def test_the_lines_of_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plt, "show", lambda: None)
-    names: dict[str, object] = {}
-    exec(lines_of_python(), names)
-    plt.close("all")
-    assert names["result"]["lower.theta"][0] == -0.2  # type: ignore[index]
-
-
-@pytest.mark.usefixtures("liaisons")
-def test_the_sweep() -> None:
-    names: dict[str, object] = {}
-    exec(python_block("sweep("), names)
-    assert names["table"]["x"].shape == (6,)  # type: ignore[index]
 
 
 @pytest.mark.usefixtures("liaisons")
@@ -126,41 +104,34 @@ def test_the_readme_has_two_commands_first() -> None:
     assert "pytest" in test
 
 
-def test_what_the_console_shows(liaisons: Cli, tmp_path: Path) -> None:
+def go_through(folder: Path, runs: Callable[[str], str]) -> None:
+    """Type everything, in the order of the page."""
+    write_files(folder)
     for command, printed in documents.console("README.md"):
-        reply = liaisons(*shlex.split(command)[1:])
-        assert reply.status == 0, reply.err
-        assert printed in {"", reply.out.replace(f"{tmp_path}/", "")}
-
-
-def test_the_commands_in_the_text(liaisons: Cli, tmp_path: Path) -> None:
-    """Those of the command line that run for seconds; all of them stand in the tests of places below."""
-    write_files(tmp_path)
-    exec(lines_of_python(), {})
-    plt.close("all")
-    ours = [spelled(command) for command in COMMANDS if command.startswith("liaisons ")]
+        assert printed in {"", runs(command).replace(f"{folder}/", "")}, command
+    for script in ("lines.py", "sweep.py"):
+        runs(f"python {script}")
+    runs("liaisons run small_angle.py")
+    ours = [command for command in COMMANDS if command.startswith("liaisons ")]
     assert len(ours) >= 7
     for command in ours:
-        if command != "true" and not command.startswith("liaisons run"):
-            reply = liaisons(*shlex.split(command)[1:])
-            assert reply.status == 0, f"{command}: {reply.err}"
-    assert (tmp_path / "Pendulum.png").is_file()
-    assert (tmp_path / "fmus" / "TurningParabola.fmu").is_file()
+        runs(spelled(command))
+    for file in ("figures/small_angle.png", "Pendulum.png", "fmus/TurningParabola.fmu"):
+        assert (folder / file).is_file()
 
 
-def go_through(place: Place, commands: Mapping[str, str]) -> None:
-    """Type everything, in the order of the page."""
-    write_files(place.folder)
-    for command, printed in commands.items():
-        out = place.runs(command)
-        assert printed in {"", out}, command
-    for script in ("lines.py", "sweep.py"):
-        place.runs(f"python {script}")
-    place.runs("liaisons run small_angle.py")
-    assert (place.folder / "figures" / "small_angle.png").is_file()
-    for command in COMMANDS:
-        if command.startswith("liaisons "):
-            place.runs(spelled(command))
+def test_here(runs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands in the page, in this process."""
+    monkeypatch.setattr(plt, "show", lambda: None)
+
+    def here(command: str) -> str:
+        program, *words = shlex.split(command)
+        if program == "python":
+            runpy.run_path(words[0])
+            plt.close("all")
+        return runs(*words) if program == "liaisons" else ""
+
+    go_through(tmp_path, here)
 
 
 @pytest.mark.slow
@@ -175,7 +146,7 @@ def test_in_a_clone(tmp_path: Path) -> None:
     assert "tests collected" in place.runs(
         test.strip().replace(".venv/bin/pytest", ".venv/bin/python -m pytest --collect-only --quiet")
     )
-    go_through(place, dict(documents.console("README.md")))
+    go_through(place.folder, place.runs)
     for command in COMMANDS:
         if re.match(OF_A_CLONE, command):
             place.runs(spelled(command))
@@ -188,7 +159,7 @@ def test_from_the_wheel_in_an_empty_folder(tmp_path: Path) -> None:
     main, *_ = blocks("README.md", "sh")
     *_, run = main.strip().split("/")
     assert "figure: figures/pumped_swing.png" in place.runs(run)
-    go_through(place, dict(documents.console("README.md")))
+    go_through(place.folder, place.runs)
     assert str(ROOT) not in place.runs("python -c 'import liaisons; print(liaisons.__file__)'")
 
 

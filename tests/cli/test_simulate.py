@@ -99,6 +99,15 @@ def test_a_length_by_an_expression(simulated: Simulated, begin: float) -> None:
     np.testing.assert_allclose(result["theta"], swing(result.time, start=begin), rtol=0, atol=EXACT)
 
 
+@pytest.mark.parametrize("record", [(), ("--record", "theta,length_mismatch")])
+def test_a_contradiction_is_said_and_shown_where_it_is_asked_for(runs: Runs, record: tuple[str, ...]) -> None:
+    out = runs("simulate", "Pendulum", "--set", "length_dot=0.1", "--stop", "1", "--step", "0.1", *record)
+    said = (
+        "length, length_dot and length_ddot contradict each other: length_mismatch is up to 0.01 m, for the first time"
+    )
+    assert (f"{said} at t = 0.2 s" in out, "\nlength_mismatch " in out) == (not record, bool(record))
+
+
 @pytest.mark.parametrize("columns", [1, 2, 3])
 def test_a_length_by_a_table(simulated: Simulated, tmp_path: Path, columns: int) -> None:
     times = np.linspace(0, 2, 101)

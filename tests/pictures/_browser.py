@@ -1,4 +1,4 @@
-"""What tests of live pages, and the table of them, share: a browser, and what the native FMU reaches."""
+"""What tests of live pages share: a browser, and what the native FMU reaches."""
 
 from __future__ import annotations
 
@@ -18,16 +18,6 @@ BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 HANG = 60_000.0  # [ms]
 Triple = Callable[[float, float], tuple[float, float, float]]
 """Of a start and a time [s]: the coordinate and its rates."""
-
-_FRAME = """count => {
-  const page = window.page, spent = [];
-  for (let k = 0; k < count; k += 1) {
-    const begin = performance.now();
-    page.step(); page.step(); page.paint();
-    spent.push(performance.now() - begin);
-  }
-  return spent.sort((a, b) => a - b)[count >> 1];
-}"""
 
 
 @contextmanager
@@ -57,10 +47,6 @@ class Live:
 
     def signal(self, name: str) -> float:
         return self.page.evaluate("n => { const p = window.page; return p.now[p.machine.place.get(n)]; }", name)
-
-    def frame(self, count: int = 100) -> float:
-        """Main thread of one frame: two steps and all that is drawn, the median [ms]."""
-        return self.page.evaluate(_FRAME, count)
 
 
 @contextmanager

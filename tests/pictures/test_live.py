@@ -1,17 +1,11 @@
-"""Live pages in a real browser: they run, agree with the native FMUs, answer to hands, and let nothing in.
-
-``python tests/pictures/test_live.py`` prints the table of all components.
-"""
+"""Live pages in a real browser: they run, agree with the native FMUs, answer to hands, and let nothing in."""
 
 from __future__ import annotations
 
 import re
 import socket
-import sys
-import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +14,10 @@ import pytest
 
 from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator
 from liaisons.errors import BuildError, SimulationError
-from liaisons.fmu import build
 from liaisons.library import catalogue
 from liaisons.live import live_page
-from liaisons.mechanics import assemble
 
-try:
-    from . import _browser as tools
-except ImportError:  # as a script
-    sys.path.insert(0, str(Path(__file__).parent))
-    import _browser as tools  # pyright: ignore[reportMissingImports]
+from . import _browser as tools
 
 SECONDS = 10.0
 AGREEMENT = 1e-12  # no component needs more: none has lost its digits to chaos after 10 s
@@ -67,31 +55,6 @@ def page_of(fmu: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) 
     return written
 
 
-@dataclass(frozen=True)
-class Row:
-    """What one page did in the browser."""
-
-    complaints: list[str]
-    reached: float  # [s]
-    difference: float
-    frame: float  # [ms]
-    size: int  # bytes
-
-
-def measured(browser: Any, path: Path, html: Path) -> Row:
-    """Ten seconds in the browser and by fmpy, each coordinate moved by the page's smooth step."""
-    with tools.opened(browser, html) as live:
-        plan = live.plan
-        count = round(SECONDS / plan["step_size"])
-        for members in plan["components"][0]["free"]:
-            tools.preset(live, members[0], "SmoothStep", height=HEIGHT)
-        reached = live.run(count)
-        expected, scales = tools.native(path, plan, count, lambda s, t: tools.smooth_step(s, t, HEIGHT))
-        time = live.page.evaluate("window.page.machine.time")
-        far = tools.difference(reached, expected, scales)
-        return Row(live.complaints, time, far, live.frame(), html.stat().st_size)
-
-
 @in_a_browser
 @pytest.mark.parametrize(
     "name",
@@ -100,11 +63,18 @@ def measured(browser: Any, path: Path, html: Path) -> Row:
 def test_every_page_runs_as_the_native_fmu(
     name: str, browser: Any, fmu: Callable[..., Path], page_of: Callable[[str], Path]
 ) -> None:
-    row = measured(browser, fmu(catalogue()[name]), page_of(name))
-    assert row.complaints == []
-    assert row.reached == pytest.approx(SECONDS, abs=0.05)
-    assert row.difference <= AGREEMENT
-    assert row.size <= SIZE
+    """Ten seconds in the browser and by fmpy, each coordinate moved by the page's smooth step."""
+    with tools.opened(browser, page_of(name)) as live:
+        plan = live.plan
+        count = round(SECONDS / plan["step_size"])
+        for members in plan["components"][0]["free"]:
+            tools.preset(live, members[0], "SmoothStep", height=HEIGHT)
+        reached = live.run(count)
+        assert live.page.evaluate("window.page.machine.time") == pytest.approx(SECONDS, abs=0.05)
+        assert live.complaints == []
+    expected, scales = tools.native(fmu(catalogue()[name]), plan, count, lambda s, t: tools.smooth_step(s, t, HEIGHT))
+    assert tools.difference(reached, expected, scales) <= AGREEMENT
+    assert page_of(name).stat().st_size <= SIZE
 
 
 @in_a_browser
@@ -338,20 +308,3 @@ def test_a_damaged_picture_is_refused(content: bytes, fmu: Callable[..., Path], 
     )
     with pytest.raises(SimulationError, match=r"^[^\n]*picture\.json[^\n]*$"):
         write_live_page(damaged, tmp_path / "page.html")
-
-
-def table() -> None:
-    """The browser table of the whole catalogue, as Markdown."""
-    print("| component | loads | 10 s against native | ms a frame | kB |\n|---|---|---:|---:|---:|")  # noqa: T201
-    with tempfile.TemporaryDirectory() as name, tools.browser() as browser:
-        for component in sorted(catalogue()):
-            path = build(assemble(catalogue()[component]), Path(name))
-            html = path.with_suffix(".html")
-            write_live_page(path, html)
-            row = measured(browser, path, html)
-            loads = "yes" if not row.complaints else "; ".join(row.complaints)
-            print(f"| {component} | {loads} | {row.difference:.0e} | {row.frame:.1f} | {row.size / 1000:.0f} |")  # noqa: T201
-
-
-if __name__ == "__main__":
-    table()

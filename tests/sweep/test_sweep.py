@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import ctypes
-import multiprocessing
+import errno
 import os
 import select
 import signal
@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -105,7 +106,9 @@ def test_cases_that_fail_are_recorded_and_the_others_go_on(pendulum, caplog) -> 
     assert "mass = -1" in table.failures[1]
     assert np.isnan(table["theta"][[1, 3]]).all()
     assert table["theta"][4] == simulate(pendulum, **SPAN, mass=3.0)["theta"][-1]
-    assert not caplog.records  # no complaint when what failed is put away
+    assert "liaisons" not in {
+        record.name.partition(".")[0] for record in caplog.records
+    }  # no complaint when what failed is put away
 
 
 def test_a_function_that_fails_is_a_case_that_fails(pendulum) -> None:
@@ -113,7 +116,7 @@ def test_a_function_that_fails_is_a_case_that_fails(pendulum) -> None:
     assert "no_such" in table.failures[0]
 
 
-def test_a_killed_process_loses_no_case(pendulum, tmp_path) -> None:
+def test_a_killed_process_loses_no_case(pendulum, tmp_path, where) -> None:
     killed = tmp_path / "killed"
 
     def theta(result: Result) -> float:
@@ -122,33 +125,53 @@ def test_a_killed_process_loses_no_case(pendulum, tmp_path) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
         return result["theta"][-1]
 
-    table = sweep(pendulum, CASES, {"theta": theta}, workers=2, **SPAN)
+    table = sweep(pendulum, CASES, {"theta": theta}, **where, **SPAN)
     assert killed.exists()
     assert not table.failures
     assert table["theta"].tolist() == [result["theta"][-1] for result in one_by_one(pendulum)]
 
 
-@pytest.mark.parametrize(
-    ("end", "options", "reason"),
-    [
-        (lambda: os.kill(os.getpid(), signal.SIGKILL), {}, "the process that simulated it died, 2 times"),
-        # in foreign code, which looks neither at signals nor at its parent
-        (lambda: ctypes.CDLL(None).sleep(1000), {"time_limit": 2.0}, "took longer than the time limit of 2 s"),
-    ],
-    ids=["kills its process", "takes too long"],
-)
-def test_a_case_that_never_ends_well_is_given_up(pendulum, end, options, reason) -> None:
+def full() -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+FATES: dict[str, tuple[Callable[[], object], str]] = {
+    "crash": (
+        lambda: os.kill(os.getpid(), signal.SIGKILL),
+        "the process that simulated it died, 2 times (exit code -9)",
+    ),
+    # in foreign code, which looks neither at signals nor at its parent
+    "hang": (lambda: ctypes.CDLL(None).sleep(1000), "took longer than the time limit of 2 s"),
+    "full disk": (full, "keep: the function of 'theta' fails: OSError: [Errno 28] No space left on device"),
+}
+
+
+@pytest.mark.parametrize("fate", FATES)
+def test_a_case_that_never_ends_well_is_given_up(pendulum, tmp_path, where, fate) -> None:
+    end, reason = FATES[fate]
+    log = tmp_path / "log"
+
     def theta(result: Result) -> float:
+        with log.open("a") as file:
+            file.write(f"{os.getpid()}\n")
         if result["theta"][0] == 0.3:
             end()
         return result["theta"][-1]
 
-    angles = np.round(np.arange(1, 31) / 10, 1)
-    table = sweep(pendulum, {"theta_0": angles}, {"theta": theta}, workers=2, **options, **SPAN)
-    assert (table.failures.keys(), table.unfinished) == ({2}, (2,))
-    assert table.failures[2].startswith(reason)
-    assert np.count_nonzero(np.isnan(table["theta"])) == 1
-    assert multiprocessing.active_children() == []
+    cases = {"theta_0": np.round(np.arange(1, 31) / 10, 1), "mass": [1.0, -1.0] + 28 * [1.0]}
+    table = sweep(pendulum, cases, {"theta": theta}, time_limit=2.0 if fate == "hang" else None, **where, **SPAN)
+    assert (table.failures.keys(), table.unfinished) == ({1, 2}, (2,))
+    assert table.failures[2] == reason
+    assert np.count_nonzero(np.isnan(table["theta"])) == 2
+    assert [pid for pid in {*map(int, log.read_text().split())} if _lives(pid)] == []
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def test_what_is_ended_leaves_no_files(double, tmp_path, monkeypatch) -> None:

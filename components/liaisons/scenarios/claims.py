@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons.arguments import finite, shown
 from liaisons.check import Verdict, slope, verdict
 from liaisons.errors import ValidityError
+from liaisons.results import Result
 
 
 @final
@@ -22,21 +23,6 @@ class Bound:
     tolerance: float
     unit: str
     because: str
-
-
-class NamedArrays(Protocol):
-    """What has arrays by name: a result, a closed form."""
-
-    def __getitem__(self, name: str, /) -> NDArray[Any]: ...
-
-
-class Simulated(NamedArrays, Protocol):
-    """A result."""
-
-    @property
-    def time(self) -> NDArray[np.float64]: ...
-    @property
-    def names(self) -> tuple[str, ...]: ...
 
 
 def within(tolerance: float, unit: str = "", *, because: str) -> Bound:
@@ -66,7 +52,7 @@ class Claims:
     def __call__(
         self,
         text: str,
-        got: ArrayLike | NamedArrays,
+        got: ArrayLike | Result | Mapping[str, ArrayLike],
         expected: ArrayLike | Mapping[str, ArrayLike],
         bound: Bound,
         *,
@@ -92,7 +78,7 @@ class Claims:
         """Claim that errors go as the sizes to this power: the slope of their logarithms, three at least."""
         self(text, slope(sizes, errors), order, bound)
 
-    def energy(self, text: str, *runs: Simulated, tolerance: float) -> None:
+    def energy(self, text: str, *runs: Result, tolerance: float) -> None:
         """Claim that mechanisms gained what their operators, drives and loads gave them, less what was dissipated.
 
         The bound is 10 x tolerance x mean kinetic energy x time; of several the one that comes nearest to it counts.

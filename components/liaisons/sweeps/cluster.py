@@ -16,17 +16,16 @@ from liaisons.arguments import shown
 from liaisons.cosim.instances import extracted
 from liaisons.errors import SweepError
 from liaisons.folders import passing_folder
-from liaisons.sweeps.child import Child
 from liaisons.sweeps.outcome import Failure, Outcome, failure
 from liaisons.sweeps.study import Study
-from liaisons.sweeps.workers import Deliver
+from liaisons.sweeps.workers import Deliver, Pool
 
 Client = Any
 """A ``distributed.Client``; the package is an extra."""
 
 _PATIENCE = "10s"  # for a scheduler to answer
 _PAUSE = 0.2  # [s] between two looks at the workers, once there is one that can do nothing
-_mine: dict[tuple[str, int], tuple[Child, ExitStack]] = {}  # of a worker: sweep and thread -> process, and its folder
+_mine: dict[tuple[str, int], tuple[Pool, ExitStack]] = {}  # of a worker: sweep and thread -> process, and its folder
 
 
 @final
@@ -185,16 +184,18 @@ def _simulate(
     (key, study, files), time_limit = task
     try:
         if (key, get_ident()) not in _mine:
-            _begin(key, study, files)
-        child, _ = _mine[key, get_ident()]
-        return {case: child.outcome(case, time_limit) for case in cases}
+            _begin(key, study, files, time_limit)
+        pool, _ = _mine[key, get_ident()]
+        found: dict[int, Outcome] = {}
+        pool.run(cases, found.update)
+        return found
     except Exception as error:  # noqa: BLE001 - whatever it is, another worker may do it
         from distributed import get_worker
 
         return _Unable(get_worker().address, failure(error).reason)
 
 
-def _begin(key: str, study: Study, files: Mapping[Path, bytes]) -> None:
+def _begin(key: str, study: Study, files: Mapping[Path, bytes], time_limit: float | None) -> None:
     from cloudpickle import dumps  # comes with Dask; functions of scripts go by value
 
     for place in [place for place in _mine if place[1] == get_ident()]:  # of a sweep that could not say that it ended
@@ -205,9 +206,9 @@ def _begin(key: str, study: Study, files: Mapping[Path, bytes]) -> None:
         for path, content in files.items():
             here[path].write_bytes(content)
         moved = study.moved(here)
-        child = Child(dumps((moved, extracted(moved.fmus(), folder), str(folder))))
-        stack.callback(child.close)
-        _mine[key, get_ident()] = child, stack.pop_all()
+        pool = Pool(dumps((moved, extracted(moved.fmus(), folder), str(folder))), folder, 1, time_limit)
+        stack.callback(pool.close)
+        _mine[key, get_ident()] = pool, stack.pop_all()
 
 
 def _end(key: str) -> None:
