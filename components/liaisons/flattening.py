@@ -74,6 +74,8 @@ def flatten(
 
 def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
     """The model that an FMU of ours was built from."""
+    from liaisons.language import Chain
+
     fmu = part.fmu
     if fmu.model_name not in known:
         raise SimulationError(
@@ -81,7 +83,9 @@ def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
     sizes = {shape[0] for name, shape in fmu.arrays.items() if name != "picture"}
-    found = model(known[fmu.model_name], **({"n": sizes.pop()} if len(sizes) == 1 else {})).flat()
+    component = known[fmu.model_name]
+    is_chain = issubclass(component, Chain) and len(sizes) == 1
+    found = model(component, **({"n": sizes.pop()} if is_chain else {})).flat()
     missing = [v.name for v in found.variables if v.name not in fmu.variables]
     if missing:
         raise SimulationError(

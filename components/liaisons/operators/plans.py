@@ -1,0 +1,249 @@
+"""A planned motion: σ(t) in polynomials, its cost, the system that performs it, and what makes it believed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+from scipy.interpolate import PPoly
+
+from liaisons.arguments import as_path
+from liaisons.check import Verdict
+from liaisons.cosim import Result
+from liaisons.interface import System, operator, simulate
+from liaisons.language import Chain
+from liaisons.library import catalogue, component, fmu_path
+from liaisons.operators.problems import Goal, PlanError, Problem, problem_of
+from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Solution, Track
+from liaisons.operators.verifying import verdicts
+
+MOST_KNOTS = 100
+"""As many as a PlannedMotion has room for."""
+_INSTANT = 1e-9
+"""How long before a jump, relative to the duration, a replay looks once more: what holds until then."""
+_TOLERANCE = 1e-12
+"""Of the solvers in a replay: so near the rounding level that what is left is the plan's own error."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A motion of active coordinates that was planned by :func:`liaisons.plan`."""
+
+    goal: Goal
+    problem: Problem
+    solution: Solution
+
+    @property
+    def cost(self) -> float:
+        """What was minimised."""
+        return self.solution.cost
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.solution.track.durations.sum())
+
+    @property
+    def proved(self) -> bool:
+        """Whether the search came to its end; False after a time limit or Ctrl-C."""
+        return self.solution.proved
+
+    @property
+    def multipliers(self) -> dict[str, float]:
+        """dJ/d(value at the end), by name; of a given duration dJ/dT, too."""
+        found = dict(zip(self.problem.end.labels, map(float, self.solution.end_multipliers), strict=True))
+        low, high = self.problem.duration
+        return found | ({"duration": float(np.mean(self.solution.hamiltonian))} if low == high else {})
+
+    @property
+    def switches(self) -> Array:
+        """Instants [s] at which rates or accelerations may jump."""
+        return np.cumsum(self.solution.track.durations)[:-1]
+
+    def sigma(self, t: ArrayLike) -> dict[str, Array]:
+        """σ, σ̇ and σ̈ of what is moved, by the names of the FMU's variables; at a jump what comes after it.
+
+        :param t: times [s], of any shape; beyond both ends the polynomials go on.
+        """
+        return {
+            f"{name}{suffix}": polynomial.derivative(n)(t) if n else polynomial(t)
+            for name, polynomial in self._polynomials.items()
+            for n, suffix in enumerate(("", "_dot", "_ddot"))
+        }
+
+    @cached_property
+    def _polynomials(self) -> dict[str, PPoly]:
+        """σ on each interval of the mesh: the controls integrated, so that no derivative contradicts another."""
+        track, problem = self.solution.track, self.problem
+        breaks = track.breaks
+        h = np.diff(breaks)
+        to_powers = np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))
+        first = dict(zip(problem.states, track.knots[:, 0], strict=True))
+        found: dict[str, PPoly] = {}
+        for i, name in enumerate(problem.moves):
+            nodes = track.controls[i].reshape(-1, DEGREE)
+            powers = (nodes @ to_powers.T) / h[:, None] ** np.arange(DEGREE)
+            polynomial = PPoly(powers.T[::-1].copy(), breaks)
+            begins = [first.get(name, problem.rest[i]), first.get(f"{name}_dot", 0.0)]
+            for n in reversed(range(problem.order)):
+                polynomial = polynomial.antiderivative()
+                polynomial.c[-1] += begins[n]
+            found[name] = polynomial
+        return found
+
+    # ---- FMUs -------------------------------------------------------------------------------------------------
+
+    def system(self) -> System:
+        """The mechanism and one operator FMU a coordinate, wired, with start values: ready to be simulated anywhere."""
+        system = System(f"planned {self.problem.name}")
+        system.add(self.problem.name, self._fmu(), **self._values())
+        return system
+
+    def replay(self) -> Result:
+        """The motion as the FMUs perform it; communication points are the knots."""
+        return simulate(self._fmu(), times=self._times(), tolerance=_TOLERANCE, **self._values())
+
+    def verify(self) -> list[Verdict]:
+        """Replay through the FMUs, second mesh, law of the extremal, multipliers, bounds between the nodes.
+
+        :returns: verdicts; ``liaisons.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
+        """
+        return verdicts(self.problem, self.solution, self.replay())
+
+    def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
+        """Draw signals of the replay: what is moved, and what moves freely, unless names are given."""
+        return self.replay().plot(*(names or [*self.problem.moves, *self._free()]), path=path)
+
+    def animate(self, path: Path | str, **options: Any) -> float:
+        """Write the motion as a film or a page; see :meth:`liaisons.Result.animate`."""
+        return self.replay().animate(path, **options)
+
+    def _free(self) -> list[str]:
+        return [n for n in self.problem.states if n not in self.problem.moves and not n.endswith("_dot")]
+
+    def _fmu(self) -> Any:
+        found = component(self.goal.component)
+        sizes: Any = {"n": self.goal.values["n"]} if issubclass(found, Chain) and "n" in self.goal.values else {}
+        return fmu_path(self.goal.component, **sizes)
+
+    def _values(self) -> dict[str, Any]:
+        """Start values of the mechanism, and an operator for what is moved."""
+        problem, track = self.problem, self.solution.track
+        begin = self.sigma(0.0)
+        controls = np.array([begin[name] for name in problem.controls])
+        values: dict[str, Any] = dict(problem.fmu_starts(track.knots[:, 0], controls))
+        knots = self._knots()
+        for name, columns in knots.items():
+            arrays = dict(zip(("instant", "value", "rate", "acceleration"), columns, strict=True))
+            values[name] = operator("PlannedMotion", interpolate=problem.order > 0, **arrays)
+        return values
+
+    def _knots(self) -> dict[str, Array]:
+        """Knots of each operator, (4, 100); at the ends of arcs two."""
+        track = self.solution.track
+        breaks, ends = track.breaks, set(np.cumsum([arc.intervals for arc in track.arcs])[:-1].tolist())
+        m = breaks.size - 1
+        parts = (MOST_KNOTS - 1 - len(ends)) // m
+        if parts < 1:
+            raise PlanError(
+                f"{self.problem.name}: {m} intervals are more than the {MOST_KNOTS} knots of an operator hold"
+            )
+        found: dict[str, Array] = {}
+        for name, polynomial in self._polynomials.items():
+            rows: list[Array] = []
+            for k in range(m):
+                local = np.linspace(0, breaks[k + 1] - breaks[k], parts + 1)
+                piece = np.array([_derivatives(polynomial.c[:, k], tau) for tau in local])
+                piece = np.column_stack([breaks[k] + local, piece])
+                if k and k not in ends:
+                    rows[-1] = (rows[-1] + piece[0]) / 2
+                    piece = piece[1:]
+                rows += list(piece)
+            found[name] = np.pad(np.array(rows).T, ((0, 0), (0, MOST_KNOTS - len(rows))))
+        return found
+
+    def _times(self) -> Array:
+        """Communication points: the knots, and an instant before each jump."""
+        knots = next(iter(self._knots().values()))[0]
+        used = knots[: int(np.argmax(knots)) + 1]
+        jumps = used[:-1][np.diff(used) == 0]
+        return np.unique(np.concatenate([used, jumps - _INSTANT * self.duration]))
+
+    # ---- files ------------------------------------------------------------------------------------------------
+
+    def save(self, path: Path | str) -> None:
+        """Write goal and motion as JSON; :meth:`load` reads it.
+
+        :raises PlanError: if the goal has functions, or a class that is not in the catalogue: give text and file names.
+        """
+        path = as_path("path", path, PlanError)
+        goal = asdict(self.goal)
+        if isinstance(goal["component"], type):
+            goal["component"] = goal["component"].__name__
+            if goal["component"] not in catalogue():
+                raise PlanError(f"{path}: {goal['component']} is not in the catalogue; plan it by the name of its file")
+        goal["component"] = str(goal["component"])
+        for name in ("start", "end", "minimize"):
+            if callable(goal[name]):
+                raise PlanError(
+                    f"{path}: {name} is a function, which no file holds; write it as text, 'pivot_x_ddot**2'"
+                )
+        solution = {k: v for k, v in vars(self.solution).items() if k != "track"}
+        document = {"goal": goal, "track": vars(self.solution.track), "solution": solution}
+        path.write_text(json.dumps(document, default=_plain, indent=1), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path | str) -> Plan:
+        """Read what :meth:`save` has written.
+
+        :raises PlanError: if it is no plan.
+        """
+        path = as_path("path", path, PlanError)
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+            goal = Goal(**{name: _tuples(value) for name, value in document["goal"].items()})
+            track = document["track"]
+            arcs = tuple(Arc(arc["intervals"], _tuples(arc["held"])) for arc in track.pop("arcs"))
+            found: Any = {k: np.array(v) if isinstance(v, list) else v for k, v in document["solution"].items()}
+            solution = Solution(track=Track(arcs, **{k: np.array(v) for k, v in track.items()}), **found)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise PlanError(f"{path} is no saved plan: {error}") from None
+        return cls(goal, problem_of(goal), solution)
+
+    def __repr__(self) -> str:
+        word = "" if self.proved else ", not proved: it was stopped on the way"
+        moves = ", ".join(self.problem.moves)
+        return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
+
+
+def _derivatives(coefficients: Array, tau: float) -> tuple[float, float, float]:
+    """Value, first and second derivative of a polynomial, highest power first."""
+    first = np.polyder(coefficients)
+    return (
+        float(np.polyval(coefficients, tau)),
+        float(np.polyval(first, tau)),
+        float(np.polyval(np.polyder(first), tau)),
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    return asdict(value) if isinstance(value, Arc) else float(value)
+
+
+def _tuples(value: Any) -> Any:
+    """Lists of JSON as the tuples that they were."""
+    if isinstance(value, list):
+        return tuple(map(_tuples, value))
+    return {name: _tuples(item) for name, item in value.items()} if isinstance(value, dict) else value

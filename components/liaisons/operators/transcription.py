@@ -1,0 +1,331 @@
+"""Optimal control as a nonlinear program: Gauss-Legendre collocation, solved by IPOPT through CasADi's Opti.
+
+In each interval the state is the polynomial through its first point whose rates hold at ``DEGREE`` Gauss points; the
+controls are numbers at these points.  The scheme is symplectic: adjoints follow from the program's multipliers, and the
+Hamiltonian H = cost + adjoint · rates is constant along an extremal up to the error of the mesh.
+
+A mesh is a row of arcs with durations of their own, all unknown where the duration is; in an arc rows of the path may
+be held at a bound, which is how switching instants are found to the last digits.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.operators.problems import Problem, Rows
+
+DEGREE = 5
+"""Collocation points in an interval: of order 10 at its ends."""
+
+Array = NDArray[np.float64]
+_GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+_STOPPED = ("Interrupted", "User_Requested_Stop", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
+
+
+def _coefficients() -> tuple[Array, Array, Array]:
+    """Gauss points in (0, 1), Runge and Kutta's matrix A and weights b."""
+    points = np.array(ca.collocation_points(DEGREE, "legendre"))
+    powers = np.arange(DEGREE)
+    to_polynomial = np.linalg.inv(points[:, None] ** powers)
+    A = (points[:, None] ** (powers + 1) / (powers + 1)) @ to_polynomial
+    b = (1 / (powers + 1)) @ to_polynomial
+    return points, A, b
+
+
+POINTS, A, B = _coefficients()
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A part of the motion without a kink: so many equal intervals, and rows of the path that stay at a bound."""
+
+    intervals: int
+    held: tuple[tuple[int, float], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A motion on a mesh: what a solution is, and what a guess is.
+
+    Of n states and c controls, over m intervals in all.
+    """
+
+    arcs: tuple[Arc, ...]
+    durations: Array  # of the arcs [s]
+    knots: Array  # states at the ends of the intervals (n, m + 1)
+    inner: Array  # states at the collocation points (n, m · DEGREE)
+    controls: Array  # (c, m · DEGREE)
+
+    @property
+    def breaks(self) -> Array:
+        """Ends of the intervals [s], (m + 1,)."""
+        steps = np.concatenate([np.full(arc.intervals, T / arc.intervals) for arc, T in self._pairs()])
+        return np.append(0.0, np.cumsum(steps))
+
+    @property
+    def instants(self) -> Array:
+        """Of the collocation points [s], (m · DEGREE,)."""
+        breaks = self.breaks
+        return (breaks[:-1, None] + np.diff(breaks)[:, None] * POINTS).ravel()
+
+    def _pairs(self) -> list[tuple[Arc, float]]:
+        return [(arc, float(T)) for arc, T in zip(self.arcs, self.durations, strict=True)]
+
+    def at(self, fraction: Array) -> tuple[Array, Array]:
+        """States and controls at fractions of the duration, linear between the points: to start from."""
+        breaks, instants = self.breaks, self.instants
+        t = np.asarray(fraction) * breaks[-1]
+        order = np.argsort(np.append(breaks, instants), kind="stable")
+        times = np.append(breaks, instants)[order]
+        states = np.hstack([self.knots, self.inner])[:, order]
+        return (
+            np.array([np.interp(t, times, row) for row in states]).reshape(len(states), -1),
+            np.array([np.interp(t, instants, row) for row in self.controls]).reshape(len(self.controls), -1),
+        )
+
+    def on(self, arcs: tuple[Arc, ...], durations: Array) -> Track:
+        """The same motion on another mesh."""
+        blank = Track(arcs, durations, *(np.zeros((0, 0)),) * 3)
+        total = durations.sum()
+        knots, _ = self.at(blank.breaks / total)
+        inner, controls = self.at(blank.instants / total)
+        return Track(arcs, durations, knots, inner, controls)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What IPOPT has made of it."""
+
+    track: Track
+    cost: float
+    status: str  # IPOPT's word
+    seconds: float
+    hamiltonian: Array  # at the collocation points; constant along an extremal
+    adjoints: Array  # (n, m · DEGREE)
+    end_multipliers: Array  # dJ/d(row at the end)
+    path: Array  # rows of the path at the collocation points (rows, m · DEGREE)
+    residual: float  # the largest violation of an equation
+    proved: bool = field(default=True)  # False: stopped on the way
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether IPOPT says so."""
+        return self.status in _GOOD
+
+
+@dataclass(frozen=True, eq=False)
+class _Program:
+    """The nonlinear program: unknowns and expressions of CasADi's Opti."""
+
+    opti: ca.Opti
+    durations: Any  # (1, arcs)
+    knots: Any
+    inner: Any
+    controls: Any
+    rates: Any
+    running: Any  # cost at the collocation points
+    path: Any
+    stages: Any  # what is left of the equations at the collocation points,
+    steps: Any  # and at the ends of the intervals
+    cost: Any
+
+
+def solve(
+    problem: Problem,
+    guess: Track,
+    *,
+    soft: bool = False,
+    shift: Array | None = None,
+    near: bool = False,
+    seconds: float = 60.0,
+) -> Solution:
+    """Solve the problem on the mesh of the guess.
+
+    :param soft: come as near to the end as possible, at any cost, instead of reaching it.
+    :param shift: added to the values at the end.
+    :param near: the guess is all but the solution: stay with it.
+    :param seconds: time limit; what there is then is returned as not proved.
+    """
+    begun = time.perf_counter()
+    program = _collocated(problem, guess)
+    opti = program.opti
+    stages, steps = program.stages == 0, program.steps == 0
+    opti.subject_to(stages)
+    opti.subject_to(steps)
+    _bound(opti, problem, guess.arcs, program)
+    _within(opti, problem.start, problem.start.function(program.knots[:, 0]))
+    for i in problem.closed:
+        opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
+    _anchor(opti, problem, program)
+    end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
+    kept = [] if soft else _within(opti, problem.end, end)
+    opti.minimize(ca.sumsqr(end - np.clip(0.0, problem.end.low, problem.end.high)) if soft else program.cost)
+    status = _run(opti, near=near, seconds=seconds)
+
+    def value(expression: Any, *shape: int) -> Array:
+        return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
+
+    n, c, rows = len(problem.states), len(problem.controls), len(problem.path.labels)
+    m = program.knots.shape[1] - 1
+    points = m * DEGREE
+    track = Track(
+        arcs=guess.arcs,
+        durations=value(program.durations, len(guess.arcs)),
+        knots=value(program.knots, n, m + 1),
+        inner=value(program.inner, n, points),
+        controls=value(program.controls, c, points),
+    )
+    mu, nu = value(opti.dual(stages), n, points), value(opti.dual(steps), n, m)
+    adjoints = -(np.repeat(nu, DEGREE, axis=1) + (mu @ np.kron(np.eye(m), A)) / np.tile(B, m))
+    multipliers = np.zeros(len(problem.end.labels))
+    for places, constraint in kept:
+        multipliers[places] = -value(opti.dual(constraint), len(places))
+    return Solution(
+        track=track,
+        cost=float(opti.debug.value(program.cost)),
+        status=status,
+        seconds=time.perf_counter() - begun,
+        hamiltonian=value(program.running, points) + np.sum(adjoints * value(program.rates, n, points), axis=0),
+        adjoints=adjoints,
+        end_multipliers=multipliers,
+        path=value(program.path, rows, points),
+        residual=float(max(np.max(np.abs(value(e, e.numel()))) for e in (program.stages, program.steps))),
+        proved=status not in _STOPPED,
+    )
+
+
+def _collocated(problem: Problem, guess: Track) -> _Program:
+    """Unknowns, and what must vanish of the equations."""
+    arcs = guess.arcs
+    m = sum(arc.intervals for arc in arcs)
+    n, c, points = len(problem.states), len(problem.controls), m * DEGREE
+    opti = ca.Opti()
+    knots, inner, controls = opti.variable(n, m + 1), opti.variable(n, points), opti.variable(c, points)
+    for unknown, first in ((knots, guess.knots), (inner, guess.inner), (controls, guess.controls)):
+        opti.set_initial(unknown, first)
+    low, high = problem.duration
+    if low == high and len(arcs) == 1:
+        durations = ca.MX(ca.DM(low))
+    else:
+        total = float(guess.durations.sum())
+        durations = opti.variable(1, len(arcs))
+        opti.set_initial(durations, guess.durations[None, :] * np.clip(total, low, high) / total)
+        opti.subject_to(ca.vec(durations) >= 1e-6 * total)
+        whole = ca.sum2(durations)
+        opti.subject_to(_bounded(opti, low, whole, high) if low < high else whole == low)
+    lengths = [ca.repmat(durations[i] / arc.intervals, 1, arc.intervals * DEGREE) for i, arc in enumerate(arcs)]
+    h = ca.horzcat(*lengths)  # of the interval of each point
+    rates = problem.rates.map(points)(inner, controls)
+    running = problem.cost.map(points)(inner, controls)
+    begins = ca.reshape(ca.repmat(knots[:, :-1], DEGREE, 1), n, points)
+    gained = rates * ca.repmat(h, n, 1)
+    to_stages, to_ends = (ca.sparsify(ca.DM(np.kron(np.eye(m), block))) for block in (A.T, B[:, None]))
+    return _Program(
+        opti=opti,
+        durations=durations,
+        knots=knots,
+        inner=inner,
+        controls=controls,
+        rates=rates,
+        running=running,
+        path=problem.path.function.map(points)(inner, controls) if problem.path.labels else ca.MX(0, points),
+        stages=ca.vec(inner - begins - gained @ to_stages),
+        steps=ca.vec(knots[:, 1:] - knots[:, :-1] - gained @ to_ends),
+        cost=ca.dot(ca.vec(running * h), np.tile(B, m)),
+    )
+
+
+def _run(opti: ca.Opti, *, near: bool, seconds: float) -> str:
+    """IPOPT's word."""
+    ipopt = {
+        "print_level": 0,
+        "sb": "yes",
+        "tol": 1e-10,
+        "constr_viol_tol": 1e-12,
+        "acceptable_tol": 1e-8,
+        "acceptable_constr_viol_tol": 1e-10,
+        "acceptable_iter": 25,
+        "bound_relax_factor": 0.0,
+        "max_iter": 1500,
+        "max_wall_time": float(seconds),
+    }
+    stay = {"mu_init": 1e-7, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
+    opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | stay})
+    try:
+        opti.solve()
+    except KeyboardInterrupt:
+        return "Interrupted"
+    except RuntimeError:  # the status says why
+        if not opti.stats():
+            raise
+    return str(opti.stats()["return_status"])
+
+
+def _within(opti: ca.Opti, rows: Rows, values: Any) -> list[tuple[list[int], Any]]:
+    """Constraints that keep rows in their ranges, with the places of the rows that each holds."""
+    equal = [i for i in range(len(rows.labels)) if rows.low[i] == rows.high[i]]
+    kept: list[tuple[list[int], Any]] = []
+    if equal:
+        kept.append((equal, values[equal] == rows.low[equal]))
+    others = (i for i in range(len(rows.labels)) if i not in equal)
+    kept += [([i], _bounded(opti, rows.low[i], values[i], rows.high[i])) for i in others]
+    for _, constraint in kept:
+        opti.subject_to(constraint)
+    return kept
+
+
+def _bounded(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
+    if np.isinf(low):
+        return value <= high
+    return value >= low if np.isinf(high) else opti.bounded(low, value, high)
+
+
+def _bound(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
+    """Rows of the path in their ranges, or held: at the collocation points, of states at the ends of intervals, too.
+
+    A coordinate that is moved is held at its bound by its control: it comes there at the arc's begin, and stays.
+    """
+    first = 0
+    for arc in arcs:
+        last = first + arc.intervals
+        inner = slice(first * DEGREE, last * DEGREE)
+        held = dict(arc.held)
+        for i, label in enumerate(problem.path.labels):
+            low, high = problem.path.low[i], problem.path.high[i]
+            if i in held and label in problem.moves and problem.order > 0:
+                opti.subject_to(program.knots[problem.states.index(label), first] == held[i])
+                if problem.order == 2:
+                    opti.subject_to(program.knots[problem.states.index(f"{label}_dot"), first] == 0)
+                opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
+                continue
+            row = ca.vec(program.path[i, inner])
+            opti.subject_to(row == held[i] if i in held else _bounded(opti, low, row, high))
+            if label in problem.states and i not in held:
+                between = program.knots[problem.states.index(label), max(first, 1) : last]
+                if between.numel():
+                    opti.subject_to(_bounded(opti, low, ca.vec(between), high))
+        first = last
+
+
+def _anchor(opti: ca.Opti, problem: Problem, program: _Program) -> None:
+    """Where a loop begins is nobody's business: it does where a mixture of σ is extremal, as it is somewhere."""
+    closed = {problem.states[i] for i in problem.closed}
+    if problem.order == 0 or not set(problem.moves) <= closed or closed & set(problem.start.labels):
+        return
+    if problem.order == 1:
+        rates = program.controls[:, :DEGREE] @ np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))[0]
+    else:
+        rates = program.knots[[problem.states.index(f"{name}_dot") for name in problem.moves], 0]
+    opti.subject_to(ca.dot(mixture(len(problem.moves)), rates) == 0)
+
+
+def mixture(count: int) -> Array:
+    """Weights of σ that no bound on one of them makes constant."""
+    return np.power(0.6, np.arange(count))

@@ -1,0 +1,120 @@
+"""What makes a plan believed: IPOPT's word alone is never enough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from liaisons.check import Verdict, verdict
+from liaisons.operators.problems import Problem, Rows
+from liaisons.operators.transcription import Arc, Array, Solution, solve
+from liaisons.results import Result
+
+_SHIFT = 1e-4
+"""By how much the end is moved to see what that costs."""
+
+
+def verdicts(problem: Problem, solution: Solution, replay: Result) -> list[Verdict]:
+    """All of them.
+
+    :param replay: the motion as the FMUs perform it.
+    """
+    ended = verdict("the search came to its end", error=0.0 if solution.proved else 1.0, tolerance=0.0)
+    return [ended, *_replayed(problem, replay), *_law(problem, solution), *_meshes(problem, solution)]
+
+
+def _replayed(problem: Problem, replay: Result) -> list[Verdict]:
+    X = np.array([replay[name] for name in problem.states])
+    U = np.array([replay[name] for name in problem.controls])
+    found = [
+        verdict(
+            "replayed through the FMUs, the end is reached",
+            error=_beyond(problem.end, np.array(problem.end.function(X[:, -1])), scaled=True),
+            tolerance=1e-8,
+            reason="solver tolerance 1e-12; what is left is the mesh's",
+        )
+    ]
+    if problem.closed:
+        closed = list(problem.closed)
+        gap = float(np.max(np.abs(X[closed, -1] - X[closed, 0])))
+        found.append(verdict("what has to close is closed", error=gap, tolerance=1e-8, reason="as the end"))
+    energies = np.concatenate([replay[name] for name in ("kinetic_energy", "potential_energy", "work")])
+    scale = max(1e-12, float(np.ptp(energies)))
+    balance = float(np.max(np.abs(replay["energy_balance"]))) / scale
+    found.append(verdict("the energy gained is the operators' work", error=balance, tolerance=1e-7, reason="relative"))
+    if problem.path.labels:
+        path = np.array(problem.path.function.map(X.shape[1])(X, U))
+        error = _beyond(problem.path, path, scaled=True)
+        found.append(verdict("bounds are kept between the nodes", error=error, tolerance=1e-6, reason="relative"))
+    return found
+
+
+def _law(problem: Problem, solution: Solution) -> list[Verdict]:
+    """Along an extremal the Hamiltonian is constant; it is 0 where the duration is free."""
+    track = solution.track
+    points = track.inner.shape[1]
+    running = np.array(problem.cost.map(points)(track.inner, track.controls)).ravel()
+    H = solution.hamiltonian / hamiltonian_scale(problem, solution)
+    why = "relative to its terms; an extremal that the mesh resolves keeps it to 1e-8"
+    found = [verdict("the Hamiltonian is constant", error=float(np.ptp(H)), tolerance=1e-6, reason=why)]
+    low, high = problem.duration
+    if low < track.durations.sum() * (1 - 1e-9) and track.durations.sum() < high * (1 - 1e-9):
+        found.append(
+            verdict("it is 0, for the duration is free", error=abs(float(np.mean(H))), tolerance=1e-6, reason=why)
+        )
+    still = np.array(problem.rates.map(points)(track.inner, np.zeros_like(track.controls)))
+    inside = not problem.path.labels or _room(problem.path, solution.path) > 0
+    if problem.order == 1 and np.max(np.abs(still), initial=0.0) < 1e-12 and inside and np.all(running > 0):
+        speed = np.sqrt(running)
+        error = float(np.ptp(speed) / np.mean(speed))
+        found.append(verdict("the Θ-speed is constant: a geodesic", error=error, tolerance=1e-6, reason="relative"))
+    return found
+
+
+def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
+    """Size of the terms that the Hamiltonian is made of."""
+    track = solution.track
+    points = track.inner.shape[1]
+    running = np.array(problem.cost.map(points)(track.inner, track.controls)).ravel()
+    rates = np.array(problem.rates.map(points)(track.inner, track.controls))
+    return max(1e-300, float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))))
+
+
+def _meshes(problem: Problem, solution: Solution) -> list[Verdict]:
+    """A mesh half as fine again, and the price of another end."""
+    track = solution.track
+    finer = tuple(replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in track.arcs)
+    second = solve(problem, track.on(finer, track.durations), near=True)
+    scale = max(1e-12, abs(solution.cost))
+    error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
+    text = f"a mesh of {_count(finer)} intervals costs the same as one of {_count(track.arcs)}"
+    found = [verdict(text, error=error, tolerance=1e-6, reason="relative")]
+    gradient = solution.end_multipliers
+    size = float(np.linalg.norm(gradient))
+    if size > 0:
+        # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
+        by = _SHIFT * min(1.0, scale / size)
+        shifted = [solve(problem, track, near=True, shift=sign * by * gradient / size) for sign in (1, -1)]
+        slope = (shifted[0].cost - shifted[1].cost) / (2 * by) if all(s.succeeded for s in shifted) else np.nan
+        text = "another end costs what the multipliers say, dJ/d(end)"
+        found.append(verdict(text, error=abs(slope - size) / size, tolerance=1e-4, reason="relative"))
+    return found
+
+
+def _count(arcs: tuple[Arc, ...]) -> int:
+    return sum(arc.intervals for arc in arcs)
+
+
+def _beyond(rows: Rows, values: Array, *, scaled: bool) -> float:
+    """By how much values leave their ranges, relative to these where they are large."""
+    if not rows.labels:
+        return 0.0
+    off = np.maximum(rows.low[:, None] - values, values - rows.high[:, None]).clip(0)
+    ends = np.where(np.isfinite([rows.low, rows.high]), np.abs([rows.low, rows.high]), 0).max(axis=0)
+    return float(np.max(off / np.maximum(1.0, ends)[:, None] if scaled else off))
+
+
+def _room(rows: Rows, values: Array) -> float:
+    """How far the values stay off their bounds."""
+    return float(np.min(np.minimum(values - rows.low[:, None], rows.high[:, None] - values))) - 1e-6

@@ -1,0 +1,219 @@
+"""Plans: closed forms, refusals in one line, and wrong extremals that IPOPT takes for right ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from liaisons import Plan, plan
+from liaisons.operators import PlanError, transcription
+
+CAT: dict[str, Any] = {"start": {"phi": 0}, "closed": True, "duration": 0.9, "arm_1": 0.25, "arm_2": 0.25}
+LIMBS = {"psi_1": (-3, 3), "psi_2": (-3, 3)}
+CRANE: dict[str, Any] = {"start": {"theta": 0}, "length": 2.0}
+AT_REST = {"theta": 0, "theta_dot": 0, "pivot_x": 0.5, "pivot_x_dot": 0}
+
+
+def satellite(turn: float, intervals: int) -> Plan:
+    """Two wheels turn a satellite with J_xx = J_yy about its z axis."""
+    end = {"attitude": (np.cos(turn / 2), 0, 0, np.sin(turn / 2))}
+    values = {"duration": 2.0, "intervals": intervals, "accuracy": None, "J_yy": 10.0}
+    return plan("Satellite", ["wheel_1", "wheel_2"], end=end, **values)
+
+
+def least_of_turn(turn: float) -> float:
+    """½ L²/T in the metric (J/J_w)² Θ, L the length √(α (4π - α)) on the group of rotations."""
+    J, wheel, T = 10.0, 0.1, 2.0
+    return (J / wheel) ** 2 * (wheel - wheel**2 / J) * turn * (4 * np.pi - turn) / (2 * T)
+
+
+@pytest.mark.parametrize("turn", [1.0, np.pi])
+def test_satellite_turns_along_a_sub_riemannian_geodesic(turn: float) -> None:
+    # Two meshes: of order 10 in their intervals, the finer one to IPOPT's tolerance.
+    for intervals, tolerance in ((10, 1e-8), (20, 1e-11)):
+        assert satellite(turn, intervals).cost == pytest.approx(least_of_turn(turn), rel=tolerance)
+
+
+def test_bang_bang_is_found_to_the_last_digits() -> None:
+    """A trolley without its load's feedback: θ is left free, so that D = A T²/4 and one switch half way."""
+    motion = plan(
+        "Pendulum",
+        ["pivot_x"],
+        end={"pivot_x": 0.5, "pivot_x_dot": 0},
+        duration=(0.1, 10),
+        minimize="time",
+        bounds={"pivot_x_ddot": (-2, 2)},
+        **CRANE,
+    )
+    assert motion.duration == pytest.approx(1.0, abs=1e-12)
+    assert motion.switches == pytest.approx([0.5], abs=1e-12)
+    assert motion.multipliers["pivot_x"] == pytest.approx(1.0, abs=1e-9)  # dT/dD = T/(2D)
+
+
+def test_everything_is_proved_by_replay_mesh_and_law(tmp_path: Path) -> None:
+    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE)
+    found = motion.verify()
+    assert len(found) >= 5
+    assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
+
+    motion.save(tmp_path / "crane.json")
+    again = Plan.load(tmp_path / "crane.json")
+    t = np.linspace(0, 3, 50)
+    for name, values in motion.sigma(t).items():
+        np.testing.assert_array_equal(again.sigma(t)[name], values)
+    assert all(verdict.passed for verdict in again.verify())
+    assert again.cost == motion.cost
+
+
+def test_sigma_is_one_polynomial_and_its_derivatives() -> None:
+    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE)
+    t, h = np.linspace(0.1, 2.9, 30), 1e-4
+    ahead, behind, here = (motion.sigma(t + shift) for shift in (h, -h, 0.0))
+    for value, rate in (("pivot_x", "pivot_x_dot"), ("pivot_x_dot", "pivot_x_ddot")):
+        # h² of the third derivative: 1e-8 times some 10
+        np.testing.assert_allclose((ahead[value] - behind[value]) / (2 * h), here[rate], rtol=0, atol=1e-6)
+    assert motion.sigma(3.0)["pivot_x"] == pytest.approx(0.5, abs=1e-11)
+
+
+def test_a_mesh_that_is_too_coarse_is_found_out_though_ipopt_succeeds() -> None:
+    motion = plan(
+        "PlanarCat", end={"phi": -1.047}, bounds=LIMBS, intervals=4, accuracy=None, **{**CAT, "duration": 0.9}
+    )
+    assert motion.solution.status == "Solve_Succeeded"
+    refused = [verdict.claim for verdict in motion.verify() if not verdict.passed]
+    assert any("replayed" in claim for claim in refused), refused
+    assert any("Hamiltonian" in claim for claim in refused), refused
+
+
+def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
+    motion = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, **CAT)
+    found = motion.verify()
+    assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
+    begin, end = motion.sigma([0.0, motion.duration])["psi_1"]
+    assert begin == pytest.approx(end, abs=1e-12)
+    assert any("Θ-speed" in verdict.claim for verdict in found)
+
+
+def test_a_plan_is_the_guess_of_the_next() -> None:
+    first = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, **CAT)
+    second = plan("PlanarCat", end={"phi": -0.06}, bounds=LIMBS, guess=first, **CAT)
+    slope = first.multipliers["phi"]
+    assert second.cost - first.cost == pytest.approx(-0.01 * slope, rel=0.2)  # J is convex near 0, not linear
+
+
+def test_a_chain_is_brought_from_rest_to_rest() -> None:
+    end = {"pivot_x": 0.3, "pivot_x_dot": 0, "theta": 0, "theta_dot": 0}
+    motion = plan(
+        "PendulumChain", ["pivot_x"], start={"theta": 0}, end=end, duration=4.0, n=3, minimize="pivot_x_ddot**2"
+    )
+    assert motion.solution.succeeded
+    replay = motion.replay()
+    assert replay["theta"][-1] == pytest.approx(0, abs=1e-8)
+    assert replay["pivot_x"][-1] == pytest.approx(0.3, abs=1e-8)
+
+
+OWN = '''
+import casadi as ca
+from liaisons import ActiveCoordinate, Coordinate, Mechanism, Parameter
+
+class Cart(Mechanism):
+    """A mass on a spring that hangs on a cart."""
+    stiffness = Parameter(4.0, "N/m", "of the spring", above=0)
+    mass = Parameter(1.0, "kg", "of the load", above=0)
+    x = Coordinate("m", "of the load")
+    cart = ActiveCoordinate("m", "place of the cart")
+    def kinetic_energy(self): return self.mass / 2 * self.dot(self.x)**2
+    def potential_energy(self): return self.stiffness / 2 * (self.x - self.cart)**2
+'''
+
+
+def test_a_mechanism_of_ones_own_whose_operator_may_jump(tmp_path: Path) -> None:
+    """Order 0: only σ enters the motion.  ∫ u² dt of x'' = 4 (u - x) is the linear Gramian's."""
+    (tmp_path / "cart.py").write_text(OWN)
+    motion = plan(str(tmp_path / "cart.py"), end={"x": 1.0, "x_dot": 0}, duration=2.0, minimize="cart**2")
+    assert motion.problem.order == 0
+    t = np.linspace(0, 2.0, 20001)
+    kernel = 2.0 * np.array([np.sin(2 * (2 - t)), 2 * np.cos(2 * (2 - t))])  # of x(T) and x'(T) in u
+    gramian = np.trapezoid(kernel[:, None] * kernel, t)
+    expected = np.linalg.solve(gramian, [1.0, 0.0])[0]
+    assert motion.cost == pytest.approx(expected, rel=1e-7)  # the trapezoidal rule's
+
+
+REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
+    "unknown coordinate": ("PlanarCat", CAT | {"moves": ["psy_1"]}, "did you mean 'psi_1'"),
+    "free coordinate": ("PlanarCat", CAT | {"moves": ["phi"]}, "it moves freely"),
+    "unknown start": ("Pendulum", {"start": {"thetta": 0}, "duration": 1.0}, "did you mean 'theta'"),
+    "unknown end": ("Pendulum", {"end": {"thetta": 0}, "duration": 1.0}, "did you mean 'theta'"),
+    "unknown bound": ("Pendulum", {"bounds": {"lenght": (1, 2)}, "duration": 1.0}, "did you mean 'length'"),
+    "unknown parameter": ("PlanarCat", CAT | {"arm1": 1.0}, "did you mean 'arm_1'"),
+    "unknown name in a text": ("Pendulum", {"minimize": "pivot_xddot**2", "duration": 1.0}, "'pivot_x_ddot'"),
+    "moved and required": ("PlanarCat", CAT | {"psi_1": 1.0}, "psi_1 is moved"),
+    "excluded by bounds": ("PlanarCat", CAT | {"end": {"psi_1": 4}, "bounds": LIMBS}, "lies outside of its bounds"),
+    "conserved": ("PlanarCat", CAT | {"end": {"p_phi": 1.0}}, "conserved and stays 0"),
+    "momentum": (
+        "Satellite",
+        {
+            "start": {"omega_x": 0.1},
+            "end": {f"{q}": 0 for q in ("omega_x", "omega_y", "omega_z")} | {f"wheel_{k}_dot": 0 for k in (1, 2, 3)},
+            "duration": 1.0,
+        },
+        "nothing can come to rest: H_x is conserved",
+    ),
+    "singular": (
+        "Pendulum",
+        {"moves": "pivot_x", "start": {"theta": 0}, "bounds": {"pivot_x_force": (-1, 1)}, "duration": 1.0},
+        "effective mass",
+    ),
+    "nothing to move": ("KeplerOrbit", {"duration": 1.0}, "no active coordinate"),
+    "operator": ("Sinusoid", {"duration": 1.0}, "no active coordinate"),
+    "no time at all": (
+        "Pendulum",
+        {"moves": "pivot_x", "end": {"theta": 1}, "minimize": "time", "duration": (0.1, 1)},
+        "would take none",
+    ),
+    "duration": ("Pendulum", {"duration": (2.0, 1.0)}, "give seconds > 0"),
+    "infeasible": (
+        "Pendulum",
+        {
+            "moves": "pivot_x",
+            "start": {"theta": 0},
+            "end": {"theta": 2.0},
+            "duration": 1.0,
+            "minimize": "pivot_x_ddot**2",
+            "bounds": {"pivot_x_ddot": (-1, 1)},
+            "intervals": 6,
+        },
+        "nearest theta = 0.20",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_planned_is_refused_in_one_line(case: str) -> None:
+    mechanism, arguments, words = REFUSED[case]
+    with pytest.raises(PlanError) as refusal:
+        plan(mechanism, **arguments)
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_time_limit_is_named_where_nothing_was_found() -> None:
+    with pytest.raises(PlanError, match=r"Maximum_WallTime_Exceeded|was not reached"):
+        plan("PlanarCat", end={"phi": -1.047}, bounds=LIMBS, time_limit=0.01, **CAT)
+
+
+def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = transcription._run
+
+    def stopped(*arguments: Any, **options: Any) -> str:
+        run(*arguments, **options)
+        return "User_Requested_Stop"
+
+    monkeypatch.setattr(transcription, "_run", stopped)
+    motion = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, **CAT)
+    assert not motion.proved
+    assert "not proved" in repr(motion)
+    assert not all(verdict.passed for verdict in motion.verify())
