@@ -22,9 +22,9 @@ from liaisons import Result, operator, show, simulate
 from liaisons.language import Operator
 from liaisons.library import catalogue
 from liaisons.pictures import motion_frames
-from liaisons.pictures.camera import facing
-from liaisons.pictures.drawing import Stage
+from liaisons.pictures.drawing import draw, prepared
 from liaisons.pictures.frames import RATE, Frames
+from liaisons.pictures.stage import Stage
 
 KINDS = ("gif", "png", "glb")
 """What ``animate`` writes; the live page, ``html``, comes from ``show``."""
@@ -124,7 +124,7 @@ def contact_sheet(results: Mapping[str, Result], path: Path, *, columns: int = 5
         axes.set_axis_off()
         if name:
             stage = Stage(frames(results[name]))
-            stage.draw(stage.prepare(axes), int(part * len(stage.frames.time)), facing(stage.frames.plane))
+            draw(prepared(stage, axes), stage.faces(int(part * len(stage.frames.time))))
             axes.set_title(name, fontsize=11)
     figure.savefig(path)
 

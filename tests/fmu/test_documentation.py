@@ -19,6 +19,7 @@ from liaisons.fmu.documentation.laws import LAWS
 from liaisons.fmu.documentation.mathml import LONGEST, Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import bibliography
+from liaisons.fmu.reference_results import trajectory
 from liaisons.language import Mechanism, Operator
 from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
@@ -35,6 +36,7 @@ FUNCTIONS = {
     "abs": abs,
     "π": math.pi,
 }
+_FIGURE = re.compile(r'<svg class="figure".*?</svg>', re.DOTALL)
 OPERATORS = {"−": "-", "·": "*", "\u2062": "*", "≤": "<=", "=": "==", "≠": "!=", "[": "(", "]": ")"}
 
 
@@ -239,6 +241,38 @@ def test_page_is_whole(component) -> None:
         assert port.name in text
     symbols = [spelled(row[0][0][0]) for row in root.iter("tr") if row[0].find("math") is not None]
     assert len(set(symbols)) == len(symbols) >= len(model.variables)
+
+
+@pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
+def test_page_shows_the_start_and_the_default_experiment(component) -> None:
+    model = assemble(component)
+    page = index_page(model).decode()
+    figures = [(f.get("aria-label"), f) for f in ElementTree.fromstring(f"<all>{''.join(_FIGURE.findall(page))}</all>")]
+    drawn = [model.name] if model.picture else []
+    assert [label for label, _ in figures] == [*drawn, "the default experiment"]
+    for _, figure in figures:
+        x, y, width, height = map(float, figure.attrib["viewBox"].split())
+        shapes = [shape.attrib["points"].split() for shape in figure if "points" in shape.attrib]
+        assert len(shapes) >= 1
+        places = np.array([[float(number) for number in place.split(",")] for shape in shapes for place in shape])
+        assert (places >= [x, y]).all()
+        assert (places <= [x + width, y + height]).all()
+    assert (f"liaisons show {model.name}.fmu" in page) == bool(drawn)
+
+
+def test_a_long_chain_is_not_drawn_into_its_page() -> None:
+    assert "<svg" not in index_page(assemble(PendulumChain, 200)).decode()
+
+
+def test_the_plot_has_the_values_of_the_reference_results() -> None:
+    model = assemble(Pendulum)
+    results = trajectory(model)
+    assert results is not None
+    (line,) = re.findall(r'<polyline points="([^"]*)"', index_page(model).decode())
+    x, y = np.array([[float(number) for number in place.split(",")] for place in line.split()]).T
+    theta = results["theta"][:, 0]
+    assert x / x[-1] * results.times[-1] == pytest.approx(results.times, abs=0.05 / 640 * 10)
+    assert theta.max() - y / y.max() * np.ptp(theta) == pytest.approx(theta, abs=0.1 / 220 * np.ptp(theta))
 
 
 def test_page_says_what_the_component_is_checked_against() -> None:

@@ -55,11 +55,12 @@ number.
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The default experiment: times (n,), all inputs (n, u) and outputs (n, z) of the model."""
+    """The default experiment: times (n,), all inputs (n, u), states (n, y) and outputs (n, z) of the model."""
 
     model: Model
     times: NDArray
     inputs: NDArray
+    states: NDArray
     values: NDArray
 
     @cached_property
@@ -90,17 +91,19 @@ def trajectory(model: Model) -> Trajectory | None:
     motion = _motion(model, u)
     y, m = (np.array(x, dtype=float).ravel() for x in model.start.call([ca.DM(0), u, k]))
     times = np.linspace(0, model.experiment.stop_time, INTERVALS + 1)
+    states: list[NDArray] = []
     rows: list[NDArray] = []
     try:
         for t, state in zip(times, _states(model, times, y, motion, k), strict=True):
             u = motion(t)
+            states.append(np.array(state))
             m = model.remember.call([t, state, u, k, m])[0]
             rows.append(np.array(model.outputs_function.call([t, state, u, k, m])[0]).ravel())
     except _GivenUpError:
         return None
     values = np.array(rows)
     inputs = np.array([motion(t).copy() for t in times])
-    return Trajectory(model, times, inputs, values) if np.all(np.isfinite(values)) else None
+    return Trajectory(model, times, inputs, np.array(states), values) if np.all(np.isfinite(values)) else None
 
 
 def _with_reference_starts(model: Model) -> Model:

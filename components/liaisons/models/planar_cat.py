@@ -82,7 +82,7 @@ class PlanarCat(Mechanism):
         head, tail = place(h, c := 2 * self.arm_1, 0.0, self.psi_1), place(-h, -2 * self.arm_2, 0.0, self.psi_2)
         trunk = [Rod(place(-h), place(h), 0.3 * h), Rod(place(h), head, 0.25 * h), Rod(place(-h), tail, 0.1 * h)]
         rest = [Ball(head, 0.4 * h), *(Rod(place(a * h), place(a * h, 0, -h), 0.1 * h) for a in (-0.8, 0.8))]
-        return [*trunk, *rest, *(Rod(head, place(h, c + a * h, 0.6 * h, self.psi_1), 0.1 * h) for a in (-0.3, 0.3))]
+        return [*trunk, *(Rod(head, place(h, c + a * h, 0.6 * h, self.psi_1), 0.1 * h) for a in (-0.3, 0.3)), *rest]
 
     def kinetic_energy(self) -> ca.SX:
         fall = self._total_mass * (self.dot(self.com_x) ** 2 + self.dot(self.com_z) ** 2)

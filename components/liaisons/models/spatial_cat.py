@@ -70,7 +70,8 @@ class SpatialCat(Mechanism):
             return {"x": self.com_x + x, "y": self.com_y + y, "z": self.com_z + z}
 
         joint, end_A, end_B = place(ca.SX.zeros(3)), place(-2 * _A), place(2 * axis)
-        ears = [Rod(end_B, place(2 * axis + B @ ca.SX([-0.7, side, 0])), radius=0.08 * d) for side in (-0.4, 0.4)]
+        tips = [(B @ ca.SX([-0.35, side, 0]), B @ ca.SX([-0.7, 2 * side, 0])) for side in (-0.2, 0.2)]
+        ears = [Rod(*(place(2 * axis + end) for end in ends), radius=0.08 * d) for ends in tips]
         tail = Rod(end_A, place(-3 * _A + ca.SX([-0.8, 0, 0])), radius=0.08 * d)
         feet = [(-at * _A, ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
         feet += [(at * axis, B @ ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]

@@ -18,6 +18,7 @@ from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import glb
 from liaisons.pictures.inline import page
+from liaisons.pictures.stage import Stage
 from liaisons.progress import progress_bar
 
 LONGEST = 20.0
@@ -96,7 +97,7 @@ def animate(
             from liaisons.pictures import drawing  # matplotlib is slow to load
 
             done, write = count(1), {".gif": drawing.write_gif, ".mp4": drawing.write_film, ".png": drawing.write_strip}
-            write[kind](drawing.Stage(shown, ghost), whole, turns=turns, progress=lambda: show(next(done)))
+            write[kind](Stage(shown, ghost), whole, turns=turns, progress=lambda: show(next(done)))
     return speed
 
 

@@ -12,11 +12,13 @@ from itertools import compress
 import casadi as ca
 import numpy as np
 
+from liaisons.fmu.documentation import figures
 from liaisons.fmu.documentation.laws import LAWS
 from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jump_effects
+from liaisons.fmu.reference_results import Trajectory, trajectory
 from liaisons.language import Terminal, Variable
 from liaisons.mechanics.model import Model
 from liaisons.version import __version__
@@ -65,14 +67,16 @@ _RECONSTRUCTION = (
 def index_page(model: Model) -> bytes:
     """The page, in UTF-8; the same bytes for the same model."""
     notation = Notation.of(model)
+    results = trajectory(model)
     sections = {
+        "Picture": _picture(model, results),
         "About": _text(model.documentation.removeprefix(model.description)),
         "Equations": _equations(model, notation),
         "Variables": _variables(model, notation),
         "Ports": _ports(model.ports, {v.name: v for v in model.variables}),
         "Inputs inside a step": _reconstruction(model) if model.inputs else [],
         "Checked against": _closed_form(model),
-        "Default experiment": _experiment(model),
+        "Default experiment": [*figures.plot(results), *_experiment(model)],
     }
     sections["Sources"] = _sources(sections)
     shown = {title: lines for title, lines in sections.items() if lines}
@@ -89,6 +93,15 @@ def index_page(model: Model) -> bytes:
         page += [f'<section id="{_anchor(title)}"><h2>{title}</h2>', *lines, "</section>"]
     page += [f"<footer>Written by liaisons {__version__} from the symbols of the model.</footer>", "</body></html>", ""]
     return "\n".join(page).encode()
+
+
+def _picture(model: Model, results: Trajectory | None) -> list[str]:
+    shown = figures.picture(model, results)
+    command = f"<code>liaisons show {escape(model.name)}.fmu</code>"
+    return shown and [
+        *shown,
+        f"<p class=note>At the start of the default experiment. {command} writes a page that moves.</p>",
+    ]
 
 
 # ---- text --------------------------------------------------------------------------------------------------------
