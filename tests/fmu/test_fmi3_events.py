@@ -7,8 +7,6 @@ import pytest
 from driver import CO_SIMULATION, DISCARD, ERROR, OK, Instance, Library
 from handmade import breathing, breathing_inputs
 
-from liaisons.fmu import build
-from liaisons.mechanics import assemble
 from liaisons.models import Ramp
 
 WITH_EVENTS = {"events": True, "early": True}
@@ -52,8 +50,8 @@ def test_instant_at_the_end_of_a_step(kick3, t_1, size) -> None:
     assert instance["x_dot"] == 3.0
 
 
-def test_operator_without_states_stops_too(folder) -> None:
-    instance = stepping(Library(build(assemble(Ramp), folder, backend="native", fmi="3")), start_time=0.25)
+def test_operator_without_states_stops_too(library) -> None:
+    instance = stepping(library(Ramp, "fmi3"), start_time=0.25)
     assert instance.advance(0.0, 1.0) == (OK, True, True, 0.25)
     assert instance.get("y", "y_dot").tolist() == [0.0, 0.0]
     assert instance.call("EnterEventMode") == OK

@@ -13,8 +13,6 @@ from handmade import libration
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
-from liaisons.fmu import build
-from liaisons.mechanics import assemble
 from liaisons.models import CartesianPendulum, Satellite
 
 ROUNDING = 2.0**-53
@@ -117,11 +115,10 @@ def test_energy_after_a_million_steps(pendulum_library) -> None:
     assert abs(instance["energy_balance"]) <= 1e-11
 
 
-def test_a_turning_body_keeps_energy_and_angular_momentum(folder) -> None:
+def test_a_turning_body_keeps_energy_and_angular_momentum(library) -> None:
     """Both are quadratic, which the method keeps exactly; the quaternion's norm, too."""
-    library = Library(build(assemble(Satellite), folder, backend="native"))
     start = {"omega_x_0": 0.1, "omega_y_0": 1.0, "omega_z_0": 0.1}  # about the intermediate axis: it tumbles
-    instance = begin(library, 100, **start)
+    instance = begin(library(Satellite), 100, **start)
     names = ("energy", "H_x", "H_y", "H_z")
     before = instance.get(*names)
     instance.follow(1.0, 1000)
@@ -131,9 +128,8 @@ def test_a_turning_body_keeps_energy_and_angular_momentum(folder) -> None:
     assert norm == pytest.approx(1.0, abs=4 * ROUNDING)
 
 
-def test_constraints_hold(folder) -> None:
-    library = Library(build(assemble(CartesianPendulum), folder, backend="native"))
-    instance = begin(library, 10)
+def test_constraints_hold(library) -> None:
+    instance = begin(library(CartesianPendulum), 10)
     start = instance["energy"]
     instance.follow(0.1, 1000)
     assert np.abs(instance.get("rod_residual", "plane_residual")).max() <= 8 * ROUNDING
