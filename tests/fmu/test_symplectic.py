@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driver import ERROR, OK, Instance, Library
+from driver import OK, Instance, Library
 from handmade import libration
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
@@ -172,23 +172,6 @@ def test_uneven_communication_steps(pendulum_library) -> None:
         assert instance.step(begins, ends - begins) == OK
     # Steps of up to 25 ms: (0.025 * 3.1)^6 / 100800 = 2e-12 a radian, 20 of which pass
     assert instance["theta"] == pytest.approx(libration(times[-1], 1.0)[0], abs=1e-9)
-
-
-# ---- refusals --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("steps", [-1, 100001])
-def test_number_of_steps_out_of_range(pendulum_library, steps) -> None:
-    instance = pendulum_library.instantiate()
-    assert instance.set_integer("symplectic_steps", steps) == ERROR
-    expected = f"symplectic_steps = {steps}: set 0 (the error is controlled) to 100000 in a communication step"
-    assert instance.messages == [expected]
-
-
-def test_it_is_fixed_at_initialization(pendulum_library) -> None:
-    instance = begin(pendulum_library, 1)
-    assert instance.set_integer("symplectic_steps", 2) == ERROR
-    assert instance.messages == ["symplectic_steps = 2: it is a fixed parameter; set it before initialization ends"]
 
 
 def test_both_versions_of_fmi_step_alike(pendulum2, pendulum3) -> None:
