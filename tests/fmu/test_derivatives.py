@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, SIGNATURES, Instance, Library, reals
+from driver import CO_SIMULATION, DISCARD, ERROR, MODEL_EXCHANGE, OK, SIGNATURES, Instance, reals
 from numpy.typing import NDArray
 
-from liaisons.fmu import build
-from liaisons.mechanics import assemble
 from liaisons.models import Sinusoid
 
 UNKNOWNS = ("x", "x_dot", "p", "p_dot", "anchor_force", "kinetic_energy", "work", "power")
@@ -105,9 +103,9 @@ def test_adjoint_is_the_transpose(situation) -> None:
     assert np.count_nonzero(matrix) > 20
 
 
-def test_time_is_a_known_variable(folder) -> None:
+def test_time_is_a_known_variable(library) -> None:
     """y' of a sinusoid at a communication point; forward and back."""
-    instance = Library(build(assemble(Sinusoid), folder, backend="native", fmi="3")).start(angular_frequency=2.0)
+    instance = library(Sinusoid, "fmi3").start(angular_frequency=2.0)
     assert instance.step(0.0, 0.4) == OK
     expected = [2 * np.cos(0.8), -4 * np.sin(0.8), -8 * np.cos(0.8)]
     np.testing.assert_allclose(instance.directional(["y", "y_dot", "y_ddot"], {"time": 1.0}), expected, rtol=1e-13)

@@ -7,8 +7,6 @@ import pytest
 from driver import CO_SIMULATION, DISCARD, ERROR, OK, Instance, Library
 from handmade import breathing, breathing_inputs
 
-from liaisons.fmu import build
-from liaisons.mechanics import assemble
 from liaisons.models import Ramp
 
 WITH_EVENTS = {"events": True, "early": True}
@@ -52,8 +50,8 @@ def test_instant_at_the_end_of_a_step(kick3, t_1, size) -> None:
     assert instance["x_dot"] == 3.0
 
 
-def test_operator_without_states_stops_too(folder) -> None:
-    instance = stepping(Library(build(assemble(Ramp), folder, backend="native", fmi="3")), start_time=0.25)
+def test_operator_without_states_stops_too(library) -> None:
+    instance = stepping(library(Ramp, "fmi3"), start_time=0.25)
     assert instance.advance(0.0, 1.0) == (OK, True, True, 0.25)
     assert instance.get("y", "y_dot").tolist() == [0.0, 0.0]
     assert instance.call("EnterEventMode") == OK
@@ -176,20 +174,24 @@ def test_failure_behind_a_request_to_return(pendulum3) -> None:
     assert instance.advance(0.0, 1.0)[:3] == (OK, False, True)
 
 
-def test_only_reading_inside_a_step(pendulum3) -> None:
+@pytest.mark.parametrize(
+    ("wanted", "calls", "when", "others"),
+    [
+        ((), ("SetFloat64", "Terminate", "Reset"), "inside a communication step", set()),
+        (("length",), ("Terminate", "Reset"), "while inputs are asked for", {"theta is no input", "mass is no input"}),
+    ],
+    ids=["outputs are read", "inputs are asked for"],
+)
+def test_what_is_refused_inside_a_step(pendulum3, wanted, calls, when, others) -> None:
     statuses: list[int] = []
 
     def observer(instance: Instance, _: float) -> None:
-        statuses.append(instance.set(theta_force=1.0))
-        statuses.append(instance.call("Terminate"))
-        statuses.append(instance.call("Reset"))
+        statuses.extend([instance.set(theta=1.0), instance.set(mass=2.0), *map(instance.call, ("Terminate", "Reset"))])
 
-    instance = pendulum3.start(options={"observer": observer})
+    instance = pendulum3.start(options={"observer": observer, "wanted": wanted})
     assert instance.step(0.0, 0.1) == OK
     assert set(statuses) == {ERROR}
-    assert set(instance.messages) == {
-        f"fmi3{name} must not be called inside a communication step" for name in ("SetFloat64", "Terminate", "Reset")
-    }
+    assert set(instance.messages) == {f"fmi3{call} must not be called {when}" for call in calls} | others
 
 
 def test_inputs_inside_a_step(pendulum3) -> None:
@@ -226,24 +228,6 @@ def test_inputs_that_are_asked_for_and_not_given_move_as_ever(pendulum3) -> None
     assert asked.step(0.0, 1.0) == plain.step(0.0, 1.0) == OK
     names = ("theta", "p_theta", "length")
     assert asked.get(*names).tobytes() == plain.get(*names).tobytes()
-
-
-def test_only_inputs_are_set_when_asked_for(pendulum3) -> None:
-    statuses: list[int] = []
-
-    def answer(instance: Instance, _: float) -> None:
-        statuses.append(instance.set(theta=1.0))
-        statuses.append(instance.set(mass=2.0))
-        statuses.append(instance.call("Terminate"))
-
-    instance = pendulum3.start(options={"observer": answer, "wanted": ["length"]})
-    assert instance.step(0.0, 0.1) == OK
-    assert set(statuses) == {ERROR}
-    assert set(instance.messages) == {
-        "theta is no input",
-        "mass is no input",
-        "fmi3Terminate must not be called while inputs are asked for",
-    }
 
 
 def test_states_of_an_event_belong_to_instances_with_event_mode(kick3) -> None:

@@ -94,20 +94,29 @@ def test_a_bad_start_ends_initialization_with_an_error(every_pendulum, values, s
     assert instance.step(0.0, 0.1) == OK
 
 
-def test_settings_and_the_time_cannot_be_set_while_it_runs(pendulum_library) -> None:
-    instance = pendulum_library.start()
-    message = "input_reconstruction = 2: it is a fixed parameter; set it before initialization ends"
-    refused(instance, instance.set_integer("input_reconstruction", 2), ERROR, message)
-    if "time" in pendulum_library.references:
-        refused(instance, instance.set(time=1.0), ERROR, "time = 1: the time is not a variable that can be set")
+WAYS = "set 0 (hold), 1 (extrapolate) or 2 (interpolate)"
+STEPS = "set 0 (the error is controlled) to 100000 in a communication step"
 
 
-@pytest.mark.parametrize("value", [-1, 3])
-def test_reconstruction_that_does_not_exist(every_pendulum, value) -> None:
+@pytest.mark.parametrize(
+    ("name", "values", "domain"),
+    [("input_reconstruction", (-1, 3), WAYS), ("symplectic_steps", (-1, 100001), STEPS)],
+)
+def test_settings_have_their_domain_and_stay_while_it_runs(every_pendulum, name, values, domain) -> None:
+    if name not in every_pendulum.references:
+        return
+    expected = DISCARD if every_pendulum.python else ERROR
     instance = every_pendulum.initializing()
-    message = f"input_reconstruction = {value}: set 0 (hold), 1 (extrapolate) or 2 (interpolate)"
-    status = instance.set_integer("input_reconstruction", value)
-    refused(instance, status, DISCARD if every_pendulum.python else ERROR, message)
+    for value in values:
+        refused(instance, instance.set_integer(name, value), expected, f"{name} = {value}: {domain}")
+    running = every_pendulum.start()
+    message = f"{name} = 2: it is a fixed parameter; set it before initialization ends"
+    refused(running, running.set_integer(name, 2), expected, message)
+
+
+def test_the_time_cannot_be_set(pendulum3) -> None:
+    instance = pendulum3.start()
+    refused(instance, instance.set(time=1.0), ERROR, "time = 1: the time is not a variable that can be set")
 
 
 # ---- calls -------------------------------------------------------------------------------------------------------

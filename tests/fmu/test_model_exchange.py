@@ -8,7 +8,7 @@ import fmpy
 import numpy as np
 import pytest
 from driver import DISCARD, MODEL_EXCHANGE, OK, Instance, reals
-from handmade import breathing_inputs, libration
+from handmade import breathing_inputs
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -45,14 +45,6 @@ def test_motion_with_a_driven_length_is_that_of_co_simulation(pendulum_library) 
     assert exchange["theta"] == y[0]
     assert exchange["work"] == pytest.approx(y[2], abs=1e-14)
     assert abs(exchange["energy_balance"]) <= 1e-10
-
-
-def test_free_motion(pendulum_library) -> None:
-    instance = pendulum_library.running(theta_0=2.0)
-    y = integrate(instance, (0.0, 5.0), instance.vector("GetContinuousStates", 4))
-    theta, theta_dot = libration(5.0, 2.0)
-    # 50 steps of SciPy's of 1e-12 * (1 + 6 kg.m2/s).
-    np.testing.assert_allclose(y[:2], [theta, theta_dot], atol=1e-9)
 
 
 def test_completed_steps_ask_for_nothing(pendulum_library) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from driver import CO_SIMULATION, MODEL_EXCHANGE, OK, WARNING, Instance
+from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 
 from liaisons.cosim import System, simulate
@@ -48,13 +49,20 @@ def swing_lift(rope: float, lean: float) -> float:
 # ---- jumps of σ --------------------------------------------------------------------------------------------------
 
 
+def jump(instance: Instance, moved: dict[str, float], *names: str, at: float, size: float) -> NDArray:
+    """After a step up to then prescribed values jump, and a short step follows; what there was before."""
+    assert instance.step(0.0, at) == OK
+    before = instance.get(*names)
+    assert instance.set(moved) == OK
+    assert instance.step(at, size) == OK
+    return before
+
+
 @pytest.mark.parametrize("mode", [HOLD, EXTRAPOLATE, INTERPOLATE])
 @pytest.mark.parametrize(("rope", "lean"), [(2.0, 0.2), (1.6, LEAN), (1.7, -0.4)])
 def test_a_jump_of_the_posture_lifts_the_swing(library, mode: int, rope: float, lean: float) -> None:
     instance = library(Swing).start(input_reconstruction=mode, tolerance=1e-10, **SWING)
-    assert instance.step(0.0, 0.1) == OK
-    assert instance.set(rope=rope, lean=lean) == OK
-    assert instance.step(0.1, 1e-9) == OK
+    jump(instance, {"rope": rope, "lean": lean}, at=0.1, size=1e-9)
     # In interpolation the motion of 1e-9 s itself; the energy of that is 1e19 J, and its balance means nothing.
     assert instance["theta"] == pytest.approx(0.3 + swing_lift(rope, lean), abs=1e-8)
     if mode != INTERPOLATE:
@@ -64,10 +72,8 @@ def test_a_jump_of_the_posture_lifts_the_swing(library, mode: int, rope: float, 
 def test_a_jump_while_the_swing_moves_does_the_work_of_the_operator(library) -> None:
     """p_θ stays: with gravity and in motion the energy after the jump is that of the lifted posture."""
     instance = library(Swing).start(tolerance=1e-11, theta_0=0.4, theta_dot_0=0.7)
-    assert instance.step(0.0, 0.3) == OK
-    theta, momentum, energy, work = instance.get("theta", "p_theta", "energy", "work")
-    assert instance.set(lean=0.2) == OK
-    assert instance.step(0.3, 1e-9) == OK
+    names = ("theta", "p_theta", "energy", "work")
+    theta, momentum, energy, work = jump(instance, {"lean": 0.2}, *names, at=0.3, size=1e-9)
     lifted = theta + swing_lift(ROPE, 0.2)
     x, z = (20 * f(lifted) * ROPE + 20 * (ROPE * f(lifted) + 0.5 * f(lifted + 0.2)) for f in (np.sin, np.cos))
     assert np.hypot(x, z) > 0
@@ -138,9 +144,7 @@ def test_jumps_are_fast_motions(library, component) -> None:
     found = []
     for mode, size in ((INTERPOLATE, fast), (EXTRAPOLATE, slow), (HOLD, slow)):
         instance = library(component).start(input_reconstruction=mode, tolerance=1e-12, **start)
-        assert instance.step(0.0, 0.1) == OK
-        assert instance.set(POSTURES[component]) == OK
-        assert instance.step(0.1, size) == OK
+        jump(instance, POSTURES[component], at=0.1, size=size)
         states = [state.name for state in assemble(component).states if state.name not in ("work", "dissipated")]
         found.append(instance.get(*states))
         if mode != INTERPOLATE:
@@ -158,11 +162,8 @@ def _rates(component: type[Any]) -> list[str]:
 def test_a_pendulum_at_rest_stays_through_jumps(library, moved: dict[str, float]) -> None:
     """Of the length by the limit, of the pivot as ever: θ and p_θ stay, the work is that on the energy."""
     instance = library(Pendulum).start(tolerance=1e-12, theta_0=0.8)
-    assert instance.step(0.0, 0.3) == OK
-    theta, momentum, energy, work = instance.get("theta", "p_theta", "energy", "work")
-    at = {"length": 1.0, "pivot_z": 0.0} | moved
-    assert instance.set(moved) == OK
-    assert instance.step(0.3, 1e-12) == OK
+    names, at = ("theta", "p_theta", "energy", "work"), {"length": 1.0, "pivot_z": 0.0} | moved
+    theta, momentum, energy, work = jump(instance, moved, *names, at=0.3, size=1e-12)
     np.testing.assert_allclose(instance.get("theta", "p_theta"), [theta, momentum], rtol=0, atol=1e-10)
     expected = momentum**2 / (2 * at["length"] ** 2) + 9.81 * (at["pivot_z"] - at["length"] * np.cos(theta))
     assert instance["energy"] == pytest.approx(expected, abs=1e-9)
@@ -173,10 +174,8 @@ def test_a_pendulum_at_rest_stays_through_jumps(library, moved: dict[str, float]
 def test_a_jump_of_the_length_while_the_pivot_moves_turns_the_momentum(library) -> None:
     """ṗ = m l̇ ẋ_p cos θ + ...: in the limit p gains m ẋ_p cos θ Δl."""
     instance = library(Pendulum).start(tolerance=1e-12, theta_0=0.8, pivot_x_dot=0.6)
-    assert instance.step(0.0, 0.1) == OK
-    theta, momentum = instance.get("theta", "p_theta")
-    assert instance.set(pivot_x=0.06, length=0.7) == OK
-    assert instance.step(0.1, 1e-12) == OK
+    moved = {"pivot_x": 0.06, "length": 0.7}
+    theta, momentum = jump(instance, moved, "theta", "p_theta", at=0.1, size=1e-12)
     assert instance["theta"] == pytest.approx(theta, abs=1e-10)
     assert instance["p_theta"] - momentum == pytest.approx(0.6 * np.cos(theta) * -0.3, abs=1e-9)
     assert abs(instance["energy_balance"]) <= 1e-10

@@ -167,6 +167,8 @@ def test_a_refused_step_leaves_no_trace(every_pendulum) -> None:
         for _ in range(attempts):
             assert instance.step(0.0, 0.1) != OK
         assert instance.restore(state) == OK
+        assert instance.step(0.0, 0.1) == DISCARD  # as if it had not been tried
+        assert instance.restore(state) == OK
         assert instance.step(0.0, 0.05) == other.step(0.0, 0.05) == OK
         np.testing.assert_array_equal(instance.get(*OUTPUTS), other.get(*OUTPUTS))
         assert instance.restore(state) == OK

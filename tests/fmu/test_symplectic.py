@@ -8,13 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driver import ERROR, OK, Instance, Library
+from driver import OK, Instance, Library
 from handmade import libration
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
-from liaisons.fmu import build
-from liaisons.mechanics import assemble
 from liaisons.models import CartesianPendulum, Satellite
 
 ROUNDING = 2.0**-53
@@ -117,11 +115,10 @@ def test_energy_after_a_million_steps(pendulum_library) -> None:
     assert abs(instance["energy_balance"]) <= 1e-11
 
 
-def test_a_turning_body_keeps_energy_and_angular_momentum(folder) -> None:
+def test_a_turning_body_keeps_energy_and_angular_momentum(library) -> None:
     """Both are quadratic, which the method keeps exactly; the quaternion's norm, too."""
-    library = Library(build(assemble(Satellite), folder, backend="native"))
     start = {"omega_x_0": 0.1, "omega_y_0": 1.0, "omega_z_0": 0.1}  # about the intermediate axis: it tumbles
-    instance = begin(library, 100, **start)
+    instance = begin(library(Satellite), 100, **start)
     names = ("energy", "H_x", "H_y", "H_z")
     before = instance.get(*names)
     instance.follow(1.0, 1000)
@@ -131,9 +128,8 @@ def test_a_turning_body_keeps_energy_and_angular_momentum(folder) -> None:
     assert norm == pytest.approx(1.0, abs=4 * ROUNDING)
 
 
-def test_constraints_hold(folder) -> None:
-    library = Library(build(assemble(CartesianPendulum), folder, backend="native"))
-    instance = begin(library, 10)
+def test_constraints_hold(library) -> None:
+    instance = begin(library(CartesianPendulum), 10)
     start = instance["energy"]
     instance.follow(0.1, 1000)
     assert np.abs(instance.get("rod_residual", "plane_residual")).max() <= 8 * ROUNDING
@@ -176,23 +172,6 @@ def test_uneven_communication_steps(pendulum_library) -> None:
         assert instance.step(begins, ends - begins) == OK
     # Steps of up to 25 ms: (0.025 * 3.1)^6 / 100800 = 2e-12 a radian, 20 of which pass
     assert instance["theta"] == pytest.approx(libration(times[-1], 1.0)[0], abs=1e-9)
-
-
-# ---- refusals --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("steps", [-1, 100001])
-def test_number_of_steps_out_of_range(pendulum_library, steps) -> None:
-    instance = pendulum_library.instantiate()
-    assert instance.set_integer("symplectic_steps", steps) == ERROR
-    expected = f"symplectic_steps = {steps}: set 0 (the error is controlled) to 100000 in a communication step"
-    assert instance.messages == [expected]
-
-
-def test_it_is_fixed_at_initialization(pendulum_library) -> None:
-    instance = begin(pendulum_library, 1)
-    assert instance.set_integer("symplectic_steps", 2) == ERROR
-    assert instance.messages == ["symplectic_steps = 2: it is a fixed parameter; set it before initialization ends"]
 
 
 def test_both_versions_of_fmi_step_alike(pendulum2, pendulum3) -> None:

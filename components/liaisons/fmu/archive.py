@@ -18,7 +18,6 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
     Simulations need not try it in a process of its own.
 
-    :param path: the file to write or replace.
     :param members: contents by name inside the archive, with ``/``.
     :raises BuildError: if the file cannot be written; what was there before is still there.
     """

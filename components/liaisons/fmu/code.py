@@ -43,7 +43,6 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2") -> dict[str, bytes]:
     """Everything that is needed to compile the FMU, by file name.
 
     :param guid: what the binary compares the model description with.
-    :param fmi: version of FMI.
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"

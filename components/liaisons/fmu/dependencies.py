@@ -52,11 +52,9 @@ def between_numbers(function: ca.Function, arguments: Sequence[int]) -> csr_arra
 def _between_variables(
     function: ca.Function, results: Sequence[Variable], arguments: Mapping[int, Sequence[Variable]]
 ) -> Pattern:
-    """Which variables of a function's result depend on which variables of some arguments, side by side.
+    """Which variables of a function's result depend on which variables of some arguments, by their numbers.
 
-    :param results: the variables that follow each other in the result.
-    :param arguments: the variables that do so in an argument, by the argument's number.
-    :returns: shape (results, all variables of the arguments).
+    :returns: shape (results, all variables of the arguments, side by side).
     """
     symbols = {i: [ca.MX.sym(v.name, v.count) for v in variables] for i, variables in arguments.items()}
     vectors = [

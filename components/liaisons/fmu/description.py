@@ -75,7 +75,6 @@ def sources(fmi: Fmi) -> tuple[str, ...]:
 def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     """The model description, the same bytes for the same arguments.
 
-    :param model: the component.
     :param guid: what the binary will compare with, ``"{...}"``.
     :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu can do.
     """

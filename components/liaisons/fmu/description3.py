@@ -45,11 +45,7 @@ _CO_SIMULATION = {
 
 
 def model_description3(model: Model, *, token: str) -> bytes:
-    """The model description of a native FMU, the same bytes for the same arguments.
-
-    :param model: the component.
-    :param token: what the binary will compare with, ``"{...}"``.
-    """
+    """The model description of a native FMU; the token is what the binary will compare with, ``"{...}"``."""
     attributes = root_attributes(model, "3.0", instantiationToken=token)
     return document(element("fmiModelDescription", attributes, _parts(model)))
 

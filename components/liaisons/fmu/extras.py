@@ -23,12 +23,7 @@ The headers of the FMI standard in sources: BSD-2-Clause, its text stands in the
 
 
 def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
-    """Members beside the model description, sources and binaries, by path in the archive.
-
-    :param model: the component.
-    :param fmi: FMI 2.0 shows the elements of arrays as variables of their own.
-    :returns: the same bytes for the same arguments, on every machine.
-    """
+    """Members beside the model description, sources and binaries, by path in the archive; the same on every machine."""
     picture = {} if model.picture is None else {"resources/picture.json": json.dumps(model.picture, indent=1).encode()}
     return picture | {
         "documentation/index.html": index_page(model),

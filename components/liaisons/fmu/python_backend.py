@@ -51,11 +51,7 @@ held.append(globals())
 
 
 def python_members(model: Model, guid: str) -> dict[str, bytes]:
-    """All members of the Python FMU of a model, by path in the archive; the same bytes for the same arguments.
-
-    :param model: the component.
-    :param guid: the FMU's guid.
-    """
+    """All members of the Python FMU of a model, by path in the archive; the same bytes for the same arguments."""
     members = {
         "modelDescription.xml": model_description(model, guid=guid, backend="python"),
         "documentation/externalDependencies.txt": _DEPENDENCIES,
