@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
 import pytest
+from packing import packed
 
 from liaisons.cosim import System, simulate
 from liaisons.errors import SimulationError
@@ -65,15 +63,6 @@ _DESCRIPTION = """<?xml version="1.0"?>
     ("code", "words"), [("raise(SIGILL);", r"instantiated \(SIGILL\)"), ("", r"initialized \(SIGSEGV\)")]
 )
 def test_fmu_of_fmi_3_that_crashes_at_the_begin(tmp_path: Path, code: str, words: str) -> None:
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        pytest.skip("no C compiler")
-    library = tmp_path / f"Bad{fmpy.sharedLibraryExtension}"
-    (tmp_path / "bad.c").write_text(_FMI_3.replace("@instantiate@", code))
-    headers = Path(fmpy.__file__).parent / "c-code"
-    subprocess.run([compiler, "-shared", "-fPIC", f"-I{headers}", tmp_path / "bad.c", "-o", library], check=True)
-    with zipfile.ZipFile(tmp_path / "Bad.fmu", "w") as archive:
-        archive.writestr("modelDescription.xml", _DESCRIPTION)
-        archive.write(library, f"binaries/{fmpy.platform_tuple}/{library.name}")
+    packed(tmp_path, "Bad", _FMI_3.replace("@instantiate@", code), _DESCRIPTION, fmpy.platform_tuple)
     with pytest.raises(SimulationError, match=rf"^Bad: Bad\.fmu crashes when it is {words}"):
         simulate(tmp_path / "Bad.fmu", stop_time=1.0, step_size=0.1, k=[3.0, 4.0])
