@@ -18,7 +18,7 @@ from liaisons.mechanics import assemble
 
 sys.path.insert(0, str(Path(__file__).parent))  # modules beside the tests
 
-from packing import packed
+from making import FmuPaths, packed
 
 UNITS = {
     "m": {"m": 1},
@@ -234,9 +234,6 @@ def _build(directory: Path, name: str, source: Source) -> Path:
     return packed(directory, name, code, _description(name, source))
 
 
-FmuPaths = Callable[[str], Path]
-
-
 @pytest.fixture(scope="session")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> FmuPaths:
     """Path of one of the FMUs above by its name; compiled when first asked for."""
@@ -265,11 +262,8 @@ def either_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
         monkeypatch.setattr(loop, "compiled", lambda: None)
 
 
-Components = Callable[[str], Path]
-
-
 @pytest.fixture(scope="session")
-def component(tmp_path_factory: pytest.TempPathFactory) -> Components:
+def component(tmp_path_factory: pytest.TempPathFactory) -> FmuPaths:
     """FMU of a component: native where there is a compiler, ``"python/..."`` in any case by the Python back end.
 
     ``"fmi3/..."`` is of FMI 3.0.

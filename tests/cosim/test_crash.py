@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
 import pytest
-from packing import packed
+from making import FmuPaths, packed, wired
 
-from liaisons.cosim import System, simulate
+from liaisons.cosim import simulate
 from liaisons.errors import SimulationError
-
-FmuPaths = Callable[[str], Path]
 
 
 @pytest.mark.parametrize(
@@ -25,9 +22,7 @@ FmuPaths = Callable[[str], Path]
     ],
 )
 def test_fmu_that_crashes_at_the_begin(fmu: FmuPaths, name: str, starts: dict[str, int], words: str) -> None:
-    system = System("crash")
-    system.add("good", fmu("Cubic"))
-    system.add("bad", fmu(name), **starts)
+    system = wired(good=fmu("Cubic"), bad=(fmu(name), starts))
     with pytest.raises(SimulationError, match=rf"^bad: {name}\.fmu crashes when it is {words}; .* ask its maker$"):
         system.simulate(1.0, 0.1)
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from making import FmuPaths
 
 from liaisons.cosim import System, simulate
 from liaisons.cosim.description import read
 from liaisons.errors import SimulationError
 
-FmuPaths = Callable[[str], Path]
 Change = Callable[[Callable[[str, bytes], tuple[str, bytes]]], Path]
 
 

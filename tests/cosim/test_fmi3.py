@@ -9,7 +9,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from packing import packed
+from making import packed
 
 from liaisons.cosim import IncompleteError, System, simulate
 from liaisons.cosim.description import read

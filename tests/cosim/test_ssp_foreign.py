@@ -21,11 +21,11 @@ from hostile import (
     real,
     structure,
 )
+from making import FmuPaths
 
 from liaisons import System
 from liaisons.errors import LiaisonsError, SimulationError
 
-FmuPaths = Callable[[str], Path]
 Archive = Callable[..., Path]
 
 

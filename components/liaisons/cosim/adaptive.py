@@ -25,11 +25,7 @@ _SHORTEST = 1e-12
 
 
 def adapted(
-    simulation: Simulation,
-    instances: Mapping[str, Instance],
-    bus: Bus,
-    calls: Iterable[Call],
-    coupled: Coupled | None,
+    simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, calls: Iterable[Call], coupled: Coupled | None
 ) -> Iterator[tuple[float, Vector]]:
     """Steps whose error stays below the tolerance, relative to the largest value of the signal's unit so far.
 

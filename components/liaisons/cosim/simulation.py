@@ -81,13 +81,9 @@ class Simulation:
         own = {place: self.parts[place[0]].fmu.variables[place[1]].unit for place in self.recorded.values()}
         return {name: own[place] or near.get(place, "") for name, place in self.recorded.items()}
 
-    def depends(self, output: Place, input_: Place) -> bool:
-        """Whether an output depends directly on an input of the same part, while stepping."""
-        return self.parts[output[0]].fmu.depends(output[1], input_[1])
-
-    def depends_initially(self, output: Place, input_: Place) -> bool:
-        """The same in initialization."""
-        return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=True)
+    def depends(self, output: Place, input_: Place, *, initially: bool = False) -> bool:
+        """Whether an output depends directly on an input of the same part, while stepping or in initialization."""
+        return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=initially)
 
 
 def checked(

@@ -1,4 +1,7 @@
-"""An archive as a system: flat or nested, of any make, with parameter sets inline and beside, mappings, units."""
+"""An archive as a system: flat or nested, of any make, with parameter sets inline and beside, mappings, units.
+
+Not by ``pyssp_standard``, which reads of connections neither indices nor transformations, and no signal dictionaries.
+"""
 
 from __future__ import annotations
 
