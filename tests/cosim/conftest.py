@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 import sys
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-import fmpy
 import pytest
 
 from liaisons.cosim import loop
@@ -20,9 +16,9 @@ from liaisons.fmu import build
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
 
-sys.path.insert(0, str(Path(__file__).parent))  # masters.py and schemas.py are no tests, but theirs
+sys.path.insert(0, str(Path(__file__).parent))  # modules beside the tests
 
-COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+from making import FmuPaths, packed
 
 UNITS = {
     "m": {"m": 1},
@@ -188,146 +184,7 @@ POINTS = Source(
 
 MUTE = Source((V("x", "output"),), instantiate='say(m, 3, "no licence for %s", m->name); return 3;')
 
-_C = r"""
-#include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include "fmi2Functions.h"
-
-typedef struct {
-    double v[64], memory[8], t;
-    char name[64], text[64];
-    const fmi2CallbackFunctions *callbacks;
-} M;
-
-static void trace(const M *m, const char *format, ...) {
-    const char *path = getenv("FMU_TRACE");
-    FILE *file = path ? fopen(path, "a") : NULL;
-    va_list arguments;
-    if (!file) return;
-    fprintf(file, "%s ", m->name);
-    va_start(arguments, format);
-    vfprintf(file, format, arguments);
-    va_end(arguments);
-    fputc('\n', file);
-    fclose(file);
-}
-
-#define say(m, level, ...) \
-    (m)->callbacks->logger((m)->callbacks->componentEnvironment, (m)->name, level, "logStatusError", __VA_ARGS__)
-
-static void calculate(M *m);
-static int start(M *m);
-static int check(M *m);
-static int advance(M *m, double t, double h);
-
-fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String location,
-                              const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging) {
-    M *m = calloc(1, sizeof *m);
-    (void)type; (void)guid; (void)location; (void)visible; (void)logging;
-    snprintf(m->name, sizeof m->name, "%s", name);
-    m->callbacks = callbacks;
-    @starts@
-    if (start(m)) { free(m); return NULL; }
-    trace(m, "instantiate");
-    return m;
-}
-void fmi2FreeInstance(fmi2Component c) { if (c) trace(c, "free"); free(c); }
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean given, fmi2Real tolerance, fmi2Real begin,
-                               fmi2Boolean limited, fmi2Real stop) {
-    (void)limited;
-    ((M *)c)->t = begin;
-    trace(c, "setup tolerance=%g start=%g stop=%g", given ? tolerance : -1.0, begin, stop);
-    return 0;
-}
-fmi2Status fmi2EnterInitializationMode(fmi2Component c) { trace(c, "enter"); return 0; }
-fmi2Status fmi2ExitInitializationMode(fmi2Component c) { trace(c, "exit"); return check(c); }
-fmi2Status fmi2Terminate(fmi2Component c) { trace(c, "terminate"); return 0; }
-fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Real value[]) {
-    M *m = c;
-    calculate(m);
-    trace(m, "get");
-    for (size_t i = 0; i < n; i++) value[i] = m->v[r[i]];
-    return 0;
-}
-fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real value[]) {
-    M *m = c;
-    trace(m, "set");
-    for (size_t i = 0; i < n; i++) {
-        if (!isfinite(value[i])) { say(m, 2, "variable %u: %g is not finite", r[i], value[i]); return 2; }
-        m->v[r[i]] = value[i];
-    }
-    return 0;
-}
-fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer value[]) {
-    for (size_t i = 0; i < n; i++) ((M *)c)->v[r[i]] = value[i];
-    return 0;
-}
-fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Boolean value[]) {
-    return fmi2SetInteger(c, r, n, value);
-}
-fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2String value[]) {
-    (void)r;
-    if (n) trace(c, "label %s", value[0]);
-    return 0;
-}
-fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean forward) {
-    M *m = c;
-    int status = advance(m, t, h);
-    (void)forward;
-    trace(m, "step");
-    if (status < 2) m->t = t + h;
-    return status;
-}
-const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
-const char *fmi2GetVersion(void) { return fmi2Version; }
-#define REFUSES(name, ...) fmi2Status name(__VA_ARGS__) { return 3; }
-REFUSES(fmi2SetDebugLogging, fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[])
-REFUSES(fmi2Reset, fmi2Component c)
-REFUSES(fmi2GetInteger, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Integer value[])
-REFUSES(fmi2GetBoolean, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Boolean value[])
-REFUSES(fmi2GetString, fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2String value[])
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
-    if (!*state) *state = malloc(sizeof(M));
-    memcpy(*state, c, sizeof(M));
-    trace(c, "save");
-    return 0;
-}
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) { memcpy(c, state, sizeof(M)); return 0; }
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
-    trace(c, "forget");
-    free(*state);
-    *state = NULL;
-    return 0;
-}
-REFUSES(fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate state, size_t *size)
-REFUSES(fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-REFUSES(fmi2DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-REFUSES(fmi2GetDirectionalDerivative, fmi2Component c, const fmi2ValueReference a[], size_t n,
-        const fmi2ValueReference b[], size_t k, const fmi2Real x[], fmi2Real y[])
-REFUSES(fmi2SetRealInputDerivatives, fmi2Component c, const fmi2ValueReference r[], size_t n,
-        const fmi2Integer order[], const fmi2Real value[])
-REFUSES(fmi2GetRealOutputDerivatives, fmi2Component c, const fmi2ValueReference r[], size_t n,
-        const fmi2Integer order[], fmi2Real value[])
-REFUSES(fmi2CancelStep, fmi2Component c)
-REFUSES(fmi2GetStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
-REFUSES(fmi2GetRealStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
-REFUSES(fmi2GetIntegerStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
-REFUSES(fmi2GetBooleanStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
-REFUSES(fmi2GetStringStatus, fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
-
-@code@
-
-// the model; last, since its variables are macros
-@defines@
-
-static void calculate(M *m) { double *v = m->v, *memory = m->memory, t = m->t; @outputs@ }
-static int start(M *m) { @instantiate@ return 0; }
-static int check(M *m) { double *v = m->v; @exit_initialization@ return 0; }
-static int advance(M *m, double t, double h) { double *v = m->v, *memory = m->memory; @step@ return 0; }
-"""
+_C = (Path(__file__).parent / "little.c.in").read_text(encoding="utf-8")
 
 
 def _attributes(**values: object) -> str:
@@ -374,28 +231,12 @@ def _build(directory: Path, name: str, source: Source) -> Path:
     code = _C
     for key, text in replacements.items():
         code = code.replace(f"@{key}@", text)
-    assert COMPILER is not None
-    library = directory / f"{name}{fmpy.sharedLibraryExtension}"
-    headers = Path(fmpy.__file__).parent / "c-code"
-    (directory / f"{name}.c").write_text(code)
-    command = [COMPILER, "-shared", "-fPIC", "-O1", f"-I{headers}", f"{name}.c", "-o", str(library), "-lm"]
-    subprocess.run(command, check=True, cwd=directory)
-    path = directory / f"{name}.fmu"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", _description(name, source))
-        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
-        archive.writestr("sources/all.c", code)
-    return path
-
-
-FmuPaths = Callable[[str], Path]
+    return packed(directory, name, code, _description(name, source))
 
 
 @pytest.fixture(scope="session")
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> FmuPaths:
     """Path of one of the FMUs above by its name; compiled when first asked for."""
-    if COMPILER is None:
-        pytest.skip("no C compiler")
     directory = tmp_path_factory.mktemp("fmus")
 
     def path(name: str) -> Path:
@@ -421,11 +262,8 @@ def either_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
         monkeypatch.setattr(loop, "compiled", lambda: None)
 
 
-Components = Callable[[str], Path]
-
-
 @pytest.fixture(scope="session")
-def component(tmp_path_factory: pytest.TempPathFactory) -> Components:
+def component(tmp_path_factory: pytest.TempPathFactory) -> FmuPaths:
     """FMU of a component: native where there is a compiler, ``"python/..."`` in any case by the Python back end.
 
     ``"fmi3/..."`` is of FMI 3.0.

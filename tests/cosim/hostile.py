@@ -10,10 +10,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import fmpy
 
 LIBRARY = f"binaries/{fmpy.platform}/x{fmpy.sharedLibraryExtension}"
+DEFLATED = zipfile.ZIP_DEFLATED
 DESCRIPTION = "modelDescription.xml"
 STRUCTURE = "SystemStructure.ssd"
 
@@ -37,7 +39,7 @@ def zipped(path: Path, members: Iterable[Member]) -> None:
     """Write an archive, by hand: nothing is checked."""
     body, directory, count, first = bytearray(), bytearray(), 0, 0
     for member in members:
-        deflated = member.method == zipfile.ZIP_DEFLATED
+        deflated = member.method == DEFLATED
         packed = _deflated(member.data) if deflated and not member.again else member.data
         size = len(member.data) if member.size is None else member.size
         sums = struct.pack("<HHIIII", 0, 0x21, zlib.crc32(member.data), len(packed), size, 0)[:-4]
@@ -67,8 +69,13 @@ def text(words: str, *more: Member) -> Write:
 
 def data(words: bytes, *more: Member) -> Write:
     """The same, of any bytes."""
-    members = [Member(DESCRIPTION.encode(), words, zipfile.ZIP_DEFLATED), Member(LIBRARY.encode(), b"no library")]
+    members = [Member(DESCRIPTION.encode(), words, DEFLATED), Member(LIBRARY.encode(), b"no library")]
     return partial(zipped, members=[*members, *more])
+
+
+def beside(name: bytes, content: bytes, method: int = zipfile.ZIP_STORED, **more: Any) -> Write:
+    """A good description with this member beside it."""
+    return text(GOOD, Member(name, content, method, **more))
 
 
 def two(variables: str = "", *, inside: str = "", root: str = "", outputs: str = "") -> str:
@@ -106,23 +113,20 @@ def unit(factor: str) -> str:
     return f'<UnitDefinitions><Unit name="m"><BaseUnit m="1" factor="{factor}"/></Unit></UnitDefinitions>'
 
 
-def experiment(stop_time: str, step_size: str) -> str:
-    """A default experiment."""
-    return f'<DefaultExperiment stopTime="{stop_time}" stepSize="{step_size}"/>'
+def timed(stop_time: str, step_size: str) -> str:
+    """A model description with this default experiment."""
+    return two(scalar("y"), inside=f'<DefaultExperiment stopTime="{stop_time}" stepSize="{step_size}"/>')
 
 
-GOOD = two(scalar("y"), inside=experiment("1", "1"))
+GOOD = timed("1", "1")
 LAUGHS = (
     '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a0 "ha">'
     + "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 12))
     + '<!ENTITY f SYSTEM "file:///etc/hostname">]>'
 )
-NAMES = {
-    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
-    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
-    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
-    "ssm": "http://ssp-standard.org/SSP1/SystemStructureParameterMapping",
-}
+SSP = "http://ssp-standard.org/SSP1/SystemStructure"
+SPACES = f'xmlns:v="{SSP}ParameterValues" xmlns:m="{SSP}ParameterMapping" xmlns:c="{SSP}Common"'
+UNITS = '<c:Unit name="mm"><c:BaseUnit m="1" factor="0.001"/></c:Unit><c:Unit name="K"><c:BaseUnit K="1"/></c:Unit>'
 
 
 def many(count: int, item: Callable[[int], str]) -> str:
@@ -130,34 +134,78 @@ def many(count: int, item: Callable[[int], str]) -> str:
     return "".join(map(item, range(count)))
 
 
-def structure(system: str, more: str = "", head: str = '<?xml version="1.0"?>') -> str:
-    """A system structure."""
-    names = "".join(f' xmlns:{prefix}="{uri}"' for prefix, uri in NAMES.items())
-    return (
-        f'{head}<ssd:SystemStructureDescription{names} version="1.0" name="s"><ssd:System name="s">{system}'
-        f"</ssd:System>{more}</ssd:SystemStructureDescription>"
-    )
+def _attributes(**texts: object) -> str:
+    return "".join(f' {name}="{text}"' for name, text in texts.items())
 
 
-def elements(inside: str) -> str:
+def structure(content: str, more: str = "", head: str = '<?xml version="1.0"?>', version: str = "1.0") -> str:
+    """A system structure; what it says of its one system."""
+    root = f'SystemStructureDescription xmlns="{SSP}Description" {SPACES} version="{version}" name="s"'
+    return f'{head}<{root}><System name="s">{content}</System>{more}</SystemStructureDescription>'
+
+
+def elements(*inside: str) -> str:
     """The elements of a system."""
-    return f"<ssd:Elements>{inside}</ssd:Elements>"
+    return f"<Elements>{''.join(inside)}</Elements>"
 
 
-def component(name: str, source: str = "resources/x.fmu", inside: str = "") -> str:
+def component(name: str, fmu: str = "x", inside: str = "", **attributes: str) -> str:
     """A component of a system."""
-    return f'<ssd:Component name="{name}" source="{source}">{inside}</ssd:Component>'
+    given = {"name": name, "source": f"resources/{fmu}.fmu"} | attributes
+    return f"<Component{_attributes(**given)}>{inside}</Component>"
 
 
-def bound(values: str, *, units: str = "", mapping: str = "") -> str:
-    """A parameter set inline."""
-    named = f'<ssd:ParameterMapping><ssm:ParameterMapping version="1.0">{mapping}</ssm:ParameterMapping>'
-    named = f"{named}</ssd:ParameterMapping>" if mapping else ""
-    return (
-        '<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="v">'
-        f"<ssv:Parameters>{values}</ssv:Parameters><ssv:Units>{units}</ssv:Units></ssv:ParameterSet>"
-        f"</ssd:ParameterValues>{named}</ssd:ParameterBinding></ssd:ParameterBindings>"
-    )
+def nested(name: str, *inside: str) -> str:
+    """A system in a system."""
+    return f'<System name="{name}">{"".join(inside)}</System>'
+
+
+def connectors(**kinds: str) -> str:
+    """The connectors of a system."""
+    listed = many(len(kinds), lambda k: f'<Connector name="{[*kinds][k]}" kind="{[*kinds.values()][k]}"/>')
+    return f"<Connectors>{listed}</Connectors>"
+
+
+def connected(start: str, end: str, inside: str = "", **more: str) -> str:
+    """A connection between ``"element.connector"``, or ``"connector"`` of the system itself."""
+    names: dict[str, object] = dict(more)
+    for role, place in (("start", start), ("end", end)):
+        element, _, connector = place.rpartition(".")
+        names |= {f"{role}Connector": connector} | ({f"{role}Element": element} if element else {})
+    return f"<Connection{_attributes(**names)}>{inside}</Connection>"
+
+
+def connections(*listed: str) -> str:
+    """Connections with what is around them."""
+    return f"<Connections>{''.join(listed)}</Connections>"
+
+
+def real(name: str, value: object = 1, **attributes: str) -> str:
+    """A parameter."""
+    return f'<v:Parameter name="{name}"><v:Real value="{value}"{_attributes(**attributes)}/></v:Parameter>'
+
+
+def parameter_set(values: str, units: str = UNITS) -> str:
+    """A parameter set."""
+    inside = f"<v:Parameters>{values}</v:Parameters><v:Units>{units}</v:Units>"
+    return f'<v:ParameterSet {SPACES} version="1.0" name="v">{inside}</v:ParameterSet>'
+
+
+def mapping(entries: str) -> str:
+    """A mapping of parameters."""
+    return f'<m:ParameterMapping {SPACES} version="1.0">{entries}</m:ParameterMapping>'
+
+
+def binding(inside: str, **attributes: str) -> str:
+    """A parameter binding."""
+    return f"<ParameterBinding{_attributes(**attributes)}>{inside}</ParameterBinding>"
+
+
+def bound(*sets: str, units: str = UNITS, entries: str = "") -> str:
+    """Parameter sets inline, one of them with a mapping."""
+    mapped = f"<ParameterMapping>{mapping(entries)}</ParameterMapping>" if entries else ""
+    inline = (binding(f"<ParameterValues>{parameter_set(s, units)}</ParameterValues>{mapped}") for s in sets)
+    return f"<ParameterBindings>{''.join(inline)}</ParameterBindings>"
 
 
 def archive(words: str | bytes, *more: Member, fmu: Write | None = None) -> Write:
@@ -167,68 +215,39 @@ def archive(words: str | bytes, *more: Member, fmu: Write | None = None) -> Writ
         inner = path.with_suffix(".inner")
         (fmu or text(two(scalar("y"))))(inner)
         content = words if isinstance(words, bytes) else words.encode()
-        zipped(
-            path,
-            [
-                Member(STRUCTURE.encode(), content, zipfile.ZIP_DEFLATED),
-                Member(b"resources/x.fmu", inner.read_bytes(), zipfile.ZIP_DEFLATED),
-                *more,
-            ],
-        )
+        files = Member(STRUCTURE.encode(), content, DEFLATED), Member(b"resources/x.fmu", inner.read_bytes(), DEFLATED)
+        zipped(path, [*files, *more])
         inner.unlink()
 
     return write
-
-
-def real(name: str, value: object = 1, unit: str = "") -> str:
-    """A parameter."""
-    return (
-        f'<ssv:Parameter name="{name}"><ssv:Real value="{value}"{f" unit={unit!r}" if unit else ""}/></ssv:Parameter>'
-    )
-
-
-def connected(start: str, end: str, **more: str) -> str:
-    """A connection between ``"element.connector"``, or ``"connector"`` of the system itself."""
-    names: dict[str, str] = dict(more)
-    for role, place in (("start", start), ("end", end)):
-        element, _, connector = place.rpartition(".")
-        names |= {f"{role}Connector": connector} | ({f"{role}Element": element} if element else {})
-    return f"<ssd:Connection {' '.join(f'{name}={chr(34)}{words}{chr(34)}' for name, words in names.items())}/>"
-
-
-def connection(start: str, end: str, **more: str) -> str:
-    """A connection with what is around it."""
-    return f"<ssd:Connections>{connected(start, end, **more)}</ssd:Connections>"
 
 
 def _two_bombs(path: Path) -> None:
     """Each of the FMUs is just small enough."""
     _bomb(path, 6)
     content = path.read_bytes()
-    system = structure(elements(component("c") + component("d", "resources/y.fmu")))
+    system = structure(elements(component("c"), component("d", "y")))
     zipped(
         path, [Member(STRUCTURE.encode(), system.encode()), *(Member(b"resources/%c.fmu" % n, content) for n in b"xy")]
     )
 
 
 def _nested(depth: int) -> str:
-    return many(depth, lambda k: f'<ssd:Elements><ssd:System name="s{k}">') + "</ssd:System></ssd:Elements>" * depth
+    return many(depth, lambda k: f'<Elements><System name="s{k}">') + "</System></Elements>" * depth
 
 
 def _diamonds(depth: int) -> str:
     """Systems in systems, each with two connectors that both lead to both of the next: 2^depth ways."""
-    shown = '<ssd:Connectors><ssd:Connector name="a" kind="input"/><ssd:Connector name="b" kind="input"/>'
-    crossed = "".join(connected(a, f"s.{b}") for a in "ab" for b in "ab")
+    crossed = connections(*(connected(a, f"s.{b}") for a in "ab" for b in "ab"))
     inside = elements(component("c"))
     for k in range(depth):
-        links = f"<ssd:Connections>{crossed}</ssd:Connections>" if k else ""
-        inside = elements(f'<ssd:System name="s">{shown}</ssd:Connectors>{inside}{links}</ssd:System>')
+        inside = elements(nested("s", connectors(a="input", b="input"), inside, crossed if k else ""))
     return inside
 
 
 def _bomb(path: Path, count: int) -> None:
     """Members that share one block of zeros."""
-    packed = Member(b"resources/0", bytes(ZEROS), zipfile.ZIP_DEFLATED)
+    packed = Member(b"resources/0", bytes(ZEROS), DEFLATED)
     shared = (Member(b"resources/%d" % k, b"", size=ZEROS, again=True) for k in range(1, count))
     zipped(path, [packed, *shared, Member(DESCRIPTION.encode(), GOOD.encode()), Member(LIBRARY.encode())])
 
@@ -251,6 +270,7 @@ def _zip_in_zip(path: Path) -> None:
 
 
 SLOW = {"million variables", "dependencies", "million elements", "60000 files"}
+_DEPENDENT = many(300, lambda k: f'<Unknown index="{k}" dependencies="{" ".join(map(str, range(k, 20_000)))}"/>')
 
 FMUS: dict[str, tuple[str, Write]] = {
     "empty file": ("no archive at all", lambda path: path.write_bytes(b"")),
@@ -259,36 +279,30 @@ FMUS: dict[str, tuple[str, Write]] = {
     "folder": ("is a directory", lambda path: path.mkdir()),
     "nothing inside": ("has no modelDescription.xml", partial(zipped, members=[])),
     "zip in zip": ("has no modelDescription.xml", _zip_in_zip),
-    "encrypted": ("'resources/a' inside is encrypted", text(GOOD, Member(b"resources/a", b"?" * 20, flags=1))),
-    "unknown compression": ("by method 99", text(GOOD, Member(b"resources/a", b"?" * 20, method=99))),
-    "bzip2": ("by method 12", text(GOOD, Member(b"resources/a", b"?" * 20, method=12))),
-    "says less than it has": ("damaged", text(GOOD, Member(b"a", bytes(2**22), zipfile.ZIP_DEFLATED, size=10))),
-    "says 4 GB": (
-        "more than the limit of 1073741824",
-        text(GOOD, Member(b"a", b"a", zipfile.ZIP_DEFLATED, size=2**32 - 2)),
-    ),
-    "bomb": (
-        "takes 104857",
-        partial(_bomb, count=100),
-    ),
+    "encrypted": ("'resources/a' inside is encrypted", beside(b"resources/a", b"?" * 20, flags=1)),
+    "unknown compression": ("by method 99", beside(b"resources/a", b"?" * 20, method=99)),
+    "bzip2": ("by method 12", beside(b"resources/a", b"?" * 20, method=12)),
+    "says less than it has": ("damaged", beside(b"a", bytes(2**22), DEFLATED, size=10)),
+    "says 4 GB": ("more than the limit of 1073741824", beside(b"a", b"a", DEFLATED, size=2**32 - 2)),
+    "bomb": ("takes 104857", partial(_bomb, count=100)),
     "60000 files": (
         "has 60001 files inside",
         partial(zipped, members=[Member(b"%d" % k) for k in range(60_000)] + [Member(DESCRIPTION.encode())]),
     ),
     "directory of 20 MB": ("a directory of", partial(zipped, members=[Member(b"a" * 60_000)] * 350)),
-    "file outside": ("would lie outside", text(GOOD, Member(b"resources/../../evil", b"!"))),
-    "absolute path": ("would lie outside", text(GOOD, Member(b"/tmp/evil", b"!"))),
-    "drive": ("would lie outside", text(GOOD, Member(b"C:evil", b"!"))),
-    "backslash": ("would lie outside", text(GOOD, Member(b"..\\evil", b"!"))),
-    "link": ("is a symbolic link", text(GOOD, Member(b"resources/a", b"/etc/passwd", mode=stat.S_IFLNK | 0o777))),
-    "NUL in a name": ("is no name of a file", text(GOOD, Member(b"resources/a\0b", b"!"))),
-    "name that is no UTF-8": ("can't decode", text(GOOD, Member(b"\xff\xfe", b"!", flags=0x800))),
-    "name twice": ("is there twice", text(GOOD, Member(b"resources/a", b"1"), Member(b"resources/a", b"2"))),
+    "file outside": ("would lie outside", beside(b"resources/../../evil", b"!")),
+    "absolute path": ("would lie outside", beside(b"/tmp/evil", b"!")),
+    "drive": ("would lie outside", beside(b"C:evil", b"!")),
+    "backslash": ("would lie outside", beside(b"..\\evil", b"!")),
+    "link": ("is a symbolic link", beside(b"resources/a", b"/etc/passwd", mode=stat.S_IFLNK | 0o777)),
+    "NUL in a name": ("is no name of a file", beside(b"resources/a\0b", b"!")),
+    "name that is no UTF-8": ("can't decode", beside(b"\xff\xfe", b"!", flags=0x800)),
+    "name twice": ("is there twice", text(GOOD, *[Member(b"resources/a", b"1")] * 2)),
     "file that is a folder": (
         "cannot be read or unpacked",
         text(GOOD, Member(b"resources", b"1"), Member(b"resources/a", b"2")),
     ),
-    "name of 5000 letters": ("cannot be read or unpacked", text(GOOD, Member(b"a" * 5000, b"!"))),
+    "name of 5000 letters": ("cannot be read or unpacked", beside(b"a" * 5000, b"!")),
     "damaged byte": ("Bad CRC-32", _flipped),
     "unknown encoding": ("encoding", text(GOOD.replace("UTF-8", "klingon"))),
     "encoding of several bytes": ("encoding", text(GOOD.replace("UTF-8", "shift_jis"))),
@@ -296,6 +310,11 @@ FMUS: dict[str, tuple[str, Write]] = {
     "NUL in XML": ("invalid token", text(GOOD.replace('"y"', '"y\0"'))),
     "empty XML": ("no element found", text("")),
     "half of the XML": ("unclosed token", text(GOOD[:-30])),
+    "model exchange": ("made for model exchange only", text(GOOD.replace("CoSimulation", "ModelExchange"))),
+    "FMI 4.0": ("FMI 4.0; only co-simulation FMUs of FMI 2.0 and 3.0", text(GOOD.replace("2.0", "4.0"))),
+    "no guid": ("xml cannot be read: fmiModelDescription has no 'guid'", text(GOOD.replace(" guid=", " id="))),
+    "no token": ("fmiModelDescription has no 'instantiationToken'", text(three("").replace(" inst", " x"))),
+    "no name": ("no attribute 'name'", text(three(array('start="1"')).replace('name="a"', ""))),
     "page": ("its root is not fmiModelDescription", text("<html/>")),
     "entities": ("document type", text(LAUGHS + GOOD[38:].replace('"y"', '"&a11;"'))),
     "entity of a file": ("document type", text(LAUGHS + GOOD[38:].replace("<ModelStructure>", "<ModelStructure>&f;"))),
@@ -304,14 +323,7 @@ FMUS: dict[str, tuple[str, Write]] = {
     "million variables": ("bytes of memory", text(two(many(1_000_000, lambda k: scalar(f"v{k}", k))))),
     "dependencies": (
         "bytes of memory",
-        text(
-            two(
-                many(20_000, lambda k: scalar(f"v{k}", k, "input")),
-                outputs="<Outputs>"
-                + many(300, lambda k: f'<Unknown index="{k}" dependencies="{" ".join(map(str, range(k, 20_000)))}"/>')
-                + "</Outputs>",
-            )
-        ),
+        text(two(many(20_000, lambda k: scalar(f"v{k}", k, "input")), outputs=f"<Outputs>{_DEPENDENT}</Outputs>")),
     ),
     "value reference of 33 bits": ("value reference 4294967296", text(two(scalar("y", 2**32)))),
     "negative value reference": ("value reference -1", text(two(scalar("y", -1)))),
@@ -327,17 +339,24 @@ FMUS: dict[str, tuple[str, Write]] = {
     "huge matrix": ("elements, more than 10000000", text(three(array(*['start="100000"'] * 9)))),
     "unit 0": ("has the factor 0.0", text(two(scalar("y"), inside=unit("0")))),
     "unit nan": ("has the factor nan", text(two(scalar("y"), inside=unit("nan")))),
-    "stop time 1e300": ("no default stop_time", text(two(scalar("y"), inside=experiment("1e300", "0.01")))),
-    "step size 1e-300": ("no default stop_time", text(two(scalar("y"), inside=experiment("1", "1e-300")))),
-    "both": ("no default stop_time", text(two(scalar("y"), inside=experiment("1e300", "1e-300")))),
-    "infinite stop time": ("no default stop_time", text(two(scalar("y"), inside=experiment("inf", "nan")))),
+    "stop time 1e300": ("no default stop_time", text(timed("1e300", "0.01"))),
+    "step size 1e-300": ("no default stop_time", text(timed("1", "1e-300"))),
+    "both": ("no default stop_time", text(timed("1e300", "1e-300"))),
+    "infinite stop time": ("no default stop_time", text(timed("inf", "nan"))),
     "order of derivatives": (
         "invalid literal",
         text(GOOD.replace("<CoSimulation", '<CoSimulation maxOutputDerivativeOrder="many"')),
     ),
     "words of control": ("FMI 1.0", text(GOOD.replace('"2.0"', '"1.0&#10;&#9;evil"'))),
-    "library that is none": ("cannot be loaded", text(two(scalar("y"), inside=experiment("1", "1")))),
+    "library that is none": ("cannot be loaded", text(timed("1", "1"))),
 }
+
+
+_C = elements(component("c"))
+_TWICE = '<m:MappingEntry source="p" target="c.y"><c:LinearTransformation factor="{}"/></m:MappingEntry>'
+_LONG = f'<v:Parameter name="p"><v:Integer value="{"9" * 400}"/></v:Parameter>'
+_UNIT = '<c:Unit name="m"><c:BaseUnit m="{}" factor="{}"/></c:Unit>'
+_CIRCLE = connectors(a="input", b="input"), bound(real("a")), _C, connections(connected("a", "b"), connected("b", "a"))
 
 SSPS: dict[str, tuple[str, Write]] = {
     "no structure": ("has no SystemStructure.ssd", partial(zipped, members=[Member(b"a", b"b")])),
@@ -349,116 +368,63 @@ SSPS: dict[str, tuple[str, Write]] = {
     ),
     "million elements": ("elements and attributes", archive(structure(elements("<a/>" * 1_000_001)))),
     "structure of 80 MB": ("longer than", archive(structure("<!-- -->" + " " * 80_000_000))),
+    "half of the structure": ("SystemStructure.ssd cannot be read", archive("<half")),
+    "other root": ("expected ssd:SystemStructureDescription", archive("<other/>")),
+    "SSP 3.0": ("SSP version '3.0' is not known; known: 1.0, 2.0", archive(structure(_C, version="3.0"))),
     "entities": ("document type", archive(structure(elements(component("&a11;")), head=LAUGHS))),
     "unknown encoding": ("encoding", archive(structure("", head='<?xml version="1.0" encoding="klingon"?>'))),
     "two to the sixtieth ways": ("cannot be loaded", archive(structure(bound(real("s.a")) + _diamonds(60)))),
-    "source outside": ("outside the archive", archive(structure(elements(component("c", "resources/../../evil.fmu"))))),
+    "source outside": ("outside the archive", archive(structure(elements(component("c", "../../evil"))))),
     "encoded source outside": (
         "outside the archive",
-        archive(structure(elements(component("c", "%2e%2e/%2e%2e/evil.fmu")))),
+        archive(structure(elements(component("c", "%2e%2e/%2e%2e/evil")))),
     ),
-    "file outside": ("would lie outside", archive(structure(elements(component("c"))), Member(b"../evil", b"!"))),
-    "bomb": ("more than the limit", archive(structure(elements(component("c"))), Member(b"a", b"", size=2**31))),
-    "bomb in the FMU": (
-        "resources/x.fmu takes 104857",
-        archive(
-            structure(elements(component("c"))),
-            fmu=partial(_bomb, count=100),
-        ),
-    ),
+    "file outside": ("would lie outside", archive(structure(_C), Member(b"../evil", b"!"))),
+    "bomb": ("more than the limit", archive(structure(_C), Member(b"a", b"", size=2**31))),
+    "bomb in the FMU": ("resources/x.fmu takes 104857", archive(structure(_C), fmu=partial(_bomb, count=100))),
     "bombs that are small one by one": ("with its FMUs takes", _two_bombs),
     "description of the FMU": (
         "resources/x.fmu: its modelDescription.xml cannot be read",
-        archive(structure(elements(component("c"))), fmu=text("<a/>")),
+        archive(structure(_C), fmu=text("<a/>")),
     ),
     "FMU that is none": (
         "resources/x.fmu: truncated",
-        archive(structure(elements(component("c"))), fmu=lambda path: path.write_text("no")),
+        archive(structure(_C), fmu=lambda path: path.write_text("no")),
     ),
     "digits in an index": (
         "has no variable",
-        archive(structure(elements(component("c")) + connection("c.y", f"c.y[{'9' * 5000}]"))),
+        archive(structure(_C + connections(connected("c.y", f"c.y[{'9' * 5000}]")))),
     ),
     "indices that are none": (
         "a number that is none",
-        archive(structure(elements(component("c")) + connection("c.y", "c.y", endIndices="one"))),
+        archive(structure(_C + connections(connected("c.y", "c.y", endIndices="one")))),
     ),
     "way through 2000 connectors": (
         "more than 1000 connectors",
         archive(
-            structure(
-                elements(component("c"))
-                + "<ssd:Connections>"
-                + connected("a0", "c.y")
-                + many(2000, lambda k: connected(f"a{k + 1}", f"a{k}"))
-                + "</ssd:Connections>"
-            )
+            structure(_C + connections(connected("a0", "c.y"), many(2000, lambda k: connected(f"a{k + 1}", f"a{k}"))))
         ),
     ),
-    "circle of connectors": (
-        "cannot be loaded",
-        archive(
-            structure(
-                '<ssd:Connectors><ssd:Connector name="a"/><ssd:Connector name="b"/></ssd:Connectors>'
-                + bound(real("a"))
-                + elements(component("c"))
-                + connection("a", "b")
-                + connection("b", "a")
-            )
-        ),
-    ),
-    "unit 0": (
-        "has the factor 0.0",
-        archive(
-            structure(
-                bound(real("c.y"), units='<ssc:Unit name="m"><ssc:BaseUnit m="1" factor="0"/></ssc:Unit>')
-                + elements(component("c"))
-            )
-        ),
-    ),
+    "circle of connectors": ("cannot be loaded", archive(structure("".join(_CIRCLE)))),
+    "unit 0": ("has the factor 0.0", archive(structure(bound(real("c.y"), units=_UNIT.format(1, 0)) + _C))),
     "exponent that is none": (
         "cannot be read: invalid literal",
-        archive(
-            structure(
-                bound(real("c.y"), units='<ssc:Unit name="m"><ssc:BaseUnit m="one"/></ssc:Unit>')
-                + elements(component("c"))
-            )
-        ),
+        archive(structure(bound(real("c.y"), units=_UNIT.format("one", 1)) + _C)),
     ),
     "transformation by a word": (
         "cannot be read: could not convert",
-        archive(
-            structure(
-                bound(
-                    real("p"),
-                    mapping='<ssm:MappingEntry source="p" target="c.y"><ssc:LinearTransformation factor="much"/>'
-                    "</ssm:MappingEntry>",
-                )
-                + elements(component("c"))
-            )
-        ),
+        archive(structure(bound(real("p"), entries=_TWICE.format("much")) + _C)),
     ),
     "parameter of 400 digits": (
         "cannot be read: int too large",
-        archive(
-            structure(
-                bound(
-                    f'<ssv:Parameter name="p"><ssv:Integer value="{"9" * 400}"/></ssv:Parameter>',
-                    mapping='<ssm:MappingEntry source="p" target="c.y"><ssc:LinearTransformation factor="2"/>'
-                    "</ssm:MappingEntry>",
-                )
-                + elements(component("c"))
-            )
-        ),
+        archive(structure(bound(_LONG, entries=_TWICE.format(2)) + _C)),
     ),
     "one name by two ways": (
         "has a component 'a_b' already",
-        archive(
-            structure(elements(component("a_b") + f'<ssd:System name="a">{elements(component("b"))}</ssd:System>'))
-        ),
+        archive(structure(elements(component("a_b"), nested("a", elements(component("b")))))),
     ),
     "stop time that is none": (
         "a number that is none",
-        archive(structure(elements(component("c")), '<ssd:DefaultExperiment stopTime="never"/>')),
+        archive(structure(_C, '<DefaultExperiment stopTime="never"/>')),
     ),
 }

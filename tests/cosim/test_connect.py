@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
+from making import FmuPaths
 
 from liaisons.cosim import Part, System
 from liaisons.cosim.connections import connect
 from liaisons.errors import ConnectError, SimulationError
-
-FmuPaths = Callable[[str], Path]
 
 
 @pytest.fixture

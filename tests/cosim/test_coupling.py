@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
+from making import FmuPaths, Trace, wired
 
 from liaisons.check import slope
 from liaisons.cosim import IncompleteError, Result, System, simulate
@@ -19,23 +19,17 @@ from liaisons.cosim.coupling.signals import Curve
 from liaisons.cosim.schedule import Coupling, algebraic_loops
 from liaisons.errors import SimulationError
 
-Components = Callable[[str], Path]
-FmuPaths = Callable[[str], Path]
-Trace = Callable[[], list[str]]
-
 START: dict[str, Any] = {"theta_1_0": 0.3, "theta_2_0": 0.5}
 
 
-def _double(component: Components, names: Sequence[str] = ("Pendulum", "Pendulum"), **lower: float) -> System:
+def _double(component: FmuPaths, names: Sequence[str] = ("Pendulum", "Pendulum"), **lower: float) -> System:
     """A pendulum hung on the bob of another."""
-    system = System("double")
-    first = system.add("first", component(names[0]), theta_0=START["theta_1_0"])
-    second = system.add("second", component(names[1]), **({"theta_0": START["theta_2_0"]} | lower))
-    system.connect(first["bob"], second["pivot"])
-    return system
+    first = component(names[0]), {"theta_0": START["theta_1_0"]}
+    second = component(names[1]), {"theta_0": START["theta_2_0"]} | lower
+    return wired("first.bob -> second.pivot", first=first, second=second)
 
 
-def _error(component: Components, result: Result, **starts: float) -> float:
+def _error(component: FmuPaths, result: Result, **starts: float) -> float:
     """Largest difference from the double pendulum in one FMU."""
     start: dict[str, Any] = START | starts
     single = simulate(component("DoublePendulum"), times=result.time, tolerance=1e-13, **start)
@@ -66,7 +60,7 @@ TWO, THREE = "Pendulum", "fmi3/Pendulum"
     ],
 )
 def test_order_between_mechanisms(
-    component: Components, coupling: Coupling, names: tuple[str, str], sizes: tuple[float, ...], order: float
+    component: FmuPaths, coupling: Coupling, names: tuple[str, str], sizes: tuple[float, ...], order: float
 ) -> None:
     system = _double(component, names)
     errors = [_error(component, system.simulate(1.0, H, tolerance=1e-13, coupling=coupling)) for H in sizes]
@@ -74,14 +68,12 @@ def test_order_between_mechanisms(
     assert slope(sizes, errors) == pytest.approx(order, abs=0.1)
 
 
-def test_order_along_a_line_of_ports_is_six(component: Components) -> None:
+def test_order_along_a_line_of_ports_is_six(component: FmuPaths) -> None:
     """Without a cycle, what a source does over a step is known before its target is stepped: quintic polynomials."""
 
     def error(H: float) -> float:
-        system = System("driven")
-        motor = system.add("motor", component("Sinusoid"), offset=1.0, amplitude=0.1, angular_frequency=2.0)
-        swing = system.add("swing", component("Pendulum"), theta_0=0.5)
-        system.connect(motor["y"], swing["length"])
+        motor = component("Sinusoid"), {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 2.0}
+        system = wired("motor.y -> swing.length", motor=motor, swing=(component("Pendulum"), {"theta_0": 0.5}))
         coarse, fine = (system.simulate(4.0, h, tolerance=1e-13, coupling="implicit") for h in (H, 0.01))
         return abs(float(coarse["swing.theta"][-1] - fine["swing.theta"][-1]))
 
@@ -92,7 +84,7 @@ def test_order_along_a_line_of_ports_is_six(component: Components) -> None:
 
 @pytest.mark.parametrize("names", [("Pendulum", "python/Pendulum"), ("python/Pendulum", "python/Pendulum")])
 def test_fmus_that_take_no_derivatives_of_inputs_interpolate_and_are_of_second_order(
-    component: Components, names: tuple[str, str]
+    component: FmuPaths, names: tuple[str, str]
 ) -> None:
     sizes = (0.04, 0.02, 0.01)
     errors = [
@@ -107,13 +99,11 @@ def test_fmus_that_take_no_derivatives_of_inputs_interpolate_and_are_of_second_o
 
 @pytest.mark.parametrize("ratio", [0.5, 2.0])
 def test_explicit_coupling_multiplies_the_force_s_error_by_the_ratio_of_effective_masses(
-    component: Components, ratio: float
+    component: FmuPaths, ratio: float
 ) -> None:
     """Rods at a right angle: Θ = m_2 along the lower rod meets m_1, so the gain of a sweep is -m_2/m_1."""
-    system = System("right angle")
-    first = system.add("first", component("Pendulum"), theta_0=0.0)
-    second = system.add("second", component("Pendulum"), theta_0=math.pi / 2, mass=ratio, theta_dot_0=1.0)
-    system.connect(first["bob"], second["pivot"])
+    lower = component("Pendulum"), {"theta_0": math.pi / 2, "mass": ratio, "theta_dot_0": 1.0}
+    system = wired("first.bob -> second.pivot", first=(component("Pendulum"), {"theta_0": 0.0}), second=lower)
     force = system.simulate(4e-5, 1e-5, coupling="jacobi")["second.pivot_x_force"]
     changes = np.diff(force)
     # the force by itself moves by some 1e-4 a step, the first error is of order 1 and falls or grows with the gain
@@ -121,7 +111,7 @@ def test_explicit_coupling_multiplies_the_force_s_error_by_the_ratio_of_effectiv
 
 
 @pytest.mark.parametrize("mass", [0.01, 1.0, 100.0])
-def test_implicit_coupling_is_stable_for_any_ratio_of_masses(component: Components, mass: float) -> None:
+def test_implicit_coupling_is_stable_for_any_ratio_of_masses(component: FmuPaths, mass: float) -> None:
     start = {"theta_2_0": 0.4}
     system = _double(component, mass=mass, theta_0=0.4)
     result = system.simulate(1.0, 0.005, tolerance=1e-12, coupling="implicit")
@@ -132,7 +122,7 @@ def test_implicit_coupling_is_stable_for_any_ratio_of_masses(component: Componen
     assert np.max(handed) <= bound * 9.81 * (1 + mass)  # what one does is done to the other: no energy comes or goes
 
 
-def test_power_leaves_one_mechanism_as_it_enters_the_other(component: Components) -> None:
+def test_power_leaves_one_mechanism_as_it_enters_the_other(component: FmuPaths) -> None:
     result = _double(component).simulate(1.0, 0.01, tolerance=1e-10, coupling="implicit")
     for axis in "xz":
         given = -result[f"first.bob_{axis}_load"] * result[f"first.bob_{axis}_dot"]
@@ -141,7 +131,7 @@ def test_power_leaves_one_mechanism_as_it_enters_the_other(component: Components
         np.testing.assert_allclose(given + taken, 0, atol=1e-10)
 
 
-def test_acceleration_and_force_fit_from_the_first_point_on(component: Components) -> None:
+def test_acceleration_and_force_fit_from_the_first_point_on(component: FmuPaths) -> None:
     result = _double(component, mass=30.0).simulate(0.1, 0.01, tolerance=1e-10, coupling="implicit")
     for axis in "xz":
         force = result[f"second.pivot_{axis}_force"]
@@ -150,7 +140,14 @@ def test_acceleration_and_force_fit_from_the_first_point_on(component: Component
         np.testing.assert_allclose(result[f"first.bob_{axis}_ddot"], moved, rtol=0, atol=1e-9 * 300)
 
 
-def test_repetition_fails_where_newton_does_not(component: Components) -> None:
+def test_motion_of_a_point_is_handed_over_as_it_is(component: FmuPaths) -> None:
+    result = _double(component).simulate(1.0, 0.01, coupling="gauss-seidel")
+    for axis in "xz":
+        np.testing.assert_array_equal(result[f"second.pivot_{axis}"], result[f"first.bob_{axis}"])
+        np.testing.assert_array_equal(result[f"second.pivot_{axis}_dot"], result[f"first.bob_{axis}_dot"])
+
+
+def test_repetition_fails_where_newton_does_not(component: FmuPaths) -> None:
     system = _double(component, mass=10.0, theta_0=1.5)
     with pytest.raises(
         SimulationError, match=r"^first, second: .* does not converge at t = 0 s, .*coupling='implicit'"
@@ -159,7 +156,7 @@ def test_repetition_fails_where_newton_does_not(component: Components) -> None:
     assert system.simulate(0.01, 0.001, coupling="implicit").time[-1] == 0.01
 
 
-def test_both_iterations_end_at_the_same_motion(component: Components) -> None:
+def test_both_iterations_end_at_the_same_motion(component: FmuPaths) -> None:
     newton, picard = (
         _double(component).simulate(0.5, 0.02, tolerance=1e-12, coupling=c) for c in ("implicit", "waveform")
     )
@@ -167,15 +164,13 @@ def test_both_iterations_end_at_the_same_motion(component: Components) -> None:
     np.testing.assert_allclose(picard["second.theta"], newton["second.theta"], rtol=0, atol=1e-10)
 
 
-def test_connections_without_a_solution_are_named(component: Components) -> None:
-    system = System("by its own bootstraps")
-    swing = system.add("swing", component("Pendulum"))
-    system.connect(swing["bob"], swing["pivot"])
+def test_connections_without_a_solution_are_named(component: FmuPaths) -> None:
+    system = wired("swing.bob -> swing.pivot", swing=component("Pendulum"))
     with pytest.raises(SimulationError, match=r"^swing: what they hand each other at t = 0 s .* single solution"):
         system.simulate(0.1, 0.1, coupling="implicit")
 
 
-def test_step_that_is_too_long_for_the_iteration_says_so(component: Components) -> None:
+def test_step_that_is_too_long_for_the_iteration_says_so(component: FmuPaths) -> None:
     system = _double(component, mass=10.0, theta_0=-0.5)
     with pytest.raises(IncompleteError, match=r"choose a smaller step_size$"):
         system.simulate(2.0, 0.2)
@@ -184,7 +179,7 @@ def test_step_that_is_too_long_for_the_iteration_says_so(component: Components) 
 # ---- adapted steps --------------------------------------------------------------------------------------------------
 
 
-def test_adapted_steps_keep_the_tolerance(component: Components) -> None:
+def test_adapted_steps_keep_the_tolerance(component: FmuPaths) -> None:
     errors, points = [], []
     for tolerance in (1e-5, 1e-8):
         result = _double(component).simulate(1.0, 0.01, tolerance=1e-12, error_tolerance=tolerance)
@@ -197,11 +192,9 @@ def test_adapted_steps_keep_the_tolerance(component: Components) -> None:
     assert points[1] / points[0] == pytest.approx(1000**0.2, rel=1.0)
 
 
-def test_adapted_steps_shorten_where_something_happens(component: Components) -> None:
-    system = System("jump")
-    motor = system.add("motor", component("SmoothStep"), start_value=1.0, end_value=0.8, start_time=1.0, duration=0.1)
-    swing = system.add("swing", component("Pendulum"), theta_0=0.5)
-    system.connect(motor["y"], swing["length"])
+def test_adapted_steps_shorten_where_something_happens(component: FmuPaths) -> None:
+    motor = component("SmoothStep"), {"start_value": 1.0, "end_value": 0.8, "start_time": 1.0, "duration": 0.1}
+    system = wired("motor.y -> swing.length", motor=motor, swing=(component("Pendulum"), {"theta_0": 0.5}))
     result = system.simulate(2.0, 0.2, tolerance=1e-10, error_tolerance=1e-6, coupling="gauss-seidel")
     sizes = np.diff(result.time)
     during = sizes[(result.time[:-1] >= 1.0) & (result.time[:-1] < 1.1)]
@@ -215,7 +208,7 @@ def test_adapted_steps_shorten_where_something_happens(component: Components) ->
         ({"error_tolerance": 1e-3, "coupling": "jacobi"}, r"cannot be kept by 'jacobi'.* -> second\.pivot_x_force -> "),
     ],
 )
-def test_adapted_steps_that_cannot_be(component: Components, arguments: dict[str, Any], words: str) -> None:
+def test_adapted_steps_that_cannot_be(component: FmuPaths, arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(SimulationError, match=words):
         _double(component).simulate(1.0, 0.1, **arguments)
 
@@ -223,9 +216,7 @@ def test_adapted_steps_that_cannot_be(component: Components, arguments: dict[str
 @pytest.mark.parametrize("status", [2, 3])
 def test_refused_steps_are_tried_again_shorter(fmu: FmuPaths, status: int) -> None:
     """After Discard and after Error an FMU may go on from a saved state."""
-    system = System("hasty")
-    system.add("hasty", fmu("Hasty"), longest=0.1, status=status)
-    result = system.simulate(1.0, 0.5, error_tolerance=1e-3)
+    result = wired(hasty=(fmu("Hasty"), {"longest": 0.1, "status": status})).simulate(1.0, 0.5, error_tolerance=1e-3)
     assert result.time[-1] == 1.0
     assert np.diff(result.time).max() <= 0.1
 
@@ -244,22 +235,18 @@ _NO_STEP = r"no step from t = 0 s is small enough: "
 def test_steps_that_are_refused_for_ever_end_with_the_words_of_the_last(
     fmu: FmuPaths, trace: Trace, status: int, words: str
 ) -> None:
-    system = System("hasty")
-    system.add("hasty", fmu("Hasty"), longest=0.0, status=status)
+    system = wired(hasty=(fmu("Hasty"), {"longest": 0.0, "status": status}))
     with pytest.raises(IncompleteError) as caught:
         system.simulate(1.0, 0.5, error_tolerance=1e-3)
     assert re.fullmatch(words, str(caught.value))
     assert 1 <= len([line for line in trace() if line.startswith("hasty step")]) <= 20
 
 
-def test_step_in_which_an_input_leaves_its_domain_is_shortened(component: Components) -> None:
+def test_step_in_which_an_input_leaves_its_domain_is_shortened(component: FmuPaths) -> None:
     """A parabola through l = 1.5 m cos 3t is below 0 after 0.8 s."""
-    system = System("extrapolated")
-    motor = system.add(
-        "motor", component("Sinusoid"), offset=1.0, amplitude=0.5, angular_frequency=3.0, phase=math.pi / 2
-    )
-    swing = system.add("swing", component("Pendulum"), input_reconstruction=1)
-    system.connect(motor["y"], swing["length"])
+    motor = component("Sinusoid"), {"offset": 1.0, "amplitude": 0.5, "angular_frequency": 3.0, "phase": math.pi / 2}
+    swing = component("Pendulum"), {"input_reconstruction": 1}
+    system = wired("motor.y -> swing.length", motor=motor, swing=swing)
     with pytest.raises(
         IncompleteError, match=r"swing: fmi2DoStep from t = 0 s to t = 2 s returned Discard: length = -"
     ):
@@ -267,13 +254,14 @@ def test_step_in_which_an_input_leaves_its_domain_is_shortened(component: Compon
     assert system.simulate(4.0, 2.0, error_tolerance=1e-4).time[-1] == 4.0
 
 
-def test_input_that_leaves_its_domain_for_good_ends_with_the_words_of_the_fmu(component: Components) -> None:
-    system = System("shrinking")
-    motor = system.add("motor", component("Ramp"), offset=1.0, rate=-1.0)
-    swing = system.add("swing", component("Pendulum"))
-    system.connect(motor["y"], swing["length"])
+def _shrinking(component: FmuPaths) -> System:
+    motor = component("Ramp"), {"offset": 1.0, "rate": -1.0}
+    return wired("motor.y -> swing.length", motor=motor, swing=component("Pendulum"))
+
+
+def test_input_that_leaves_its_domain_for_good_ends_with_the_words_of_the_fmu(component: FmuPaths) -> None:
     with pytest.raises(IncompleteError) as caught:
-        system.simulate(2.0, 0.3, error_tolerance=1e-2)
+        _shrinking(component).simulate(2.0, 0.3, error_tolerance=1e-2)
     assert re.fullmatch(
         r"no step from t = \S+ s is small enough: swing: fmi2DoStep [^;]* returned (Discard|Error): length = [^;]*; "
         "the step from t = [^;]* is taken back",
@@ -285,17 +273,13 @@ def test_input_that_leaves_its_domain_for_good_ends_with_the_words_of_the_fmu(co
 # ---- FMUs of other makes --------------------------------------------------------------------------------------------
 
 
-def _ring(fmu: FmuPaths, names: tuple[str, str], **starts: float) -> System:
-    system = System("ring")
-    mass = system.add("mass", fmu(names[0]), q_0=1.0)
-    spring = system.add("spring", fmu(names[1]), **starts)
-    system.connect(mass["q"], spring["length"])
-    return system
+def _ring(fmu: FmuPaths, spring: str) -> System:
+    return wired("mass.q -> spring.length", mass=(fmu("Cart"), {"q_0": 1.0}), spring=fmu(spring))
 
 
 def test_foreign_fmus_that_can_go_back_are_coupled_in_second_order(fmu: FmuPaths) -> None:
     def error(H: float) -> float:
-        result = _ring(fmu, ("Cart", "Buffer")).simulate(2.0, H)
+        result = _ring(fmu, "Buffer").simulate(2.0, H)
         return float(np.max(np.abs(result["mass.q"] - np.cos(math.sqrt(2.0) * result.time))))
 
     sizes = (0.1, 0.05, 0.025)
@@ -304,14 +288,14 @@ def test_foreign_fmus_that_can_go_back_are_coupled_in_second_order(fmu: FmuPaths
 
 
 def test_saved_states_are_given_back(fmu: FmuPaths, trace: Trace) -> None:
-    _ring(fmu, ("Cart", "Buffer")).simulate(0.5, 0.1)
+    _ring(fmu, "Buffer").simulate(0.5, 0.1)
     calls = trace()
     for name in ("mass", "spring"):
         assert calls.index(f"{name} forget") < calls.index(f"{name} free")
 
 
 def test_fmu_that_cannot_go_back_is_named(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
-    system = _ring(fmu, ("Cart", "Spring"))
+    system = _ring(fmu, "Spring")
     with pytest.raises(SimulationError, match=r"'implicit' .* spring \(Spring\.fmu\) .* canGetAndSetFMUstate is false"):
         system.simulate(1.0, 0.1, coupling="implicit")
     with pytest.raises(SimulationError, match=r"error_tolerance .* spring \(Spring\.fmu\) cannot: its canGetAndSetFMU"):
@@ -321,40 +305,31 @@ def test_fmu_that_cannot_go_back_is_named(fmu: FmuPaths, caplog: pytest.LogCaptu
     assert "spring (Spring.fmu) cannot go back" in caplog.text
 
 
-def test_fmu_that_must_not_interpolate_by_itself_is_named(component: Components) -> None:
+def test_fmu_that_must_not_interpolate_by_itself_is_named(component: FmuPaths) -> None:
     system = _double(component, ("Pendulum", "python/Pendulum"), input_reconstruction=1)
     with pytest.raises(SimulationError, match=r"second: input_reconstruction=1 .* 'implicit'.* or set 2"):
         system.simulate(1.0, 0.1, coupling="implicit")
 
 
 def test_input_without_source_and_without_start_value_is_named(fmu: FmuPaths) -> None:
-    system = System("unfed")
-    system.add("unfed", fmu("Unfed"))
     with pytest.raises(SimulationError, match=r"unfed\.u is an input without a start value and nothing feeds it"):
-        system.simulate(1.0, 0.1)
+        wired(unfed=fmu("Unfed")).simulate(1.0, 0.1)
 
 
-def test_half_connected_port_is_reported(component: Components, caplog: pytest.LogCaptureFixture) -> None:
-    system = System("half")
-    motor = system.add("motor", component("Sinusoid"), offset=1.0, amplitude=0.1)
-    swing = system.add("swing", component("Pendulum"))
-    system.connect(motor["y_dot"], swing["length_dot"])
+def test_half_connected_port_is_reported(component: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    motor = component("Sinusoid"), {"offset": 1.0, "amplitude": 0.1}
+    system = wired("motor.y_dot -> swing.length_dot", motor=motor, swing=component("Pendulum"))
     system.simulate(0.1, 0.1)
     assert caplog.records == []  # a rate alone may be meant
-    system.join([Connection(motor["y"], swing["length"])])
+    system.join([Connection(system.parts["motor"]["y"], system.parts["swing"]["length"])])
     system.simulate(0.1, 0.1)
     assert "swing.length is fed, but swing.length_ddot is not" in caplog.text
 
 
-def test_failing_step_in_an_iteration_names_component_and_time(component: Components) -> None:
-    system = System("shrinking")
-    motor = system.add("motor", component("Ramp"), offset=1.0, rate=-1.0)
-    swing = system.add("swing", component("Pendulum"))
-    system.connect(motor["y"], swing["length"])
-    with pytest.raises(
-        IncompleteError, match=r"swing: fmi2DoStep from t = 0\.9 s to t = 1 s returned Discard"
-    ) as caught:
-        system.simulate(2.0, 0.1, coupling="implicit")
+def test_failing_step_in_an_iteration_names_component_and_time(component: FmuPaths) -> None:
+    words = r"swing: fmi2DoStep from t = 0\.9 s to t = 1 s returned Discard"
+    with pytest.raises(IncompleteError, match=words) as caught:
+        _shrinking(component).simulate(2.0, 0.1, coupling="implicit")
     assert caught.value.result.time[-1] == pytest.approx(0.9)
 
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
 import pytest
+from making import FmuPaths, packed, wired
 
-from liaisons.cosim import System, simulate
+from liaisons.cosim import simulate
 from liaisons.errors import SimulationError
-
-FmuPaths = Callable[[str], Path]
 
 
 @pytest.mark.parametrize(
@@ -27,9 +22,7 @@ FmuPaths = Callable[[str], Path]
     ],
 )
 def test_fmu_that_crashes_at_the_begin(fmu: FmuPaths, name: str, starts: dict[str, int], words: str) -> None:
-    system = System("crash")
-    system.add("good", fmu("Cubic"))
-    system.add("bad", fmu(name), **starts)
+    system = wired(good=fmu("Cubic"), bad=(fmu(name), starts))
     with pytest.raises(SimulationError, match=rf"^bad: {name}\.fmu crashes when it is {words}; .* ask its maker$"):
         system.simulate(1.0, 0.1)
 
@@ -65,15 +58,6 @@ _DESCRIPTION = """<?xml version="1.0"?>
     ("code", "words"), [("raise(SIGILL);", r"instantiated \(SIGILL\)"), ("", r"initialized \(SIGSEGV\)")]
 )
 def test_fmu_of_fmi_3_that_crashes_at_the_begin(tmp_path: Path, code: str, words: str) -> None:
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None:
-        pytest.skip("no C compiler")
-    library = tmp_path / f"Bad{fmpy.sharedLibraryExtension}"
-    (tmp_path / "bad.c").write_text(_FMI_3.replace("@instantiate@", code))
-    headers = Path(fmpy.__file__).parent / "c-code"
-    subprocess.run([compiler, "-shared", "-fPIC", f"-I{headers}", tmp_path / "bad.c", "-o", library], check=True)
-    with zipfile.ZipFile(tmp_path / "Bad.fmu", "w") as archive:
-        archive.writestr("modelDescription.xml", _DESCRIPTION)
-        archive.write(library, f"binaries/{fmpy.platform_tuple}/{library.name}")
+    packed(tmp_path, "Bad", _FMI_3.replace("@instantiate@", code), _DESCRIPTION, fmpy.platform_tuple)
     with pytest.raises(SimulationError, match=rf"^Bad: Bad\.fmu crashes when it is {words}"):
         simulate(tmp_path / "Bad.fmu", stop_time=1.0, step_size=0.1, k=[3.0, 4.0])

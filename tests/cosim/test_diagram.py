@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from xml.etree import ElementTree
+
+from making import FmuPaths
 
 from liaisons.cosim import System
 
@@ -20,7 +20,7 @@ def _texts(picture: ElementTree.Element) -> list[str | None]:
     return [text.text for text in picture.iter(f"{SVG}text")]
 
 
-def test_a_system_draws_its_fmus_and_what_is_connected(fmu: Callable[[str], Path]) -> None:
+def test_a_system_draws_its_fmus_and_what_is_connected(fmu: FmuPaths) -> None:
     system = System("swing")
     spring, _, mass = (system.add(name.lower(), fmu(name)) for name in ("Spring", "Cubic", "Mass"))
     system.connect(mass["q"], spring["length"])
@@ -37,14 +37,14 @@ def test_a_system_draws_its_fmus_and_what_is_connected(fmu: Callable[[str], Path
     assert arrow.get("marker-start") is None
 
 
-def test_names_of_any_make_are_text(fmu: Callable[[str], Path]) -> None:
+def test_names_of_any_make_are_text(fmu: FmuPaths) -> None:
     system = System(HOSTILE)
     system.add(HOSTILE, fmu("Cubic"))
     assert "<img" not in system._repr_html_()
     assert _texts(_drawn(system))[1] == f"{HOSTILE[:25]}…"
 
 
-def test_of_many_fmus_the_first_ones_are_drawn(fmu: Callable[[str], Path]) -> None:
+def test_of_many_fmus_the_first_ones_are_drawn(fmu: FmuPaths) -> None:
     system = System("many")
     for number in range(70):
         system.add(f"part{number}", fmu("Cubic"))

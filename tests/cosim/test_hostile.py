@@ -14,14 +14,13 @@ from typing import Any, NamedTuple
 
 import hostile
 import pytest
+from making import FmuPaths
 
 from liaisons import cache
 from liaisons.cosim import System, simulate
 from liaisons.cosim.archive import Archive
 from liaisons.errors import SimulationError
 from liaisons.mechanics import assemble
-
-FmuPaths = Callable[[str], Path]
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="peak memory by POSIX; names that Windows has not")
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from making import FmuPaths
 
 from liaisons import LiaisonsError, System, operator, simulate
 from liaisons.cosim import IncompleteError
@@ -17,12 +17,12 @@ SPAN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "tolerance": 1e-10}
 
 
 @pytest.fixture
-def pendulum(component: Callable[[str], Path]) -> Path:
+def pendulum(component: FmuPaths) -> Path:
     return component("Pendulum")
 
 
 @pytest.fixture
-def sinusoid(component: Callable[[str], Path]) -> Path:
+def sinusoid(component: FmuPaths) -> Path:
     return component("Sinusoid")
 
 

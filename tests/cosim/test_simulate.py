@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 import signal
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from making import FmuPaths, Trace
 
 from liaisons.cosim import IncompleteError, Interrupted, simulate
 from liaisons.errors import SimulationError
-
-FmuPaths = Callable[[str], Path]
 
 # powers of two: exact in double precision
 H = 0.25
@@ -25,7 +23,7 @@ def _cubic(t: float) -> tuple[float, float, float]:
     return t**3, 3 * t**2, 6 * t
 
 
-def test_defaults_are_those_of_the_file(fmu: FmuPaths, trace: Callable[[], list[str]]) -> None:
+def test_defaults_are_those_of_the_file(fmu: FmuPaths, trace: Trace) -> None:
     result = simulate(fmu("Probe"))
     np.testing.assert_array_equal(result.time, [0.0, 0.25, 0.5])
     assert "Probe setup tolerance=0.001 start=0 stop=0.5" in trace()
@@ -44,7 +42,7 @@ def test_names_are_bare(fmu: FmuPaths) -> None:
     np.testing.assert_array_equal(result["y_dot"], 3 * T**2)
 
 
-def test_start_values_reach_the_fmu(fmu: FmuPaths, trace: Callable[[], list[str]]) -> None:
+def test_start_values_reach_the_fmu(fmu: FmuPaths, trace: Trace) -> None:
     result = simulate(fmu("Spring"), stop_time=1.0, step_size=H, stiffness=4.0, length=0.5)
     np.testing.assert_array_equal(result["length_force"], np.full(5, 2.0))
     simulate(fmu("Faulty"), stop_time=1.0, step_size=H, label="a name", flag=True)

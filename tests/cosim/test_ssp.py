@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 from xml.etree import ElementTree
@@ -13,6 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
+from making import FmuPaths
 from schemas import validated
 
 from liaisons import System, ssp
@@ -23,7 +23,6 @@ from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
 
-FmuPaths = Callable[[str], Path]
 Form = Literal["portable", "full"]
 
 FORMS: tuple[Form, ...] = ("portable", "full")
@@ -78,9 +77,7 @@ def _experiment(system: System, path: Path, **given: Any) -> DefaultExperiment:
     return ssp.read(path, System).experiment
 
 
-def test_experiment_is_that_of_the_last_run_else_that_of_the_fmus(
-    component: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_experiment_is_that_of_the_last_run_else_that_of_the_fmus(component: FmuPaths, tmp_path: Path) -> None:
     path = tmp_path / "pumped.ssp"
     made = System("pumped")
     pendulum, sinusoid = (made.add(name, component(name)) for name in ("Pendulum", "Sinusoid"))
@@ -169,7 +166,7 @@ def test_unpacked_files_go_with_the_system(system: System, tmp_path: Path) -> No
 
 
 @pytest.fixture(params=["native, FMI 2.0", "native, FMI 3.0", "Python"])
-def pendulum(request: pytest.FixtureRequest, component: Callable[[str], Path], tmp_path: Path) -> Path:
+def pendulum(request: pytest.FixtureRequest, component: FmuPaths, tmp_path: Path) -> Path:
     if request.param == "native, FMI 3.0":
         return build(assemble(Pendulum), tmp_path / "3", backend="native", fmi="3")
     return component("python/Pendulum" if request.param == "Python" else "Pendulum")
@@ -202,7 +199,7 @@ def test_start_values_go_into_our_fmus(pendulum: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.values, expected.values)
 
 
-def test_reset_goes_back_to_the_start_values_in_the_fmu(component: Callable[[str], Path], tmp_path: Path) -> None:
+def test_reset_goes_back_to_the_start_values_in_the_fmu(component: FmuPaths, tmp_path: Path) -> None:
     fmu = read(_baked(component("Pendulum"), tmp_path, **STARTS))
     folder = fmpy.extract(str(fmu.path), str(tmp_path / "with a blank"))
     slave = FMU2Slave(guid=fmu.guid, modelIdentifier=fmu.identifier, unzipDirectory=folder, instanceName="it")
@@ -216,7 +213,7 @@ def test_reset_goes_back_to_the_start_values_in_the_fmu(component: Callable[[str
 
 
 @pytest.mark.parametrize("text", ["r 1 1 3ff", "r x", "q 1 1 0 name", "r 99999 1 0 name", "i 1 1 1 name", "r 1 0 name"])
-def test_a_damaged_file_of_start_values_is_refused(text: str, component: Callable[[str], Path], tmp_path: Path) -> None:
+def test_a_damaged_file_of_start_values_is_refused(text: str, component: FmuPaths, tmp_path: Path) -> None:
     broken = tmp_path / "Pendulum.fmu"
     with zipfile.ZipFile(component("Pendulum")) as old, zipfile.ZipFile(broken, "w") as new:
         for name in old.namelist():

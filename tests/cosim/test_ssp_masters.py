@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from making import FmuPaths
 from masters import MASTERS, SWEEPS, RefusalError, Values, compared, elsewhere, jacobi
 from schemas import validated
 
@@ -23,11 +24,9 @@ from liaisons.ssp import Form
 
 H, STEPS = 0.01, 20
 
-Components = Callable[[str], Path]
-
 
 @pytest.fixture
-def pumped(component: Components) -> System:
+def pumped(component: FmuPaths) -> System:
     """A swing whose length a signal drives: connections go one way."""
     system = System("pumped swing")
     swing = system.add("swing", component("Pendulum"), theta_0=0.05, input_reconstruction=1)
@@ -37,7 +36,7 @@ def pumped(component: Components) -> System:
 
 
 @pytest.fixture
-def double(component: Components) -> System:
+def double(component: FmuPaths) -> System:
     """A pendulum hung on a pendulum: an algebraic loop of accelerations and forces."""
     system = System("double pendulum")
     upper = system.add("upper", component("Pendulum"), theta_0=0.3, mass=5.0)
@@ -47,7 +46,7 @@ def double(component: Components) -> System:
 
 
 @pytest.fixture
-def chain(component: Components) -> System:
+def chain(component: FmuPaths) -> System:
     """Oscillators, each hung on the one before."""
     system = System("chain")
     masses = [system.add(f"mass{i}", component("Oscillator"), x_0=0.1 * i) for i in range(4)]
@@ -57,7 +56,7 @@ def chain(component: Components) -> System:
 
 
 @pytest.fixture
-def in_python(component: Components) -> System:
+def in_python(component: FmuPaths) -> System:
     """Two FMUs of one file and one GUID, which differ by start values only."""
     system = System("in Python")
     shaft = system.add("shaft", component("python/Flywheel"), angle_dot_0=0.5, input_reconstruction=0)

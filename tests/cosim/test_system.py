@@ -6,19 +6,18 @@ import math
 import signal
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
+from making import FmuPaths, Trace, wired
 
 from liaisons.cosim import IncompleteError, Interrupted, System
 from liaisons.errors import SimulationError
 
-FmuPaths = Callable[[str], Path]
-Trace = Callable[[], list[str]]
 Coupling = Literal["gauss-seidel", "jacobi"]
 
 # powers of two: times and cubes of them are exact in double precision, so equality can be asked for
@@ -26,39 +25,24 @@ H = 0.25
 T = np.arange(5) * H
 
 
-def _driven(fmu: FmuPaths, mode: int, *, target_first: bool = False) -> System:
-    system = System("driven")
-    if target_first:
-        spring = system.add("spring", fmu("Spring"), input_reconstruction=mode)
-        cubic = system.add("cubic", fmu("Cubic"))
-    else:
-        cubic = system.add("cubic", fmu("Cubic"))
-        spring = system.add("spring", fmu("Spring"), input_reconstruction=mode)
-    system.connect(cubic["y"], spring["length"])
-    return system
+def _driven(fmu: FmuPaths, mode: int, names: Iterable[str] = ("cubic", "spring")) -> System:
+    parts = {"cubic": (fmu("Cubic"), {}), "spring": (fmu("Spring"), {"input_reconstruction": mode})}
+    return wired("cubic.y -> spring.length", **{name: parts[name] for name in names})
 
 
-@pytest.mark.parametrize("target_first", [False, True])
+@pytest.mark.parametrize("names", [("cubic", "spring"), ("spring", "cubic")])
 @pytest.mark.parametrize(
     ("mode", "coupling", "lag"),
     [(0, "gauss-seidel", 1), (1, "gauss-seidel", 1), (2, "gauss-seidel", 0), (0, "jacobi", 1), (1, "jacobi", 1)],
 )
-def test_step_begins_with_inputs_at_t_or_at_its_end(
-    fmu: FmuPaths, mode: int, coupling: Coupling, lag: int, target_first: bool
+def test_step_begins_with_inputs_at_t_or_at_its_end_and_all_that_is_recorded_is_of_one_instant(
+    fmu: FmuPaths, mode: int, coupling: Coupling, lag: int, names: tuple[str, str]
 ) -> None:
-    system = _driven(fmu, mode, target_first=target_first)
-    result = system.simulate(1.0, H, coupling=coupling)
-    given_at = T[1:] - lag * H
+    result = _driven(fmu, mode, names).simulate(2.0, H, start_time=1.0, coupling=coupling)
+    t = 1 + T
+    given_at = t[1:] - lag * H
     np.testing.assert_array_equal(result["spring.seen"][1:], given_at**3)
     np.testing.assert_array_equal(result["spring.seen_dot"][1:], 3 * given_at**2)
-
-
-@pytest.mark.parametrize(
-    ("mode", "coupling"), [(0, "gauss-seidel"), (1, "gauss-seidel"), (2, "gauss-seidel"), (0, "jacobi"), (1, "jacobi")]
-)
-def test_everything_that_is_recorded_belongs_to_the_same_instant(fmu: FmuPaths, mode: int, coupling: Coupling) -> None:
-    result = _driven(fmu, mode).simulate(2.0, H, start_time=1.0, coupling=coupling)
-    t = 1 + T
     np.testing.assert_array_equal(result.time, t)
     np.testing.assert_array_equal(result["cubic.y"], t**3)
     np.testing.assert_array_equal(result["spring.length"], t**3)
@@ -76,10 +60,7 @@ def test_interpolation_needs_its_source_to_be_stepped_first(fmu: FmuPaths) -> No
 
 @pytest.mark.parametrize(("coupling", "lag"), [("gauss-seidel", 0), ("jacobi", 1)])
 def test_fmu_of_another_make_is_given_the_newest_value(fmu: FmuPaths, coupling: Coupling, lag: int) -> None:
-    system = System("foreign")
-    probe, cubic = system.add("probe", fmu("Probe")), system.add("cubic", fmu("Cubic"))
-    system.connect(cubic["y"], probe["u"])
-    result = system.simulate(1.0, H, coupling=coupling)
+    result = wired("cubic.y -> probe.u", probe=fmu("Probe"), cubic=fmu("Cubic")).simulate(1.0, H, coupling=coupling)
     np.testing.assert_array_equal(result["probe.seen"][1:], (T[1:] - lag * H) ** 3)
     np.testing.assert_array_equal(result["probe.echo"], T**3)
 
@@ -88,21 +69,16 @@ def test_fmu_of_another_make_is_given_the_newest_value(fmu: FmuPaths, coupling: 
 def test_values_run_through_direct_dependencies_at_initialization_and_after(
     fmu: FmuPaths, names: tuple[str, ...], trace: Trace
 ) -> None:
-    system = System("chain")
-    parts = {name: system.add(name, fmu("Cubic" if name == "cubic" else "Probe")) for name in names}
-    system.connect(parts["cubic"]["y"], parts["first"]["u"])
-    system.connect(parts["first"]["echo"], parts["second"]["u"])
+    parts = {name: fmu("Cubic" if name == "cubic" else "Probe") for name in names}
+    system = wired("cubic.y -> first.u", "first.echo -> second.u", **parts)
     result = system.simulate(2.0, H, start_time=1.0)
     np.testing.assert_array_equal(result["second.echo"], (1 + T) ** 3)
     assert trace().index("second set") < trace().index("second exit")  # consistent before initialization ends
 
 
 def _ring(fmu: FmuPaths, mass_mode: int = 1) -> System:
-    system = System("ring")
-    mass = system.add("mass", fmu("Mass"), q_0=1.0, input_reconstruction=mass_mode)
-    spring = system.add("spring", fmu("Spring"))
-    system.connect(mass["q"], spring["length"])
-    return system
+    mass = fmu("Mass"), {"q_0": 1.0, "input_reconstruction": mass_mode}
+    return wired("mass.q -> spring.length", mass=mass, spring=fmu("Spring"))
 
 
 @pytest.mark.parametrize("coupling", ["gauss-seidel", "jacobi"])
@@ -122,11 +98,8 @@ def test_cycle_is_reported(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> N
 
 def test_acceleration_force_loop_is_swept_once_and_says_so_in_its_values(fmu: FmuPaths) -> None:
     """q_ddot depends directly on the load, and the load here directly on q_ddot: explicit coupling cannot close it."""
-    system = System("loop")
-    mass, probe = system.add("mass", fmu("Mass"), q_force=8.0), system.add("probe", fmu("Probe"))
-    system.connect(mass["q_ddot"], probe["u"])
-    system.connect(probe["echo"], mass["q_load"])
-    result = system.simulate(1.0, H)
+    parts: dict[str, Any] = {"mass": (fmu("Mass"), {"q_force": 8.0}), "probe": fmu("Probe")}
+    result = wired("mass.q_ddot -> probe.u", "probe.echo -> mass.q_load", **parts).simulate(1.0, H)
     np.testing.assert_array_equal(result["probe.u"], result["mass.q_ddot"])  # the first half of the loop is closed
     np.testing.assert_array_equal(result["mass.q_ddot"], 8.0 - result["mass.q_load"])
     assert np.any(result["mass.q_load"] != result["probe.echo"])  # the second half is one sweep behind
@@ -134,11 +107,8 @@ def test_acceleration_force_loop_is_swept_once_and_says_so_in_its_values(fmu: Fm
 
 @pytest.mark.usefixtures("either_loop")
 def test_value_that_an_fmu_refuses_from_another_is_named(fmu: FmuPaths) -> None:
-    system = System("infinite")
-    mass, probe = system.add("mass", fmu("Mass"), mass=5e-324), system.add("probe", fmu("Probe"))
-    push = system.add("push", fmu("Cubic"))
-    system.connect(push["y"], mass["q_force"])
-    system.connect(mass["q_ddot"], probe["u"])
+    parts: dict[str, Any] = {"mass": (fmu("Mass"), {"mass": 5e-324}), "probe": fmu("Probe"), "push": fmu("Cubic")}
+    system = wired("push.y -> mass.q_force", "mass.q_ddot -> probe.u", **parts)
     with pytest.raises(IncompleteError, match=r"^probe: fmi2SetReal at t = 0\.25 s returned Discard: .* inf is not"):
         system.simulate(1.0, H)
 
@@ -181,7 +151,7 @@ def test_units_come_from_the_files_and_through_connections(fmu: FmuPaths) -> Non
 @pytest.mark.parametrize(
     ("record", "words"),
     [
-        (["sprig.seen"], "driven has no component 'sprig'; did you mean 'spring'"),
+        (["sprig.seen"], "wired has no component 'sprig'; did you mean 'spring'"),
         (["spring.sen"], r"spring: Spring\.fmu has no variable 'sen'; did you mean 'seen'"),
         (["spring.input_reconstruction"], "is Integer; only Real variables"),
     ],
@@ -204,26 +174,21 @@ def test_unknown_record(fmu: FmuPaths, record: list[str], words: str) -> None:
     ],
 )
 def test_points(fmu: FmuPaths, start: float, stop: float, step: float, points: list[float]) -> None:
-    system = System("source")
-    system.add("cubic", fmu("Cubic"))
-    result = system.simulate(stop, step, start_time=start)
+    result = wired(cubic=fmu("Cubic")).simulate(stop, step, start_time=start)
     np.testing.assert_array_equal(result.time, points)
     # t³ by two multiplications from the time that the FMU adds up itself: a few roundings
     np.testing.assert_allclose(result["cubic.y"], np.array(points) ** 3, rtol=1e-14)
 
 
 def test_times_are_multiples_and_no_sums(fmu: FmuPaths) -> None:
-    system = System("source")
-    system.add("cubic", fmu("Cubic"))
-    time = system.simulate(1000.0, 0.1).time
+    time = wired(cubic=fmu("Cubic")).simulate(1000.0, 0.1).time
     assert len(time) == 10_001  # 1000/0.1 is no integer in binary; no step of a rounding's length
     np.testing.assert_array_equal(time[:-1], np.arange(10_000) * 0.1)
     assert time[-1] == 1000.0
 
 
 def test_short_last_step_is_not_given_to_an_fmu_that_cannot(fmu: FmuPaths) -> None:
-    system = System("even")
-    system.add("faulty", fmu("Faulty"))
+    system = wired(faulty=fmu("Faulty"))
     with pytest.raises(SimulationError, match=r"faulty: takes steps of one size only, .* 0\.2 s"):
         system.simulate(1.0, 0.4)
     assert len(system.simulate(1.0, 0.1).time) == 11
@@ -264,10 +229,7 @@ def extracted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def _with_faulty(fmu: FmuPaths, **starts: float) -> System:
-    system = System("two")
-    system.add("cubic", fmu("Cubic"))
-    system.add("faulty", fmu("Faulty"), **starts)
-    return system
+    return wired(cubic=fmu("Cubic"), faulty=(fmu("Faulty"), starts))
 
 
 def _count(trace: Trace, call: str) -> int:
@@ -319,19 +281,15 @@ def test_refused_initialization_says_why(fmu: FmuPaths, trace: Trace, extracted:
 
 
 def test_messages_are_told_apart_by_instance(fmu: FmuPaths) -> None:
-    system = System("two")
-    system.add("first", fmu("Faulty"), time_of_failure=0.3, status=1)
-    system.add("second", fmu("Faulty"), time_of_failure=0.6, status=3)
+    first, second = {"time_of_failure": 0.3, "status": 1}, {"time_of_failure": 0.6, "status": 3}
+    system = wired(first=(fmu("Faulty"), first), second=(fmu("Faulty"), second))
     with pytest.raises(IncompleteError, match=r"^second: .* returned Error: time 0\.75 is beyond$"):
         system.simulate(1.0, H)
 
 
 def test_refused_instantiation_says_why(fmu: FmuPaths, trace: Trace, extracted: Path) -> None:
-    system = System("two")
-    system.add("cubic", fmu("Cubic"))
-    system.add("mute", fmu("Mute"))
     with pytest.raises(SimulationError, match=r"^mute: Mute\.fmu cannot be instantiated: no licence for mute$"):
-        system.simulate(1.0, H)
+        wired(cubic=fmu("Cubic"), mute=fmu("Mute")).simulate(1.0, H)
     assert _count(trace, "instantiate") == _count(trace, "free") == 1
     assert list(extracted.iterdir()) == []
 
@@ -348,7 +306,7 @@ def test_interrupt_ends_at_a_communication_point(
 
     monkeypatch.setattr(run, "progress_bar", lambda *_: nullcontext(show))
     usual = signal.getsignal(signal.SIGINT)
-    with pytest.raises(Interrupted, match=r"driven: interrupted at t = 0\.25 of 1 s") as caught:
+    with pytest.raises(Interrupted, match=r"wired: interrupted at t = 0\.25 of 1 s") as caught:
         _driven(fmu, 1).simulate(1.0, H, progress=True)
     assert isinstance(caught.value, KeyboardInterrupt)  # a script stops
     np.testing.assert_array_equal(caught.value.result["spring.length"], [0.0, 0.25**3])
@@ -366,4 +324,4 @@ def test_progress_is_shown_on_the_stderr_of_terminals(
     _driven(fmu, 1).simulate(1.0, H, progress=True)
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert ("driven: t = 1 of 1 s" in captured.err) == bool(captured.err) == terminal
+    assert ("wired: t = 1 of 1 s" in captured.err) == bool(captured.err) == terminal

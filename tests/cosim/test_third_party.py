@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from making import FmuPaths
 
 from liaisons.check import slope
 from liaisons.cosim import System
@@ -57,7 +57,7 @@ def _made(package: str, script: str, name: str, folder: Path) -> Path:
     return builder.FmuBuilder.build_FMU(folder / f"{name}.py", dest=folder)
 
 
-def test_mass_of_ours_on_springs_of_others(component: Callable[[str], Path], tmp_path: Path) -> None:
+def test_mass_of_ours_on_springs_of_others(component: FmuPaths, tmp_path: Path) -> None:
     two = _made("pythonfmu", SPRING_2, "spring2", tmp_path)
     three = _made("pythonfmu3", SPRING_3, "spring3", tmp_path)
     assert [read(path).version for path in (two, three)] == [2, 3]

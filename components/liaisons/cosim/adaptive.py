@@ -25,11 +25,7 @@ _SHORTEST = 1e-12
 
 
 def adapted(
-    simulation: Simulation,
-    instances: Mapping[str, Instance],
-    bus: Bus,
-    calls: Iterable[Call],
-    coupled: Coupled | None,
+    simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, calls: Iterable[Call], coupled: Coupled | None
 ) -> Iterator[tuple[float, Vector]]:
     """Steps whose error stays below the tolerance, relative to the largest value of the signal's unit so far.
 
@@ -92,5 +88,4 @@ def _kinds(simulation: Simulation, bus: Bus) -> NDArray[np.intp]:
     """What is on the bus, numbered by its unit; a function of time is compared with nothing but itself."""
     parts = simulation.parts
     units = [parts[name].fmu.variables[variable].unit if name in parts else variable for name, variable in bus.index]
-    numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
-    return np.array([numbers[unit] for unit in units], dtype=np.intp)
+    return np.unique(units, return_inverse=True)[1]

@@ -109,24 +109,19 @@ def steps(parts: Mapping[str, Part], feeds: Feeds, times: Sequence[float], chose
                 f"however short it is: choose coupling='implicit': {loops[0]}"
             )
         for name, part in parts.items():
-            lacks = (
-                "canGetAndSetFMUstate"
-                if not part.fmu.restores
-                else "canHandleVariableCommunicationStepSize"
-                if not part.fmu.variable_step
-                else ""
-            )
-            if lacks:
+            needed = ("canGetAndSetFMUstate", part.fmu.restores), (_VARIABLE_STEP, part.fmu.variable_step)
+            for flag in (flag for flag, is_true in needed if not is_true):
                 raise SimulationError(
                     f"error_tolerance needs steps that are taken back and differ in size, but {name} "
-                    f"({part.fmu.path.name}) cannot: its {lacks} is false; leave error_tolerance out"
+                    f"({part.fmu.path.name}) cannot: its {flag} is false; leave error_tolerance out"
                 )
         return
-    first, odd = times[1] - times[0], _odd_step(times)
+    sizes = np.diff(times)
+    odd = sizes[~np.isclose(sizes, sizes[0], rtol=2e-6, atol=0)]  # beyond the rounding of communication_points
     for name, part in parts.items():
-        if odd is not None and not part.fmu.variable_step:
+        if odd.size and not part.fmu.variable_step:
             raise SimulationError(
-                f"{name}: takes steps of one size only, {first:.10g} s, and one would be {odd:.10g} s: "
+                f"{name}: takes steps of one size only, {sizes[0]:.10g} s, and one would be {odd[-1]:.10g} s: "
                 "choose a step_size that divides stop_time - start_time, or even times"
             )
 
@@ -162,12 +157,6 @@ def inputs(parts: Mapping[str, Part], feeds: Feeds, driven: Collection[Place]) -
                 )
 
 
+_VARIABLE_STEP = "canHandleVariableCommunicationStepSize"
 _LONGEST = 1000
 """Longer arrays are not searched for elements without a source."""
-
-
-def _odd_step(times: Sequence[float]) -> float | None:
-    """A step that is not as long as the first one, up to the rounding that communication_points allows."""
-    sizes = np.diff(times)
-    odd = sizes[~np.isclose(sizes, sizes[0], rtol=2e-6, atol=0)]
-    return float(odd[-1]) if odd.size else None

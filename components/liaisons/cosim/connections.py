@@ -34,11 +34,6 @@ class Connection:
         moved, mover = self.source.without("_force"), self.target.without("_load")
         return moved is not None and mover is not None and bool(moved.triple() and mover.triple())
 
-    def opposite(self, place: tuple[str, str]) -> list[Port]:
-        """The other port, if the variable of this component and name is one of the two."""
-        ports = (self.source, self.target)
-        return [other for port, other in zip(ports, reversed(ports), strict=True) if port.place == place]
-
 
 def connect(first: Port, second: Port) -> list[Connection]:
     """The scalar connections that join two ports; their order does not matter, causality decides.

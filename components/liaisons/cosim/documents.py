@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import IO
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
@@ -27,18 +28,31 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
     :raises ValueError: if it is no well-formed XML, is in an unknown encoding, declares a document type (only those
         can define entities that grow without bounds), is nested endlessly, or has elements without end.
     """
-    target = _Target(start, end)
-    parser = XMLParser(target=target)
+    tags = depth = silent = 0
+
+    def opened(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal tags, depth
+        tags, depth = tags + 1, depth + 1
+        if depth > _DEEPEST:
+            raise ValueError(f"its elements are nested more than {_DEEPEST} deep")
+        start(tag, attributes)
+
+    def closed(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        end(tag)
+
+    parser = XMLParser(target=SimpleNamespace(start=opened, end=closed, doctype=_refuse_type))
     try:
         size = 0
         while portion := file.read(_PORTION):
             size += len(portion)
             if size > longest:
                 raise ValueError(f"it is longer than {longest} bytes")
-            before = target.tags
+            before = tags
             parser.feed(portion)
-            target.silent = 0 if target.tags > before else target.silent + len(portion)
-            if target.silent > _LONGEST_ELEMENT:
+            silent = 0 if tags > before else silent + len(portion)
+            if silent > _LONGEST_ELEMENT:
                 raise ValueError(f"an element is longer than {_LONGEST_ELEMENT} bytes")
         parser.close()
     except ParseError as error:
@@ -69,24 +83,5 @@ def tree(file: IO[bytes]) -> Element:
     return builder.close()
 
 
-class _Target:
-    """What the parser calls."""
-
-    def __init__(self, start: Start, end: End) -> None:
-        self.tags = self.silent = 0
-        self._start, self._end = start, end
-        self._depth = 0
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        self.tags += 1
-        self._depth += 1
-        if self._depth > _DEEPEST:
-            raise ValueError(f"its elements are nested more than {_DEEPEST} deep")
-        self._start(tag, attributes)
-
-    def end(self, tag: str) -> None:
-        self._depth -= 1
-        self._end(tag)
-
-    def doctype(self, *_: object) -> None:
-        raise ValueError("it declares a document type (<!DOCTYPE ...>), which neither FMI nor SSP has; leave that out")
+def _refuse_type(*_: object) -> None:
+    raise ValueError("it declares a document type (<!DOCTYPE ...>), which neither FMI nor SSP has; leave that out")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 
 from numpy.typing import NDArray
 
@@ -26,7 +27,7 @@ def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     newest = {name for name, part in simulation.parts.items() if part.takes_newest}
     return (
-        calls(schedule.consistent(order, feeds, simulation.depends_initially), initial=True),
+        calls(schedule.consistent(order, feeds, partial(depends, initially=True)), initial=True),
         calls(schedule.consistent(order, feeds, depends)),
         calls(schedule.step(order, feeds, depends, simulation.coupling, newest)),
     )

@@ -36,27 +36,28 @@ class Loop:
 
     :param calls: those of one step.
     :param times: communication points [s].
-    :param rows: takes what is on the bus at each of them, shape (points, width of the bus).
-    :ivar done: so many rows are filled.
+    :ivar rows: what was on the bus at each of :attr:`times`, shape (points, width of the bus), as far as ``done``.
     """
 
-    def __init__(self, calls: Sequence[Call], bus: Bus, times: Sequence[float], rows: NDArray[np.float64]) -> None:
-        self.done = 0
-        self._calls, self._bus, self._times, self._rows = calls, bus, times, rows
+    def __init__(self, calls: Sequence[Call], bus: Bus, times: Sequence[float]) -> None:
+        self.done, self.times, self.rows = 0, np.array(times), np.empty((len(times), bus.values.size))
+        self._calls, self._bus, self._instants = calls, bus, times
         records = [call.record for call in calls if call.record is not None]
         library = compiled() if len(records) == len(calls) else None
         self._compiled: Callable[..., int] | None = None
         if library is not None:
-            self._points, self._refusal = np.array(times), (c_ssize_t * 2)()
+            self._refusal = (c_ssize_t * 2)()
             library.advance.restype = c_size_t
             program = (Record * len(records))(*records), c_size_t(len(records)), byref(bus.start), byref(bus.size)
             values = c_void_p(bus.values.ctypes.data), c_size_t(bus.values.size)
             self._compiled = partial(library.advance, *program, *values)
 
-    def begin(self) -> None:
-        """Record what is on the bus as the first row."""
-        self._rows[0] = self._bus.values
-        self.done = 1
+    def add(self, time: float, values: NDArray[np.float64]) -> None:
+        """Record a point that was reached otherwise."""
+        if self.done == len(self.rows):
+            self.rows, self.times = np.concatenate([self.rows] * 2), np.concatenate([self.times] * 2)
+        self.rows[self.done], self.times[self.done] = values, time
+        self.done += 1
 
     def advance(self, rows: int) -> None:
         """Make steps until so many rows are filled.
@@ -68,22 +69,22 @@ class Loop:
             return
         wanted = rows - self.done
         done = self._compiled(
-            c_void_p(self._points.ctypes.data + (self.done - 1) * self._points.itemsize),
+            c_void_p(self.times.ctypes.data + (self.done - 1) * self.times.itemsize),
             c_size_t(wanted),
-            c_void_p(self._rows.ctypes.data + self.done * self._rows.strides[0]),
+            c_void_p(self.rows.ctypes.data + self.done * self.rows.strides[0]),
             self._refusal,
         )
         self.done += done
         if done < wanted:
             call, status = self._refusal
-            self._bus.turn(*self._times[self.done - 1 : self.done + 1])
+            self._bus.turn(*self._instants[self.done - 1 : self.done + 1])
             self._bus.judge(self._calls[call], status)
 
     def _advance(self, rows: int) -> None:
-        bus, flat, width = self._bus, self._rows.reshape(-1).data, self._rows.shape[1]
+        bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
         values, start, size, calls = bus.values.data, bus.start, bus.size, self._calls
         place = self.done * width
-        for now, then in pairwise(self._times[self.done - 1 : rows]):
+        for now, then in pairwise(self._instants[self.done - 1 : rows]):
             start.value = now  # Bus.turn and Bus.perform written out: two Python calls less a step
             size.value = then - now
             bus.end = then

@@ -12,7 +12,7 @@ from typing import IO, final
 
 from liaisons.array_names import Shape, complete, split
 from liaisons.cosim import documents
-from liaisons.cosim.variables import Array, Scalar, Variables, VariableType
+from liaisons.cosim.variables import Array, Entry, Scalar, Variables, VariableType
 
 Attributes = Mapping[str, str]
 
@@ -95,7 +95,7 @@ class _Elements:
         self.indices.append(variable.index)
         self.starts.append(variable.start)
 
-    def entries(self, *, free: bool) -> dict[str, Scalar | Array]:
+    def entries(self, *, free: bool) -> dict[str, Entry]:
         """The array; or its members one by one if some are missing, or its name is not free."""
         count = len(self.references)
         shape = (count,) if self.shapes is None else complete(self.shapes)
@@ -290,7 +290,7 @@ class Description:
             for variable, dimensions, _ in pending
             if variable.causality == "structuralParameter" and not dimensions
         }
-        entries: dict[str, Scalar | Array] = {}
+        entries: dict[str, Entry] = {}
         for name, entry in self._entries.items():
             if isinstance(entry, _Elements):
                 entries |= entry.entries(free=entry.like.name not in self._entries)
@@ -327,7 +327,7 @@ class Description:
         return self._known[words]
 
 
-def _entry(pending: _Pending, sizes: Mapping[int, int]) -> Scalar | Array:
+def _entry(pending: _Pending, sizes: Mapping[int, int]) -> Entry:
     """The variable, or the array, once the sizes of dimensions are known."""
     variable, dimensions, given = pending
     starts = given or ([] if variable.start is None else variable.start.split())

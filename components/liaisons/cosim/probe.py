@@ -17,7 +17,6 @@ from weakref import WeakSet
 from liaisons import cache
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.parts import Part
-from liaisons.cosim.trial import Task
 from liaisons.errors import SimulationError
 
 _known: WeakSet[Fmu] = WeakSet()
@@ -52,20 +51,9 @@ def try_to_start(part: Part, directory: Path, times: Sequence[float]) -> None:
     if cache.knows(key):
         _known.add(fmu)
         return
-    task: Task = {
-        "parent": os.getpid(),
-        "version": fmu.version,
-        "library": str(library),
-        "name": part.name,
-        "guid": fmu.guid,
-        "resources": place,
-        "start_time": times[0],
-        "step_size": times[1] - times[0],
-        "starts": starts,
-    }
-    script = (
-        Path(__file__).with_name("trial.py").read_text(encoding="utf-8")
-    )  # not run as a file: its folder is no path
+    words = part.name, fmu.guid, place
+    task = os.getpid(), fmu.version, str(library), words, starts, times[0], times[1] - times[0]
+    script = Path(__file__).with_name("trial.py").read_text(encoding="utf-8")  # no file: its folder would be a path
     done = subprocess.run(
         [sys.executable, "-P", "-c", script],  # -P: what lies beside the library is no module
         cwd=library.parent,

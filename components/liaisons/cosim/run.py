@@ -15,7 +15,6 @@ from time import perf_counter
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from liaisons.cosim import explicit, schedule
 from liaisons.cosim.adaptive import adapted
@@ -70,10 +69,7 @@ class Run:
             self._bus = Bus(order, simulation.feeds, also, simulation.recorded.values())
             self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
-            self._rows = np.empty((len(times), self._bus.values.size))
-            self._points = np.array(times)
-            self._times: list[float] | NDArray[np.float64] = []
-            self._loop = Loop(self._step, self._bus, times, self._rows)
+            self._loop = Loop(self._step, self._bus, times)
             self._back = self._saved() if self.repeats else []
             self._stack = stack.pop_all()
 
@@ -95,7 +91,7 @@ class Run:
         """
         simulation, bus = self._simulation, self._bus
         begin, end = simulation.times[0], simulation.times[-1]
-        self._times = []
+        self._loop.done = 0
         for instance in self._instances.values():
             instance.begin_anew()
         bus.turn(begin, begin)
@@ -110,8 +106,7 @@ class Run:
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._settle)
-        self._record(0, bus.values)
-        self._times = self._points[:1]
+        self._loop.add(begin, bus.values)
 
     def finish(self, look: Callable[[float], None] | None = None) -> None:
         """Go to the end, from the begin.
@@ -119,21 +114,31 @@ class Run:
         :param look: is told now and then how far it came [s].
         :raises SimulationError: if an FMU refuses something.
         """
-        if self._simulation.error_tolerance is None:
-            self._advance(look)
-        else:
-            self._adapt(look)
+        loop, times = self._loop, self._simulation.times
+        if self._simulation.error_tolerance is not None:  # steps as long as their error allows
+            for time, values in adapted(self._simulation, self._instances, self._bus, self._step, self._coupled):
+                loop.add(time, values)
+                if look:
+                    look(time)
+            return
+        many = 1 if look else len(times)  # so many at a time that nobody waits for long
+        while loop.done < len(times):
+            begin = perf_counter()
+            loop.advance(min(loop.done + many, len(times)))
+            many = max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2)
+            if look:
+                look(times[loop.done - 1])
 
     def result(self) -> Result:
         """What was recorded so far."""
-        simulation = self._simulation
-        values = np.ascontiguousarray(self._rows[: len(self._times)].T[self._columns])
-        times, names = np.asarray(self._times), tuple(simulation.recorded)
+        simulation, loop = self._simulation, self._loop
+        values = np.ascontiguousarray(loop.rows[: loop.done].T[self._columns])
+        times, names = loop.times[: loop.done].copy(), tuple(simulation.recorded)
         return Result(simulation.title, times, names, values, simulation.units, scene=simulation.scene)
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the begin."""
-        return float(self._times[-1]) if len(self._times) else None
+        return float(self._loop.times[self._loop.done - 1]) if self._loop.done else None
 
     def _prepared(self) -> tuple[list[Call], list[Call], list[Call]]:
         """Calls for initialization, for what is after it, and for a communication step."""
@@ -155,35 +160,6 @@ class Run:
         states = [instance.states() for instance in self._instances.values()]
         self._bus.perform(save for save, _ in states)
         return [restore for _, restore in states]
-
-    def _advance(self, look: Callable[[float], None] | None) -> None:
-        """The steps from each communication point to the next one, so many at a time that nobody waits for long."""
-        loop, times = self._loop, self._simulation.times
-        loop.begin()
-        many = 1 if look else len(times)
-        try:
-            while loop.done < len(times):
-                begin = perf_counter()
-                loop.advance(min(loop.done + many, len(times)))
-                many = max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2)
-                if look:
-                    look(times[loop.done - 1])
-        finally:
-            self._times = self._points[: loop.done]
-
-    def _adapt(self, look: Callable[[float], None] | None) -> None:
-        """The same, with steps as long as their error allows."""
-        times = self._times = [self._simulation.times[0]]
-        for time, values in adapted(self._simulation, self._instances, self._bus, self._step, self._coupled):
-            self._record(len(times), values)
-            times.append(time)
-            if look:
-                look(time)
-
-    def _record(self, row: int, values: NDArray[np.float64]) -> None:
-        if row == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        self._rows[row] = values
 
 
 def performed(simulation: Simulation, *, progress: bool = False) -> Result:

@@ -74,20 +74,16 @@ class Simulation:
     @cached_property
     def units(self) -> dict[str, str]:
         """Name in the result -> unit; if the variable has none, that of what it is connected with."""
-        return {name: self._unit(place) for name, place in self.recorded.items()}
+        near: dict[Place, str] = {}
+        for c in self.connections:
+            for port, other in ((c.source, c.target), (c.target, c.source)):
+                near[port.place] = near.get(port.place) or other.variable.unit
+        own = {place: self.parts[place[0]].fmu.variables[place[1]].unit for place in self.recorded.values()}
+        return {name: own[place] or near.get(place, "") for name, place in self.recorded.items()}
 
-    def depends(self, output: Place, input_: Place) -> bool:
-        """Whether an output depends directly on an input of the same part, while stepping."""
-        return self.parts[output[0]].fmu.depends(output[1], input_[1])
-
-    def depends_initially(self, output: Place, input_: Place) -> bool:
-        """The same in initialization."""
-        return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=True)
-
-    def _unit(self, place: Place) -> str:
-        own = self.parts[place[0]].fmu.variables[place[1]].unit
-        near = (port.variable.unit for c in self.connections for port in c.opposite(place) if port.variable.unit)
-        return own or next(near, "")
+    def depends(self, output: Place, input_: Place, *, initially: bool = False) -> bool:
+        """Whether an output depends directly on an input of the same part, while stepping or in initialization."""
+        return self.parts[output[0]].fmu.depends(output[1], input_[1], initially=initially)
 
 
 def checked(

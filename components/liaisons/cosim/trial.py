@@ -1,7 +1,7 @@
 """Starts an FMU in a process of its own, for :mod:`liaisons.cosim.probe`; says on stdout what comes next.
 
 Needs little but the standard library, so that it takes some hundredths of a second.  Statuses do not matter: what an
-FMU refuses it will refuse again, with a message.  Its stdin is a JSON object; see :data:`Task`.
+FMU refuses it will refuse again, with a message.
 """
 
 import ctypes as c
@@ -27,19 +27,18 @@ _ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
 _RELEASE = c.CFUNCTYPE(None, c.c_void_p)
 
 
-Task = dict[str, Any]
-"""What is tried: parent, version, library, name, guid, resources (a URI for FMI 2.0, a path for FMI 3.0), start_time,
-step_size, starts (types, references, values)."""
-
-
 def main() -> None:
-    """Load, instantiate, initialize, step once."""
-    task: Task = json.load(sys.stdin)
-    die_with_parent(task["parent"])
+    """Load, instantiate, initialize, step once.
+
+    Stdin is a list: the parent's id, version of FMI, library; name, GUID, resources (a URI for FMI 2.0, a path for FMI
+    3.0); start values as types, references, values; begin and size of the step [s].
+    """
+    parent, version, library, words, *rest = json.load(sys.stdin)
+    die_with_parent(parent)
     _say("loaded")
-    functions = c.CDLL(task["library"])
+    functions = c.CDLL(library)
     _say("instantiated")
-    (_start_2 if task["version"] == 2 else _start_3)(functions, task)
+    (_start_2 if version == 2 else _start_3)(functions, [word.encode() for word in words], *rest)
     os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
 
 
@@ -48,11 +47,10 @@ def _say(stage: str) -> None:
     sys.stdout.flush()
 
 
-def _words(task: Task) -> tuple[bytes, bytes, bytes]:
-    return task["name"].encode(), task["guid"].encode(), task["resources"].encode()
+Starts = list[tuple[str, list[int], list[Any]]]
 
 
-def _start_2(functions: c.CDLL, task: Task) -> None:
+def _start_2(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: float, step_size: float) -> None:
     library = c.CDLL(None if os.name == "posix" else "msvcrt")
     library.calloc.restype, library.calloc.argtypes = c.c_void_p, [c.c_size_t, c.c_size_t]
     library.free.restype, library.free.argtypes = None, [c.c_void_p]
@@ -60,36 +58,36 @@ def _start_2(functions: c.CDLL, task: Task) -> None:
     functions_and_environment = *(c.cast(function, c.c_void_p) for function in (log, allocate, release)), None, None
     callbacks = (c.c_void_p * 5)(*functions_and_environment)  # fmi2CallbackFunctions
     functions.fmi2Instantiate.restype = c.c_void_p
-    name, guid, resources = _words(task)
+    name, guid, resources = words
     made = functions.fmi2Instantiate(name, 1, guid, resources, c.byref(callbacks), 0, 0)
     if not made:
         return
     _say("initialized")
     pointer = c.c_void_p(made)
-    functions.fmi2SetupExperiment(pointer, 0, c.c_double(0), c.c_double(task["start_time"]), 0, c.c_double(0))
-    for kind, references, values in task["starts"]:
+    functions.fmi2SetupExperiment(pointer, 0, c.c_double(0), c.c_double(start_time), 0, c.c_double(0))
+    for kind, references, values in starts:
         buffer = _buffer(kind, values, c.c_int)
         functions[f"fmi2Set{kind}"](pointer, (c.c_uint * len(references))(*references), c.c_size_t(len(values)), buffer)
     if functions.fmi2EnterInitializationMode(pointer) > 1 or functions.fmi2ExitInitializationMode(pointer) > 1:
         return
     _say("stepped")
-    functions.fmi2DoStep(pointer, c.c_double(task["start_time"]), c.c_double(task["step_size"]), 1)
+    functions.fmi2DoStep(pointer, c.c_double(start_time), c.c_double(step_size), 1)
 
 
-def _start_3(functions: c.CDLL, task: Task) -> None:
+def _start_3(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: float, step_size: float) -> None:
     log, no = _LOG_3(lambda *_: None), c.c_bool(False)
     functions.fmi3InstantiateCoSimulation.restype = c.c_void_p
     nothing = (None, c.c_size_t(0), None)
-    made = functions.fmi3InstantiateCoSimulation(*_words(task), no, no, no, no, *nothing, log, None)
+    made = functions.fmi3InstantiateCoSimulation(*words, no, no, no, no, *nothing, log, None)
     if not made:
         return
     _say("initialized")
     pointer = c.c_void_p(made)
-    for kind, references, values in task["starts"]:
+    for kind, references, values in starts:
         sizes = c.c_size_t(len(references)), c.c_size_t(len(values))
         place = (c.c_uint * len(references))(*references)
         functions[f"fmi3Set{kind}"](pointer, place, sizes[0], _buffer(kind, values, c.c_bool), sizes[1])
-    begin, size, zero = (c.c_double(value) for value in (task["start_time"], task["step_size"], 0.0))
+    begin, size, zero = (c.c_double(value) for value in (start_time, step_size, 0.0))
     if functions.fmi3EnterInitializationMode(pointer, no, zero, begin, no, zero) > 1:
         return
     if functions.fmi3ExitInitializationMode(pointer) > 1:

@@ -102,11 +102,14 @@ class Array:
         )
 
 
+Entry = Scalar | Array
+
+
 @final
 class Variables(Mapping[str, Scalar]):
     """All scalars by name, elements of arrays among them, in the order of the file (arrays where they begin)."""
 
-    def __init__(self, entries: Mapping[str, Scalar | Array]) -> None:
+    def __init__(self, entries: Mapping[str, Entry]) -> None:
         self.entries = entries
         self.arrays: Mapping[str, Shape] = {n: entry.shape for n, entry in entries.items() if isinstance(entry, Array)}
 
@@ -130,7 +133,7 @@ class Variables(Mapping[str, Scalar]):
     def __len__(self) -> int:
         return sum(entry.size for entry in self.entries.values())
 
-    def entry(self, name: str) -> Scalar | Array:
+    def entry(self, name: str) -> Entry:
         """The scalar, the element or the array of this name.
 
         :raises KeyError: if there is none.

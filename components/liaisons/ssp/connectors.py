@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Literal, final
+from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.array_names import Shape, split
@@ -12,7 +11,7 @@ from liaisons.cosim.connections import Connection
 from liaisons.cosim.description import LONGEST
 from liaisons.cosim.model_description import BASE_UNITS, UnitDefinition
 from liaisons.cosim.parts import Part
-from liaisons.cosim.variables import Scalar
+from liaisons.cosim.variables import Entry, Scalar
 from liaisons.ssp.xml import tag
 
 Form = Literal["portable", "full"]
@@ -26,71 +25,54 @@ _PORTABLE = {"Enumeration": "Integer"}  # an enumeration of SSP needs the names 
 _FULL = {"Real": "Float64", "Integer": "Int32"}  # what FMI 2.0 has; FMI 3.0 and SSP 2.0 call types alike
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Connector:
-    """A scalar, or an array of FMI 3.0."""
-
-    name: str
-    like: Scalar
-    shape: Shape
-
-    @property
-    def kind(self) -> str:
-        return self.like.causality
-
-    def named(self, name: str) -> Connector:
-        """The same under another name."""
-        return Connector(name, self.like, self.shape)
-
-
-def connector(part: Part, variable: str) -> tuple[Connector, Shape]:
-    """The connector that a variable belongs to, and its index there; no index for the whole."""
+def connector(part: Part, variable: str) -> tuple[Entry, Shape]:
+    """The connector that a variable belongs to, a scalar or an array of FMI 3.0, and its index there; none if whole."""
     array = part.fmu.variables.whole(variable)
     if array is None:
-        return Connector(variable, part.fmu.variables[variable], ()), ()
+        return part.fmu.variables[variable], ()
     _, index = split(variable) if variable != array.like.name else ("", None)
-    return Connector(array.like.name, array.like, array.shape), index or ()
+    return array, index or ()
 
 
-def inner(part: Part, connections: Iterable[Connection], shown: Iterable[Place]) -> list[Connector]:
+def inner(part: Part, connections: Iterable[Connection], shown: Iterable[Place]) -> dict[str, Entry]:
     """What a component needs: what is connected inside, and what the system shows."""
     ends = (end for connection in connections for end in (connection.source, connection.target) if end.part is part)
     names = [end.name for end in ends] + [name for owner, name in shown if owner == part.name]
     found = (connector(part, name)[0] for name in names)
-    return list({c.name: c for c in found}.values())
+    return {entry.like.name: entry for entry in found}
 
 
-def outer(parts: Iterable[Part], connections: Collection[Connection]) -> dict[Place, Connector]:
+def outer(parts: Iterable[Part], connections: Collection[Connection]) -> dict[Place, Entry]:
     """What the system shows: outputs, and inputs that nothing inside feeds; no lists of thousands of scalars."""
-    fed = {
-        (connection.target.part.name, connector(connection.target.part, connection.target.name)[0].name)
-        for connection in connections
+    targets = (connection.target for connection in connections)
+    fed = {(target.part.name, connector(target.part, target.name)[0].like.name) for target in targets}
+    return {
+        (part.name, name): connector(part, name)[0]
+        for part in parts
+        for key, entry in part.fmu.variables.entries.items()
+        if entry.like.type == "Real" and entry.like.causality in {"input", "output"}
+        for whole in [part.fmu.variables.whole(key)]
+        if whole or entry.size <= LONGEST
+        for name in ([key] if whole else entry.names())
+        if (part.name, name) not in fed
     }
-    found: dict[Place, Connector] = {}
-    for part in parts:
-        for name, entry in part.fmu.variables.entries.items():
-            if entry.like.type != "Real" or entry.like.causality not in {"input", "output"}:
-                continue
-            whole = part.fmu.variables.whole(name)
-            if whole is None and entry.size > LONGEST:
-                continue
-            names = entry.names() if whole is None else [name]
-            places = [(part.name, n) for n in names if (part.name, n) not in fed]
-            found |= {place: connector(part, place[1])[0].named("_".join(place)) for place in places}
-    return found
 
 
-def add_connectors(parent: Element, connectors: Collection[Connector], units: Units, form: Form) -> None:
-    """Add the connectors of an element, as its first child."""
+def add_connectors(parent: Element, connectors: Mapping[str, Entry], units: Units, form: Form) -> None:
+    """Add the connectors of an element, by their names, as its first child."""
     if not connectors:
         return
     group = SubElement(parent, tag("ssd:Connectors"))
-    for c in connectors:
-        element = SubElement(group, tag("ssd:Connector"), name=c.name, kind=c.kind)
-        add_type(element, "ssc", c.like, units, form)
-        for size in c.shape:
-            SubElement(element, tag("ssc:Dimension"), size=str(size))
+    for name, entry in connectors.items():
+        element = SubElement(group, tag("ssd:Connector"), name=name, kind=entry.like.causality)
+        add_type(element, "ssc", entry.like, units, form)
+        add_sizes(element, entry)
+
+
+def add_sizes(parent: Element, entry: Entry) -> None:
+    """Add the dimensions of an array."""
+    for size in entry.shape:
+        SubElement(parent, tag("ssc:Dimension"), size=str(size))
 
 
 def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form: Form) -> Element:

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 from liaisons.array_names import offset, split
 from liaisons.cosim.parts import Part
 from liaisons.cosim.starts import Value
-from liaisons.ssp.connectors import Form, Units, add_type, add_units
+from liaisons.ssp.connectors import Form, Units, add_sizes, add_type, add_units
 from liaisons.ssp.xml import document, tag
 
 Listed = tuple[str, Part, str]
@@ -43,12 +43,11 @@ def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
     used: dict[str, None] = {}
     for name, part, variable in listed:
         parameter = SubElement(group, tag("ssv:Parameter"), name=name)
-        array = part.fmu.variables.whole(variable)
-        element = add_type(parameter, "ssv", array.like if array else part.fmu.variables[variable], units, form)
+        entry = part.fmu.variables.entry(variable)
+        element = add_type(parameter, "ssv", entry.like, units, form)
         element.attrib = {"value": text(start(part, variable)), **element.attrib}
         used |= dict.fromkeys(filter(None, [element.get("unit")]))
-        for size in array.shape if array else ():
-            SubElement(parameter, tag("ssc:Dimension"), size=str(size))
+        add_sizes(parameter, entry)
     add_units(root, "ssv:Units", {unit: units[unit] for unit in used})
     return document(root)
 

@@ -1,4 +1,7 @@
-"""An archive as a system: flat or nested, of any make, with parameter sets inline and beside, mappings, units."""
+"""An archive as a system: flat or nested, of any make, with parameter sets inline and beside, mappings, units.
+
+Not by ``pyssp_standard``, which reads of connections neither indices nor transformations, and no signal dictionaries.
+"""
 
 from __future__ import annotations
 
@@ -173,18 +176,12 @@ def _bound(archive: Archive, element: Place, binding: Element) -> Iterable[tuple
 
 
 def _connections(structure: Structure, parts: dict[Place, Part]) -> list[Connection]:
-    """The scalar connections; one that takes a force back through a port is marked so, as by ``System.connect``."""
-    pairs = [
-        pair
+    """The scalar connections."""
+    return [
+        connect(*pair)[0]  # what else two ports have in common has connections of its own
         for start, end in structure.connections()
         for pair in _matched(start, _ends(start, parts), end, _ends(end, parts))
     ]
-    possible = [connection for pair in pairs for connection in connect(*pair)]
-    found = {
-        (connection.source.place, connection.target.place): connection
-        for connection in sorted(possible, key=lambda connection: connection.back)
-    }
-    return [found[source.place, target.place] for source, target in pairs]
 
 
 def _ends(node: Pin, parts: dict[Place, Part]) -> list[Port]:

@@ -20,21 +20,11 @@ from liaisons.arguments import chosen as one_of
 from liaisons.cosim import System
 from liaisons.cosim.connections import Connection
 from liaisons.cosim.parts import Part
+from liaisons.cosim.variables import Entry
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
 from liaisons.ssp.baking import baked, takes_starts
-from liaisons.ssp.connectors import (
-    Connector,
-    Form,
-    Place,
-    Units,
-    add_connectors,
-    add_units,
-    connector,
-    inner,
-    outer,
-    units_of,
-)
+from liaisons.ssp.connectors import Form, Place, Units, add_connectors, add_units, connector, inner, outer, units_of
 from liaisons.ssp.documentation import page
 from liaisons.ssp.experiment import add_experiment, add_master, chosen
 from liaisons.ssp.parameters import bind, mapping, parameter_set, scalars
@@ -96,7 +86,9 @@ def _add_portable(
 ) -> None:
     elements = SubElement(system, tag("ssd:Elements"))
     # All outputs, since some importers record connectors only; no free inputs, since these would set them to 0.
-    shown = [place for place, found in outer(parts, connections).items() if found.kind == "output" and not found.shape]
+    shown = [
+        p for p, found in outer(parts, connections).items() if found.like.causality == "output" and not found.shape
+    ]
     for part in parts:
         bake = bool(part.starts) and takes_starts(part)
         source = _add_file(files, f"{part.name}.fmu", baked(part)) if bake else _add_fmu(files, part)
@@ -112,7 +104,7 @@ def _add_full(
     system: Element, parts: Collection[Part], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
     shown = outer(parts, connections)
-    add_connectors(system, shown.values(), units, "full")
+    add_connectors(system, {"_".join(place): entry for place, entry in shown.items()}, units, "full")
     listed = [(f"{c.name}_{variable}", c, variable) for c in parts for variable in scalars(c)]
     if listed:
         values = _add_file(files, "parameters.ssv", parameter_set(listed, units, "full"))
@@ -129,24 +121,24 @@ def _add_component(elements: Element, name: str, source: str) -> Element:
     return SubElement(elements, tag("ssd:Component"), name=name, type=kind, source=source)
 
 
-def _add_connections(system: Element, connections: Iterable[Connection], shown: Mapping[Place, Connector]) -> None:
+def _add_connections(system: Element, connections: Iterable[Connection], shown: Mapping[Place, Entry]) -> None:
     """Those between components, arrays of FMI 3.0 element by element, and those with the system's connectors."""
     group = SubElement(system, tag("ssd:Connections"))
     for connection in connections:
         attributes: dict[str, str] = {}
         for role, end in (("start", connection.source), ("end", connection.target)):
             found, index = connector(end.part, end.name)
-            attributes |= {f"{role}Element": end.part.name, f"{role}Connector": found.name}
+            attributes |= {f"{role}Element": end.part.name, f"{role}Connector": found.like.name}
             if index:
                 attributes[f"{role}Indices"] = " ".join(map(str, index))
         SubElement(group, tag("ssd:Connection"), attributes)
     for (part, variable), found in shown.items():
         inside = {"startElement": part, "startConnector": variable}
-        if found.kind == "output":
-            SubElement(group, tag("ssd:Connection"), inside | {"endConnector": found.name})
+        if found.like.causality == "output":
+            attributes = inside | {"endConnector": f"{part}_{variable}"}
         else:
-            ends = {"endElement": part, "endConnector": variable}
-            SubElement(group, tag("ssd:Connection"), {"startConnector": found.name} | ends)
+            attributes = {"startConnector": f"{part}_{variable}", "endElement": part, "endConnector": variable}
+        SubElement(group, tag("ssd:Connection"), attributes)
     if not len(group):
         system.remove(group)
 

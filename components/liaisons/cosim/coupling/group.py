@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -37,14 +38,7 @@ class Group:
     :param cyclic: they feed each other, or one feeds itself.
     """
 
-    def __init__(
-        self,
-        members: Sequence[Member],
-        signals: Signals,
-        simulation: Simulation,
-        *,
-        cyclic: bool,
-    ) -> None:
+    def __init__(self, members: Sequence[Member], signals: Signals, simulation: Simulation, *, cyclic: bool) -> None:
         self._members = members
         self._signals = signals
         self._cyclic = cyclic
@@ -54,8 +48,10 @@ class Group:
         fed = {i for member in members for curve in member.curves for i in (*curve.data, curve.rate)} - {signals.zero}
         own = {i for m in members for part in (m.values, m.slopes if m.sloped else range(0)) for i in _range(part)}
         self._unknowns: Indices = np.array(sorted(fed & own), dtype=np.intp)
-        self._running = _newton(members, signals, self._unknowns, simulation.depends, initial=False)
-        self._starting = _newton(members, signals, self._unknowns, simulation.depends_initially, initial=True)
+        self._running, self._starting = (
+            _newton(members, signals, self._unknowns, partial(simulation.depends, initially=initial), initial=initial)
+            for initial in (False, True)
+        )
         self._solve: Solve | None = None
 
     def begin_anew(self) -> None:

@@ -30,15 +30,7 @@ class Member:
     :param repeated: the step is to be made again.
     """
 
-    def __init__(
-        self,
-        part: Part,
-        instance: Instance,
-        bus: Bus,
-        signals: Signals,
-        *,
-        repeated: bool,
-    ) -> None:
+    def __init__(self, part: Part, instance: Instance, bus: Bus, signals: Signals, *, repeated: bool) -> None:
         self.name = part.name
         self.part = part
         self._instance = instance

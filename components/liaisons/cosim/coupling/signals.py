@@ -136,8 +136,7 @@ class Signals:
         """Outputs of one unit share one size."""
         owners = [driven(self._feeds, place) if place[0] == SIGNALS else place for place in self.places]
         units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
-        numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
-        return np.array([numbers[unit] for unit in units], dtype=np.intp)
+        return np.unique(units, return_inverse=True)[1]
 
     def predict(self, size: float) -> None:
         """A first guess at t + H: along the cubic through the last two points, or the parabola at the first."""

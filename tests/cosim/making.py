@@ -1,0 +1,48 @@
+"""FMUs of C code that stands in a test, and systems of FMUs."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import pytest
+
+from liaisons.cosim import System
+
+FmuPaths = Callable[[str], Path]
+"""Path of an FMU by its name; see the fixtures."""
+Trace = Callable[[], list[str]]
+
+
+def packed(folder: Path, name: str, code: str, description: str, platform: str = fmpy.platform) -> Path:
+    """Compile the code and put it into an FMU with this model description."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    library = folder / f"{name}{fmpy.sharedLibraryExtension}"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    (folder / f"{name}.c").write_text(code, encoding="utf-8")
+    command = [compiler, "-shared", "-fPIC", "-O1", f"-I{headers}", f"{name}.c", "-o", str(library), "-lm"]
+    subprocess.run(command, check=True, cwd=folder)
+    with zipfile.ZipFile(folder / f"{name}.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", description)
+        archive.write(library, f"binaries/{platform}/{library.name}")
+        archive.writestr("sources/all.c", code)
+    return folder / f"{name}.fmu"
+
+
+def wired(*links: str, **parts: Path | tuple[Path, dict[str, Any]]) -> System:
+    """A system of FMUs, with start values where there are any, connected by ``"source.port -> target.port"``."""
+    system = System("wired")
+    for name, part in parts.items():
+        path, starts = part if isinstance(part, tuple) else (part, {})
+        system.add(name, path, **starts)
+    for link in links:
+        source, target = (system.parts[end.partition(".")[0]][end.partition(".")[2]] for end in link.split(" -> "))
+        system.connect(source, target)
+    return system
