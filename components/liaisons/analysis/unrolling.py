@@ -9,7 +9,7 @@ import casadi as ca
 from liaisons.language.chain import Chain
 from liaisons.language.declarations import Coordinate, point
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.chains.link import link_of
+from liaisons.mechanics.chains.sweeps import link_of
 
 
 def unrolled(component: type[Chain], n: int) -> type[Mechanism]:

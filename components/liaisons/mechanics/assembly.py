@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import casadi as ca
+
 from liaisons.errors import ComponentError
+from liaisons.expressions.algebra import stack
 from liaisons.language.chain import Chain
 from liaisons.language.component import Component
 from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.mechanisms import mechanism_model
-from liaisons.mechanics.model import Model
-from liaisons.mechanics.operators import operator_model
+from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.printing import of_operator
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
@@ -27,4 +32,32 @@ def assemble(component: type[Component], n: object = None) -> Model:
     if issubclass(component, Mechanism):
         return mechanism_model(component)
     assert issubclass(component, Operator)
-    return operator_model(component)
+    return _operator_model(component)
+
+
+def _operator_model(component: type[Operator]) -> Model:
+    """Lay an operator out as variables and functions."""
+    picture = component()
+    t, x, u = picture.clock, picture.internal, picture.input_column
+    rates, triple = picture.rates(), picture.triple()
+    start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
+    k, none = ca.vertcat(picture.parameter_column, start), ca.SX(0, 1)  # an operator has nothing to remember
+    functions = {
+        "start": ([t, u, k], [start, none]),
+        "derivatives": ([t, x, u, k], [stack(rates)]),
+        "outputs": ([t, x, u, k, none], [ca.densify(stack([*triple, x, *rates]))]),
+        "jump": ([t, x, u, k, none], [x]),
+        "remember": ([t, x, u, k, none], [none]),
+        "nominals": ([t, x, u, k], [ca.SX.ones(x.shape)]),
+        "conditions": ([t, x, u, k], [none]),
+        "events": ([k], [stack(picture.events())]),
+    }
+    made: dict[str, Any] = {name: ca.Function(name, *ends) for name, ends in functions.items()}
+    return Model(
+        **described(picture),
+        memory=(),
+        outputs_function=made.pop("outputs"),
+        **made,
+        condition_texts=(),
+        equations=of_operator(picture, triple[0]),
+    )

@@ -7,7 +7,7 @@ symbolically.  So the one model has no coupling error: it is the equations of mo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -39,106 +39,124 @@ def compose(
     :param experiment: default experiment; that of the longest part unless given.
     :raises ComponentError: for an unknown variable, or inputs that depend on each other in a way that is not linear.
     """
-    flat = {part: model.flat() for part, model in models.items()}
+    parts = [_named(part, model.flat()) for part, model in models.items()]
     values = {variable: float(value) for variable, value in (starts or {}).items()}
-    found = {group: [v for p, m in flat.items() for v in _named(p, m, group)] for group in _GROUPS}
-    _check(name, found, connections, values)
-    joined = _Joined(name, flat, connections)
+    _check(name, parts, connections, values)
+    joined = _Joined(name, parts, connections)
 
-    def started(variables: list[Variable]) -> tuple[Variable, ...]:
+    def started(variables: Iterable[Variable]) -> tuple[Variable, ...]:
         left = (v for v in variables if v.name not in connections)
         return tuple(replace(v, start=values.get(v.name, v.start)) for v in left)
 
-    inner = (v for v in found["inputs"] if v.name in connections)
-    ports = (port for p, m in flat.items() for port in _ports(p, m))
-    triples = ((p, a) for p, m in flat.items() for a in m.active)
+    inner = (replace(v, causality="output", start=None) for v in _all(parts, "inputs") if v.name in connections)
+    conditions = joined.conditions()
     return Model(
         name=name,
-        description="composition of " + ", ".join(f"{part} ({model.name})" for part, model in flat.items()),
-        documentation=_documentation(flat, connections),
-        parameters=started(found["parameters"]),
-        inputs=started(found["inputs"]),
-        outputs=(*found["outputs"], *(replace(v, causality="output", start=None) for v in inner)),
-        states=tuple(State(f"{p}.{s.name}", f"{p}.{s.derivative}") for p, m in flat.items() for s in m.states),
-        memory=tuple(f"{p}.{memory}" for p, m in flat.items() for memory in m.memory),
-        **joined.functions(),
-        condition_texts=tuple(text for text, _ in joined.conditions()),
-        start_only=sum(model.start_only for model in flat.values()),
-        active=tuple(
-            ActiveInput(f"{p}.{a.value}", f"{p}.{a.rate}", f"{p}.{a.acceleration}")
-            for p, a in triples
-            if f"{p}.{a.value}" not in connections
-        ),
-        ports=tuple(port for port in ports if not any(member.variable in connections for member in port.members)),
-        experiment=experiment or max((model.experiment for model in flat.values()), key=lambda e: e.stop_time),
+        description="composition of " + ", ".join(f"{part} ({model.name})" for part, model in models.items()),
+        documentation=_documentation(models, connections),
+        parameters=started(_all(parts, "parameters")),
+        inputs=started(_all(parts, "inputs")),
+        outputs=(*_all(parts, "outputs"), *inner),
+        states=_all(parts, "states"),
+        memory=_all(parts, "memory"),
+        **joined.functions(row for _, row in conditions),
+        condition_texts=tuple(text for text, _ in conditions),
+        start_only=sum(part.start_only for part in parts),
+        active=tuple(a for a in _all(parts, "active") if a.value not in connections),
+        ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
+        experiment=experiment or max((part.experiment for part in parts), key=lambda e: e.stop_time),
     )
 
 
-_GROUPS = ("parameters", "inputs", "outputs")
+def _named(part: str, model: Model) -> Model:
+    """The model with the name of the part in front of all names."""
+
+    def full(name: str) -> str:
+        return f"{part}.{name}"
+
+    def variables(group: Iterable[Variable]) -> tuple[Variable, ...]:
+        return tuple(
+            replace(v, name=full(v.name), derivative_of=v.derivative_of and full(v.derivative_of)) for v in group
+        )
+
+    return replace(
+        model,
+        parameters=variables(model.parameters),
+        inputs=variables(model.inputs),
+        outputs=variables(model.outputs),
+        states=tuple(State(full(s.name), full(s.derivative)) for s in model.states),
+        memory=tuple(map(full, model.memory)),
+        condition_texts=tuple(f"{part}: {text}" for text in model.condition_texts),
+        active=tuple(ActiveInput(full(a.value), full(a.rate), full(a.acceleration)) for a in model.active),
+        ports=tuple(
+            Terminal(full(p.name), p.kind, tuple(TerminalMember(m.role, full(m.variable)) for m in p.members))
+            for p in model.ports
+        ),
+    )
+
+
+def _all(parts: Iterable[Model], group: str) -> tuple[Any, ...]:
+    """What the parts have of one kind."""
+    return tuple(item for part in parts for item in getattr(part, group))
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
     """One model and the symbols that are its own; of its inputs some are connected."""
 
-    name: str
     model: Model
+    t: Any
     y: Any
     u: Any
     k: Any
     m: Any
 
-    def at(self, group: str, t: Any, y: Any = None, m: Any = None) -> list[Any]:
+    def at(self, group: str, y: Any = None, m: Any = None) -> list[Any]:
         """Results of one of the model's functions; for state and memory others may be put in."""
         called: ca.Function = getattr(self.model, group)
         if group == "start":
-            return list(called.call([t, self.u, self.k]))
+            return list(called.call([self.t, self.u, self.k]))
         if group == "events":
             return list(called.call([self.k]))
-        arguments = [t, self.y if y is None else y, self.u, self.k, self.m if m is None else m]
+        arguments = [self.t, self.y if y is None else y, self.u, self.k, self.m if m is None else m]
         return list(called.call(arguments[: called.n_in()]))
 
 
 class _Joined:
     """The functions of all parts as those of one model."""
 
-    def __init__(self, name: str, models: Mapping[str, Model], connections: Mapping[str, str]) -> None:
-        scalar = all(model.outputs_function.is_a("SXFunction") for model in models.values())
+    def __init__(self, name: str, models: Sequence[Model], connections: Mapping[str, str]) -> None:
+        scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
         kind: Any = ca.SX if scalar else ca.MX
-        self.name, self.kind = name, kind
-        self.t = kind.sym("t")
-        inputs = [v.name for p, m in models.items() for v in _named(p, m, "inputs")]
+        self.name, self.kind, self.t = name, kind, kind.sym("t")
+        inputs = [v.name for v in _all(models, "inputs")]
         self.inner = [variable for variable in inputs if variable in connections]
         self.v = kind.sym("v", len(self.inner))
         self.u = kind.sym("u", len(inputs) - len(self.inner))
         inner, outer = iter(range(self.v.shape[0])), iter(range(self.u.shape[0]))
         place = {v: self.v[next(inner)] if v in connections else self.u[next(outer)] for v in inputs}
-        counts = [(len(m.states), len(m.parameters), len(m.memory)) for m in models.values()]
-        self.y, self.k, self.m = (
-            kind.sym(letter, sum(column)) for letter, column in zip("ykm", zip(*counts, strict=True), strict=True)
-        )
+        counts = [[len(getattr(m, group)) for m in models] for group in ("states", "parameters", "memory")]
+        self.y, self.k, self.m = (kind.sym(letter, sum(count)) for letter, count in zip("ykm", counts, strict=True))
         split = [
-            ca.vertsplit(vector, np.cumsum([0, *column]).tolist())
-            for vector, column in zip((self.y, self.k, self.m), zip(*counts, strict=True), strict=True)
+            ca.vertsplit(vector, np.cumsum([0, *count]).tolist())
+            for vector, count in zip((self.y, self.k, self.m), counts, strict=True)
         ]
         self.parts = [
-            _Part(p, model, y, self._stack(place[v.name] for v in _named(p, model, "inputs")), k, m)
-            for (p, model), y, k, m in zip(models.items(), *split, strict=True)
+            _Part(model, self.t, y, self._stack(place[v.name] for v in model.inputs), k, m)
+            for model, y, k, m in zip(models, *split, strict=True)
         ]
-        outputs = [v.name for p, m in models.items() for v in _named(p, m, "outputs")]
+        outputs = [v.name for v in _all(models, "outputs")]
         self.sources = [outputs.index(connections[variable]) for variable in self.inner]
 
-    def functions(self) -> dict[str, Any]:
+    def functions(self, conditions: Iterable[Any]) -> dict[str, Any]:
         """The functions of the model, by name."""
         motion = [self.t, self.y, self.u, self.k]
         booked = [*motion, self.m]
-        z = self._all("outputs_function")
+        z = self._stacked("outputs_function")
         v = self._solved(z)
-        start = [part.at("start", self.t) for part in self.parts]
+        start = [part.at("start") for part in self.parts]
         y_0, m_0 = (self._stack(column) for column in zip(*start, strict=True))
-        z_0 = self._stack(
-            part.at("outputs_function", self.t, y, m)[0] for part, (y, m) in zip(self.parts, start, strict=True)
-        )
+        z_0 = self._stack(part.at("outputs_function", *at)[0] for part, at in zip(self.parts, start, strict=True))
         v_0 = self._solved(z_0)
 
         def connected(expression: Any, values: Any = v) -> Any:
@@ -147,13 +165,13 @@ class _Joined:
         whole = {
             "start": function("start", [self.t, self.u, self.k], connected(y_0, v_0), connected(m_0, v_0)),
             "outputs_function": function("outputs", booked, connected(self._stack([z, self.v]))),
-            "conditions": function("conditions", motion, connected(self._stack(row for _, row in self.conditions()))),
-            "events": function("events", [self.k], self._all("events")),
+            "conditions": function("conditions", motion, connected(self._stack(conditions))),
+            "events": function("events", [self.k], self._stacked("events")),
         }
         for group, arguments in (("derivatives", motion), ("nominals", motion), ("jump", booked), ("remember", booked)):
-            whole[group] = function(group, arguments, connected(self._all(group)))
+            whole[group] = function(group, arguments, connected(self._stacked(group)))
         if any(part.model.project is not None for part in self.parts):
-            rows = (part.y if part.model.project is None else part.at("project", self.t)[0] for part in self.parts)
+            rows = (part.y if part.model.project is None else part.at("project")[0] for part in self.parts)
             whole["project"] = function("project", motion, connected(self._stack(rows)))
         return whole
 
@@ -161,14 +179,14 @@ class _Joined:
         """By the message to give: domains of the connected inputs, conditions that last, then those of the start."""
         lasting, at_start = [*self._domains()], []
         for part in self.parts:
-            rows = ca.vertsplit(part.at("conditions", self.t)[0]) if part.model.condition_texts else []
-            found = [(f"{part.name}: {text}", row) for text, row in zip(part.model.condition_texts, rows, strict=True)]
+            texts = part.model.condition_texts
+            found = list(zip(texts, ca.vertsplit(part.at("conditions")[0]) if texts else [], strict=True))
             count = len(found) - part.model.start_only
             lasting, at_start = lasting + found[:count], at_start + found[count:]
         return lasting + at_start
 
     def _domains(self) -> Iterator[tuple[str, Any]]:
-        variables = {v.name: v for part in self.parts for v in _named(part.name, part.model, "inputs")}
+        variables = {v.name: v for part in self.parts for v in part.model.inputs}
         for i, name in enumerate(self.inner):
             low, high, unit = variables[name].minimum, variables[name].maximum, variables[name].unit
             if low is not None:
@@ -176,8 +194,8 @@ class _Joined:
             if high is not None:
                 yield f"{name} must stay < {high:g} {unit}", high - self.v[i]
 
-    def _all(self, group: str) -> Any:
-        return self._stack(part.at(group, self.t)[0] for part in self.parts)
+    def _stacked(self, group: str) -> Any:
+        return self._stack(part.at(group)[0] for part in self.parts)
 
     def _stack(self, columns: Any) -> Any:
         rows = [self.kind(column) for column in columns]
@@ -224,40 +242,18 @@ def _needs(pattern: ca.Sparsity) -> list[set[int]]:
     return [set(np.flatnonzero(row).tolist()) for row in reach]
 
 
-def _named(part: str, model: Model, group: str) -> list[Variable]:
-    variables: tuple[Variable, ...] = getattr(model, group)
-    return [
-        replace(v, name=f"{part}.{v.name}", derivative_of=v.derivative_of and f"{part}.{v.derivative_of}")
-        for v in variables
-    ]
-
-
-def _ports(part: str, model: Model) -> list[Terminal]:
-    return [
-        Terminal(
-            f"{part}.{port.name}",
-            port.kind,
-            tuple(TerminalMember(m.role, f"{part}.{m.variable}") for m in port.members),
-        )
-        for port in model.ports
-    ]
-
-
 def _documentation(models: Mapping[str, Model], connections: Mapping[str, str]) -> str:
     parts = [f"{part}: {model.description}" for part, model in models.items()]
     wires = [f"    {target} = {source}" for target, source in connections.items()]
     return "\n".join(["Composition of connected components.", "", *parts, "", "Connections::", "", *wires])
 
 
-def _check(
-    name: str, found: Mapping[str, list[Variable]], connections: Mapping[str, str], starts: Mapping[str, float]
-) -> None:
-    inputs, outputs = ([v.name for v in found[group]] for group in ("inputs", "outputs"))
-    settable = [*inputs, *(v.name for v in found["parameters"])]
+def _check(name: str, parts: Sequence[Model], connections: Mapping[str, str], starts: Mapping[str, float]) -> None:
+    inputs, outputs, parameters = ([v.name for v in _all(parts, of)] for of in ("inputs", "outputs", "parameters"))
     for kind, wanted, known in (
         ("input", connections.keys(), inputs),
         ("output", connections.values(), outputs),
-        ("parameter or input", starts.keys(), settable),
+        ("parameter or input", starts.keys(), [*inputs, *parameters]),
     ):
         for variable in wanted:
             if variable not in known:

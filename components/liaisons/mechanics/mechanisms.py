@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from itertools import pairwise
+from itertools import accumulate
 from typing import Any
 
 import casadi as ca
@@ -47,7 +47,9 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     distances, initial = stack((lasting | at_start).values()), ca.vertcat(*_initial(equations, symbols), 0, 0)
     # All in one: what the expressions share stays shared.
     columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed]
-    initial, rates, energy, z, sizes, distances, landed = _in_phase_space(equations, columns)
+    together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
+    ends = [0, *accumulate(column.shape[0] for column in columns)]
+    initial, rates, energy, z, sizes, distances, landed = ca.vertsplit(together, ends)
     booked = definitions(
         [t, y, u, k],
         layout,
@@ -93,14 +95,6 @@ def _readable(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, c
         found |= {name: place, f"{name}_dot": velocity, f"{name}_ddot": m.dot(velocity)}
     found |= {name: getattr(equations, name) for name in ("kinetic_energy", "potential_energy", "energy")}
     return found | {item.name: getattr(m, item.name) for item in (*m.outputs, *m.calculated_parameters)}
-
-
-def _in_phase_space(equations: Equations, columns: list[ca.SX]) -> list[ca.SX]:
-    ends = [0]
-    for column in columns:
-        ends.append(ends[-1] + column.shape[0])
-    together = ca.cse(equations.in_phase_space(ca.vertcat(*columns)))
-    return [together[start:end] for start, end in pairwise(ends)]
 
 
 def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:

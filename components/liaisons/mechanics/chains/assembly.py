@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -15,8 +14,7 @@ from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, rena
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
 from liaisons.mechanics.bookkeeping import definitions, memory_of
-from liaisons.mechanics.chains.link import ChainLink, link_of
-from liaisons.mechanics.chains.sweeps import Base, Motion, inertias, momenta, motion
+from liaisons.mechanics.chains.sweeps import Base, ChainLink, Motion, inertias, link_of, momenta, motion
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
@@ -42,7 +40,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
     m = component(n)
     layout = m.layout()
     given = {v.name: m.symbols.get(v.name, ca.SX.sym(v.name)) for v in (*layout.parameters, *layout.inputs)}
-    link = _driven(link_of(m), m, given)
+    link = link_of(m, given)
 
     # The vectors of Model, with one symbol for a number, or for the numbers of all links.
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
@@ -128,12 +126,6 @@ def _programs(
         )
         for name, (taken, returned) in _VECTORS.items()
     }
-
-
-def _driven(link: ChainLink, m: Chain, given: Mapping[str, ca.SX]) -> ChainLink:
-    """The link with the forces and loads that are given to it as inputs."""
-    forces, loads = (stack(given[f"{q.name}{end}"] for q in m.coordinates) for end in ("_force", "_load"))
-    return replace(link, drive=forces - loads, loads=stack(given[f"{name}_load"] for name in m.point_components()))
 
 
 def _base(m: Chain) -> tuple[Base, ca.SX]:
