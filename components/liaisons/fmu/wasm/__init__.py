@@ -65,4 +65,4 @@ def manifest() -> dict[str, bytes]:
 
 @cache
 def _ours(name: str) -> bytes:
-    return (files(__package__) / name).read_bytes()
+    return (files("liaisons.fmu.wasm") / name).read_bytes()

@@ -4,6 +4,7 @@
  * string is a pointer and a length; what is more than one number is returned by a pointer to it.  What a host passes in
  * lists lies in blocks that it takes from cabi_realloc before the call; they are ours, until the call returns.  What is
  * returned stays until the next call. */
+#pragma clang diagnostic ignored "-Wunused-parameter" /* functions have what the interfaces say */
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -160,12 +161,12 @@ static Self *named(const char *name, size_t n) {
     return self;
 }
 
-/* A copy of the FMU that has its start values in a file, which cannot be read here, is refused: its token is longer. */
-static const char *token(Self *self, const char *letters, size_t n) {
+/* Whether this is the token of a copy of the FMU, which has its start values in a file. */
+static int is_copy(Self *self, const char *token, size_t n) {
     const size_t length = strlen(model.guid);
-    if (n <= length || memcmp(letters, model.guid, length) != 0) return text(letters, n);
+    if (n <= length || memcmp(token, model.guid, length) != 0) return 0;
     say(self, fmi3Error, "logStatusError", "this FMU has its start values in a file: take one of its native binaries");
-    return "";
+    return 1;
 }
 
 static const Option *opened(Self *self, fmi3Instance fmu, uint32_t (*new_handle)(void *)) {
@@ -179,24 +180,25 @@ static const Option *opened(Self *self, fmi3Instance fmu, uint32_t (*new_handle)
 }
 
 EXPORT(INTERFACE("co-simulation") "#[static]co-simulation-instance.instantiate-co-simulation")
-const Option *instantiate_simulation(const char *name, size_t name_n, const char *guid, size_t guid_n, const char *path,
-                                     size_t path_n, int visible, int logging, int events, int early_return,
-                                     const uint32_t *required, size_t required_n) {
+const Option *instantiate_simulation(const char *name, size_t name_n, const char *token, size_t token_n,
+                                     const char *resources, size_t resources_n, int visible, int logging, int events,
+                                     int early_return, const uint32_t *required, size_t required_n) {
     Self *self = named(name, name_n);
-    return opened(self,
-                  fmi3InstantiateCoSimulation(self->name, token(self, guid, guid_n), text(path, path_n), visible,
-                                              logging, events, early_return, required, required_n, self, say, NULL),
-                  new_simulation);
+    fmi3Instance fmu = NULL;
+    if (!is_copy(self, token, token_n))
+        fmu = fmi3InstantiateCoSimulation(self->name, text(token, token_n), NULL, visible, logging, events,
+                                          early_return, required, required_n, self, say, NULL);
+    return opened(self, fmu, new_simulation);
 }
 
 EXPORT(INTERFACE("model-exchange") "#[static]model-exchange-instance.instantiate-model-exchange")
-const Option *instantiate_exchange(const char *name, size_t name_n, const char *guid, size_t guid_n, const char *path,
-                                   size_t path_n, int visible, int logging) {
+const Option *instantiate_exchange(const char *name, size_t name_n, const char *token, size_t token_n,
+                                   const char *resources, size_t resources_n, int visible, int logging) {
     Self *self = named(name, name_n);
-    return opened(self,
-                  fmi3InstantiateModelExchange(self->name, token(self, guid, guid_n), text(path, path_n), visible,
-                                               logging, self, say),
-                  new_exchange);
+    fmi3Instance fmu = NULL;
+    if (!is_copy(self, token, token_n))
+        fmu = fmi3InstantiateModelExchange(self->name, text(token, token_n), NULL, visible, logging, self, say);
+    return opened(self, fmu, new_exchange);
 }
 
 EXPORT(INTERFACE("co-simulation") "#[dtor]co-simulation-instance") void drop_simulation(Self *self) {
@@ -304,8 +306,6 @@ static const Items *get_vector(GetVector *function, Self *self, size_t n) {
     return items(function(self->fmu, values, n), values, n);
 }
 
-#pragma clang diagnostic ignored "-Wunused-parameter" /* methods have what the interfaces say */
-
 /* ---- methods: what they return, function, name, parameters, what they do ------------------------------------ */
 
 #define NOTHING (Self *self)
@@ -403,7 +403,7 @@ static const Items *get_vector(GetVector *function, Self *self, size_t n) {
 #define NONE(status) items(status, NULL, 0)
 
 #define METHOD(returns, function, kind, label, parameters, ...)                                         \
-    EXPORT(INTERFACE(kind) "#[method]" kind "-instance." label) returns function parameters { \
+    EXPORT(INTERFACE(kind) "#[method]" kind "-instance." label) returns function parameters {           \
         returns result = __VA_ARGS__;                                                                   \
         free_blocks();                                                                                  \
         return result;                                                                                  \
