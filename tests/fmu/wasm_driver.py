@@ -18,9 +18,12 @@ from driver import BOOL, CO_SIMULATION, MODEL_EXCHANGE, OK, REALS, SIGNATURES, I
 from wasmtime import Engine, Store
 from wasmtime.component import Component, Linker
 
-SIZES = c.POINTER(N)
 _STATUSES = ("ok", "warning", "discard", "error", "fatal")
 _ENGINE = Engine()
+
+
+class Status(int):
+    """What a call returns that is refused, or that returns nothing else."""
 
 
 class WasmLibrary(Library):
@@ -83,7 +86,7 @@ class WasmInstance(Instance):
 
         def called(*arguments: Any) -> Any:
             result = function(self.store, *arguments)
-            return _STATUSES.index(result) if isinstance(result, str) and result in _STATUSES else result
+            return Status(_STATUSES.index(result)) if isinstance(result, str) and result in _STATUSES else result
 
         return called
 
@@ -130,7 +133,7 @@ class WasmInstance(Instance):
         return self.ask(name, _listed(states, n))
 
     def _take(self, found: Any, result: Any, count: int) -> int:
-        if isinstance(found, int):
+        if isinstance(found, Status):
             return found
         if len(found) != count:
             pytest.skip("components know how many values there are")
@@ -141,10 +144,10 @@ class WasmInstance(Instance):
     def _call(self, function: str, name: str, *arguments: Any) -> int:
         """What takes numbers, and returns numbers by pointers."""
         types = SIGNATURES["3"][function]
-        inward = [kind for kind in types if kind not in (BOOL, REALS, SIZES)]
+        inward = [kind for kind in types if kind not in (BOOL, REALS, c.POINTER(N))]
         given = [float(a) if kind is c.c_double else _plain(a) for kind, a in zip(inward, arguments, strict=False)]
         found = self.ask(name, *given)
-        if len(inward) == len(types) or (isinstance(found, int) and types[-1] is not SIZES):
+        if len(inward) == len(types) or isinstance(found, Status):
             return found
         fields = list(vars(found).values()) if hasattr(found, "__dict__") else [found]
         if function == "DoStep":
