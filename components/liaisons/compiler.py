@@ -26,10 +26,10 @@ FLAGS = (
     "-fno-tree-slp-vectorize",  # what is stored in pairs makes the next stage of the solver wait, a fifth of its time
     *("-fPIC", "-shared", "-fvisibility=hidden", "-g0"),
 )
-_WASM = (
-    *("-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz", "-s", "-ffp-contract=off"),
-    *("-fno-math-errno", "-fvisibility=hidden"),
-    *("-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"),
+WASM_FLAGS = (
+    *("-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz", "-s"),
+    *("-fno-math-errno", "-ffp-contract=off", "-fvisibility=hidden"),
+    "-Wl,-z,stack-size=1048576",  # of zig's 16 MiB nothing would be used
 )
 TIME_OUT = 900.0  # [s] for one file
 
@@ -115,16 +115,18 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         return library.read_bytes()
 
 
-def compile_wasm(sources: Mapping[str, bytes]) -> bytes:
-    """Compile and link C sources to a WebAssembly module whose public functions, malloc and free can be called.
+def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
+    """Compile and link C sources to a WebAssembly module, from which those functions can be called that say so.
 
+    :param flags: for the compiler, beside those for small code.
+    :returns: the module; the same bytes for the same sources and compiler.
     :raises BuildError: if ziglang is not installed, or the compiler fails or does not end; with its first words.
     """
     zig = zig_compiler()
     if zig is None:
         raise BuildError("WebAssembly needs the compiler in the ziglang package: pip install ziglang")
     with _written(sources) as (folder, names):
-        _run([*zig, *_WASM, "-I.", *names, "-o", "module.wasm"], folder)
+        _run([*zig, *WASM_FLAGS, *flags, "-I.", *names, "-o", "module.wasm"], folder)
         return (folder / "module.wasm").read_bytes()
 
 

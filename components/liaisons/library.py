@@ -120,7 +120,7 @@ def build(
     output: Path | str | None = None,
     *,
     backend: Backend = "auto",
-    platforms: Literal["host", "all"] = "host",
+    platforms: Literal["host", "all", "wasm"] = "host",
     fmi: Literal["2", "3"] = "2",
 ) -> Path:
     """Build the FMU of a component; one that is there already and up to date is left as it is.
@@ -129,7 +129,8 @@ def build(
     :param output: folder, ``fmus/`` unless given; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of
         the Python back end ``python/NAME.fmu``.
     :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
-    :param platforms: binaries for this machine, or for Linux, Windows and macOS (native back end, needs ziglang).
+    :param platforms: binaries for this machine; ``"all"``: for Linux, Windows and macOS; ``"wasm"``: for this machine,
+        and, experimental, a WebAssembly component (FMI 3.0). Both are of the native back end and need ziglang.
     :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
     :returns: path of the FMU.
     :raises ProjectError: if the target names no component or several, or one whose FMU would take the place of

@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # handmade.py and driver.py are 
 
 from driver import Library
 from handmade import fall, kick, pendulum, ring
+from wasm_driver import WasmLibrary
 
 from liaisons.fmu import build
 
@@ -21,6 +22,7 @@ TARGETS: dict[str, dict[str, Any]] = {
     "fmi2": {"backend": "native"},
     "fmi3": {"backend": "native", "fmi": "3"},
     "python": {"backend": "python"},
+    "wasm": {"fmi": "3", "platforms": "wasm"},
 }
 MODELS = {"pendulum": pendulum, "fall": fall, "kick": kick, "ring": lambda: ring(3)}
 
@@ -33,7 +35,8 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def handmade(folder) -> Callable[[str, str], Library]:
     """The library of a component of handmade.py: ``handmade("pendulum", "fmi2")``."""
-    return cache(lambda name, target: Library(build(MODELS[name](), folder, **TARGETS[target])))
+    kinds = {"wasm": WasmLibrary}
+    return cache(lambda name, target: kinds.get(target, Library)(build(MODELS[name](), folder, **TARGETS[target])))
 
 
 @pytest.fixture(scope="session")
@@ -52,8 +55,9 @@ def _library(name: str, *targets: str) -> Any:
     return found
 
 
-pendulum_library, fall_library, kick_library, ring_library = (_library(name, "fmi2", "fmi3") for name in MODELS)
-every_pendulum, every_fall, every_kick, every_ring = (_library(name, *TARGETS) for name in MODELS)
+pendulum_library, fall_library, kick_library, ring_library = (_library(name, "fmi2", "fmi3", "wasm") for name in MODELS)
+every_pendulum, every_fall, every_kick, every_ring = (_library(name, "fmi2", "fmi3", "python") for name in MODELS)
+native_pendulum = _library("pendulum", "fmi2", "fmi3")
 pendulum2, ring2 = (_library(name, "fmi2") for name in ("pendulum", "ring"))
 pendulum3, kick3, ring3 = (_library(name, "fmi3") for name in ("pendulum", "kick", "ring"))
 

@@ -51,12 +51,12 @@ build(pendulum(), {str(tmp_path)!r}, backend={backend!r}, fmi={every_pendulum.fm
     assert other.read_bytes() == every_pendulum.path.read_bytes()
 
 
-def test_members(pendulum_library, folder) -> None:
-    fmi = pendulum_library.fmi
-    assert pendulum_library.path == folder / ("fmi3" if fmi == "3" else "") / "HandPendulum.fmu"
-    names = list(members(pendulum_library.path))
+def test_members(native_pendulum, folder) -> None:
+    fmi = native_pendulum.fmi
+    assert native_pendulum.path == folder / ("fmi3" if fmi == "3" else "") / "HandPendulum.fmu"
+    names = list(members(native_pendulum.path))
     assert names[0] == "modelDescription.xml"
-    assert {pendulum_library.member, "documentation/index.html"} <= {*names}
+    assert {native_pendulum.member, "documentation/index.html"} <= {*names}
     sources = {name.removeprefix("sources/") for name in names if name.startswith("sources/")}
     assert sources >= {"model.c", "core.h", "step.c", "solver.c", f"fmi{fmi}.c", "buildDescription.xml"}
     assert sources >= {f"fmi{fmi}Functions.h", f"fmi{fmi}FunctionTypes.h"}
@@ -94,12 +94,12 @@ def test_file_can_be_read_by_whom_a_new_file_can_be_read(pendulum_fmu, tmp_path)
     assert stat.S_IMODE(pendulum_fmu.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
 
 
-def test_sources_compile_on_their_own(pendulum_library, tmp_path, capfd) -> None:
+def test_sources_compile_on_their_own(native_pendulum, tmp_path, capfd) -> None:
     """As an importer for another platform does it: unpack, compile what is listed, without a warning."""
-    folder = Path(fmpy.extract(str(pendulum_library.path), unzipdir=str(tmp_path / "fmu")))
+    folder = Path(fmpy.extract(str(native_pendulum.path), unzipdir=str(tmp_path / "fmu")))
     files = fmpy.model_description.read_build_description(str(folder))[0].sourceFileSets[0].sourceFiles
     description = ElementTree.parse(folder / "modelDescription.xml")
-    if pendulum_library.fmi == "2":
+    if native_pendulum.fmi == "2":
         assert files == [file.attrib["name"] for file in description.findall("CoSimulation/SourceFiles/File")]
     cc = compiler.system_compiler() or compiler.zig_compiler()
     assert cc is not None
@@ -226,7 +226,7 @@ def test_time_out_ends_the_whole_process_group(tmp_path, monkeypatch) -> None:
     ("choices", "message"),
     [
         ({"backend": "nativ"}, "backend = 'nativ': choose one of 'native', 'python', 'auto'"),
-        ({"platforms": "linux"}, "platforms = 'linux': choose one of 'host', 'all'"),
+        ({"platforms": "linux"}, "platforms = 'linux': choose one of 'host', 'all', 'wasm'"),
         ({"fmi": "1"}, "fmi = '1': choose one of '2', '3'"),
         ({"backend": "python", "fmi": "3"}, r"FMUs in Python are FMI 2\.0; for FMI 3\.0 take backend='native'"),
     ],

@@ -145,20 +145,20 @@ def test_calls_out_of_turn_name_the_phase(pendulum_library) -> None:
     refused(exchange, exchange.step(0.0, 0.1), ERROR, f"{full('DoStep')} must not be called in continuous-time mode")
 
 
-def test_start_values_in_the_resources_are_not_passed_over(pendulum_library, tmp_path) -> None:
+def test_start_values_in_the_resources_are_not_passed_over(native_pendulum, tmp_path) -> None:
     """A copy of an FMU with other start values has a guid of its own: without them it would start somewhere else."""
-    token = f"{pendulum_library.token}-0123456789abcdef"
-    given = pendulum_library.instantiate(token=token)
+    token = f"{native_pendulum.token}-0123456789abcdef"
+    given = native_pendulum.instantiate(token=token)
     (message,) = given.messages
     assert message.endswith(": start values of this FMU are in its resources: give the path of that folder")
     assert not given.pointer
 
-    given = pendulum_library.instantiate(token=token, resources=tmp_path)
+    given = native_pendulum.instantiate(token=token, resources=tmp_path)
     assert given.messages == [f"{tmp_path}/starts.txt cannot be read: this FMU has its start values there"]
 
     bits = struct.pack(">d", 2.5).hex()
-    (tmp_path / "starts.txt").write_text(f"r {pendulum_library.references['mass']} 1 {bits} mass\n")
-    given = pendulum_library.instantiate(token=token, resources=tmp_path)
+    (tmp_path / "starts.txt").write_text(f"r {native_pendulum.references['mass']} 1 {bits} mass\n")
+    given = native_pendulum.instantiate(token=token, resources=tmp_path)
     assert given["mass"] == 2.5
     (tmp_path / "starts.txt").unlink()
     assert given.call("Reset") == ERROR

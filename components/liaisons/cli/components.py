@@ -45,6 +45,7 @@ def listing(
     liaisons build
     liaisons build Pendulum Sinusoid --backend python
     liaisons build Pendulum --fmi both
+    liaisons build Pendulum --fmi 3 --platforms wasm
     liaisons build OscillatorChain --size n=1000
     liaisons build my_component.py --output /tmp/fmus --platforms all
 """)
@@ -61,8 +62,11 @@ def build(
         Backend, typer.Option(help="native: generated C; python: pythonfmu; auto: native where a C compiler is found")
     ] = "auto",
     platforms: Annotated[
-        Literal["host", "all"],
-        typer.Option(help="binaries inside a native FMU: for this machine, or for Linux, Windows and macOS"),
+        Literal["host", "all", "wasm"],
+        typer.Option(
+            help="binaries inside a native FMU: for this machine; for Linux, Windows and macOS; or, experimental and "
+            "of FMI 3.0, for this machine and WebAssembly"
+        ),
     ] = "host",
     fmi: Annotated[
         Literal["2", "3", "both"],

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Literal, get_args
 from uuid import UUID
@@ -20,10 +21,11 @@ from liaisons.fmu.extras import extra_members
 from liaisons.fmu.icon import icon_members
 from liaisons.fmu.layout import Fmi
 from liaisons.fmu.origin import signed
+from liaisons.fmu.wasm import binary_path, component, manifest
 from liaisons.mechanics.model import Model
 
 Backend = Literal["native", "python", "auto"]
-Platforms = Literal["host", "all"]
+Platforms = Literal["host", "all", "wasm"]
 
 _DESCRIPTION = "modelDescription.xml"
 # Stands for the guid, which is a hash of everything else, until that is known.
@@ -45,7 +47,8 @@ def build(
     :param output: folder; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of the Python back end
         ``python/NAME.fmu``.
     :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
-    :param platforms: binaries for this machine, or for Linux, Windows and macOS (native back end, needs ziglang).
+    :param platforms: binaries for this machine; ``"all"``: for Linux, Windows and macOS; ``"wasm"``: for this machine,
+        and, experimental, a WebAssembly component (FMI 3.0). Both are of the native back end and need ziglang.
     :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
@@ -56,6 +59,8 @@ def build(
     output = as_path("output", output, BuildError)
     if fmi == "3" and backend == "python":
         raise BuildError(f"{model.name}: FMUs in Python are FMI 2.0; for FMI 3.0 take backend='native'")
+    if platforms == "wasm" and fmi == "2":
+        raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
     if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
         _say_how_to_get_native()
         backend = "python"
@@ -81,15 +86,20 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi) -> Path:
         **extra_members(model, fmi),
         **{f"sources/{name}": content for name, content in sources.items()},
     }
-    members = _identified(members, model)
-    targets = {
-        f"binaries/{t.folder(fmi)}/{model.name}{t.extension}": t for t in (TARGETS if platforms == "all" else [host()])
-    }
-    if _is_current(path, members) and all(read_member(path, name) for name in targets):
-        return path
+    experimental = manifest() if platforms == "wasm" else {}
+    members = _identified(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
-    for name, target in targets.items():
-        members[name] = compile_library(code, target, cross=platforms == "all")
+    binaries: dict[str, Callable[[], bytes]] = {
+        f"binaries/{target.folder(fmi)}/{model.name}{target.extension}": partial(
+            compile_library, code, target, cross=platforms == "all"
+        )
+        for target in (TARGETS if platforms == "all" else [host()])
+    }
+    if platforms == "wasm":
+        binaries[binary_path(model.name)] = partial(component, code)
+    if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):
+        return path
+    members |= {name: compiled() for name, compiled in binaries.items()}
     write_archive(path, members | icon_members(model, fmi))
     return path
 
@@ -115,5 +125,5 @@ def _identified(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
     return found | {_DESCRIPTION: signed(found[_DESCRIPTION], model)}
 
 
-def _is_current(path: Path, members: dict[str, bytes]) -> bool:
-    return read_member(path, _DESCRIPTION) == members[_DESCRIPTION]
+def _is_current(path: Path, members: dict[str, bytes], *also: str) -> bool:
+    return all(read_member(path, name) == members[name] for name in (_DESCRIPTION, *also))

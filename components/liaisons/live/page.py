@@ -24,6 +24,7 @@ from liaisons.pictures import together
 from liaisons.pictures.inline import page
 
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
+_EXPORTS = ("-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free")  # all FMI functions, and memory
 _MOST_READ = 400  # elements of arrays that are read each frame
 _MOST_SLIDERS = 12  # elements of an array with a slider each
 _FRAMES = 60  # a second
@@ -85,7 +86,7 @@ def _compiled(path: Path, *_identity: int) -> str:
     if "fmi2Functions.h" not in sources:
         raise SimulationError(f"{path}: a live page needs the C sources of FMI 2.0 inside, as our FMUs have them")
     sources["page.c"] = (files("liaisons.pictures") / "web" / "page.c").read_bytes()
-    return base64.b64encode(gzip.compress(compile_wasm(sources), 9, mtime=0)).decode()
+    return base64.b64encode(gzip.compress(compile_wasm(sources, *_EXPORTS), 9, mtime=0)).decode()
 
 
 def _component(
