@@ -31,7 +31,6 @@ import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
-from liaisons.language.declarations import Coordinate
 from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics import constraints
 from liaisons.mechanics.constraints import Constraints
@@ -165,7 +164,7 @@ def derive(component: type[Mechanism]) -> Equations:
     rubbing = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
 
     # Applied forces: drives and loads on free coordinates, loads at points by virtual work (K eq. 14), friction.
-    drives, loads = _column(component.coordinates, "force"), _column(component.coordinates, "load")
+    drives, loads = (stack(ca.SX.sym(f"{q.name}_{end}") for q in component.coordinates) for end in ("force", "load"))
     driven = len(component.coordinates)
     points = m.point_components()
     position = ca.cse(stack(points.values()))
@@ -246,7 +245,3 @@ def _gyroscopic(component: type[Mechanism], m: Mechanism, p: ca.SX) -> ca.SX:
     count = len(component.coordinates)
     turning = [ca.cross(p[count:], getattr(m, turn.name).rate) for turn in component.orientations]
     return ca.vertcat(ca.SX.zeros(count, 1), *turning)
-
-
-def _column(coordinates: tuple[Coordinate, ...], suffix: str) -> ca.SX:
-    return stack(ca.SX.sym(f"{coordinate.name}_{suffix}") for coordinate in coordinates)
