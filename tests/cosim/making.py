@@ -12,7 +12,7 @@ from typing import Any
 import fmpy
 import pytest
 
-from liaisons.cosim import System
+from liaisons import System
 
 FmuPaths = Callable[[str], Path]
 """Path of an FMU by its name; see the fixtures."""

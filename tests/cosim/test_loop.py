@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from making import wired
 
 from liaisons import compiler
-from liaisons.cosim import Result, System, loop, simulate
+from liaisons.cosim import Result, loop, simulate
 from liaisons.cosim.schedule import Coupling
 from liaisons.errors import BuildError
 from liaisons.fmu import build
@@ -66,12 +67,9 @@ def test_one_fmu(versions, same_by_python, fmi: str) -> None:
 @pytest.mark.parametrize("fmi", [("2", "2"), ("2", "3"), ("3", "2")])
 def test_a_system(versions, same_by_python, fmi: tuple[str, str], coupling: Coupling) -> None:
     def run() -> Result:
-        system = System("swing")
-        operator = system.add(
-            "operator", versions["Sinusoid", fmi[0]], offset=1.0, amplitude=0.1, angular_frequency=6.0
-        )
-        swing = system.add("swing", versions["Pendulum", fmi[1]], theta_0=1.0)
-        system.connect(operator["y"], swing["length"])
+        operator = versions["Sinusoid", fmi[0]], {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 6.0}
+        swing = versions["Pendulum", fmi[1]], {"theta_0": 1.0}
+        system = wired("operator.y -> swing.length", operator=operator, swing=swing)
         return system.simulate(3.0, 0.01, coupling=coupling)
 
     same_by_python(run)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-from making import FmuPaths
+from making import FmuPaths, wired
 from masters import MASTERS, SWEEPS, RefusalError, Values, compared, elsewhere, jacobi
 from schemas import validated
 
@@ -28,41 +28,33 @@ H, STEPS = 0.01, 20
 @pytest.fixture
 def pumped(component: FmuPaths) -> System:
     """A swing whose length a signal drives: connections go one way."""
-    system = System("pumped swing")
-    swing = system.add("swing", component("Pendulum"), theta_0=0.05, input_reconstruction=1)
-    motor = system.add("operator", component("Sinusoid"), offset=1.0, amplitude=0.1, angular_frequency=6.26)
-    system.connect(motor["y"], swing["length"])
-    return system
+    swing = component("Pendulum"), {"theta_0": 0.05, "input_reconstruction": 1}
+    operator = component("Sinusoid"), {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 6.26}
+    return wired("operator.y -> swing.length", swing=swing, operator=operator)
 
 
 @pytest.fixture
 def double(component: FmuPaths) -> System:
     """A pendulum hung on a pendulum: an algebraic loop of accelerations and forces."""
-    system = System("double pendulum")
-    upper = system.add("upper", component("Pendulum"), theta_0=0.3, mass=5.0)
-    lower = system.add("lower", component("Pendulum"), theta_0=0.5, mass=2.5)
-    system.connect(upper["bob"], lower["pivot"])
-    return system
+    upper, lower = {"theta_0": 0.3, "mass": 5.0}, {"theta_0": 0.5, "mass": 2.5}
+    path = component("Pendulum")
+    return wired("upper.bob -> lower.pivot", upper=(path, upper), lower=(path, lower))
 
 
 @pytest.fixture
 def chain(component: FmuPaths) -> System:
     """Oscillators, each hung on the one before."""
-    system = System("chain")
-    masses = [system.add(f"mass{i}", component("Oscillator"), x_0=0.1 * i) for i in range(4)]
-    for one, other in pairwise(masses):
-        system.connect(one["x"], other["support"])
-    return system
+    masses = {f"mass{i}": (component("Oscillator"), {"x_0": 0.1 * i}) for i in range(4)}
+    return wired(*(f"{one}.x -> {other}.support" for one, other in pairwise(masses)), **masses)
 
 
 @pytest.fixture
 def in_python(component: FmuPaths) -> System:
     """Two FMUs of one file and one GUID, which differ by start values only."""
-    system = System("in Python")
-    shaft = system.add("shaft", component("python/Flywheel"), angle_dot_0=0.5, input_reconstruction=0)
-    system.add("wheel", component("python/Flywheel"), inertia=2.0, angle_0=0.5)
-    system.connect(system.add("brake", component("Sinusoid"), amplitude=0.3)["y"], shaft["angle_load"])
-    return system
+    shaft = component("python/Flywheel"), {"angle_dot_0": 0.5, "input_reconstruction": 0}
+    wheel = component("python/Flywheel"), {"inertia": 2.0, "angle_0": 0.5}
+    brake = component("Sinusoid"), {"amplitude": 0.3}
+    return wired("brake.y -> shaft.angle_load", shaft=shaft, wheel=wheel, brake=brake)
 
 
 def _agree(found: Values, expected: Values) -> None:
