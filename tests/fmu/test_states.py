@@ -39,12 +39,13 @@ def instance(request, every_pendulum) -> Instance:
 
 def test_roll_back_is_exact_to_the_last_bit(instance) -> None:
     run(instance, 0, 7)
-    state = instance.save()
+    state, there = instance.save(), instance.get(*OUTPUTS)
     once = run(instance, 7, 20)
     assert instance.set(length=3.0, length_dot=-1.0, friction=0.7) == OK  # another past, which has to be forgotten
     assert instance.step(2.0, 0.37) == OK
     for _ in range(2):
         assert instance.restore(state) == OK
+        np.testing.assert_array_equal(instance.get(*OUTPUTS), there)
         assert run(instance, 7, 20) == once
     instance.drop(state)
 
