@@ -69,9 +69,9 @@ def test_functions_of_the_result_and_settings_in_common(pendulum) -> None:
 
 
 @pytest.mark.parametrize("coupling", [None, "jacobi"])
-def test_a_system(swing, coupling) -> None:
+def test_a_system(swing, coupling, where) -> None:
     cases = {"motor.amplitude": [0.0, 0.1, 0.2], "bob.theta_0": [0.5, 0.6, 0.7]}
-    table = sweep(swing, cases, ["bob.theta", "motor.y:max"], coupling=coupling, **SPAN)
+    table = sweep(swing, cases, ["bob.theta", "motor.y:max"], coupling=coupling, **where, **SPAN)
     for number in range(3):
         alone, amplitude = System("alone"), cases["motor.amplitude"][number]
         moved = {"offset": 1.0, "angular_frequency": 6.0, "amplitude": amplitude}

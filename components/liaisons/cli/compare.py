@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from liaisons.cli._command import Number, command, option
-
-if TYPE_CHECKING:
-    from liaisons.results import Result
 
 
 def _tolerance(text: str) -> float:
@@ -39,13 +36,9 @@ def compare(
     Exit status 1 when they differ by more than a tolerance.
     """
     from liaisons.check import compare
-
-    comparison = compare(_read(first), _read(second))
-    print(comparison)
-    return 0 if tolerance is None or comparison.relative <= tolerance else 1
-
-
-def _read(path: Path) -> Result:
     from liaisons.results import Result
 
-    return (Result.from_parquet if path.suffix == ".parquet" else Result.from_csv)(path)
+    readers = {".parquet": Result.from_parquet}
+    comparison = compare(*(readers.get(path.suffix, Result.from_csv)(path) for path in (first, second)))
+    print(comparison)
+    return 0 if tolerance is None or comparison.relative <= tolerance else 1

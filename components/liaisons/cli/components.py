@@ -79,7 +79,8 @@ def build(
 ) -> int:
     """Build FMUs."""
     # All are found before the first is built: a misspelt name must not cost a compilation.
-    named = [(target, component) for target in _targets(targets) for component in find(target)]
+    chosen = targets or declared_components()
+    named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     folder = output or fmus_directory()
     for _, component in named:
         claim(component, folder)
@@ -123,12 +124,6 @@ def _on_all_cores(function: Callable[[S], T], tasks: list[S]) -> Iterator[T]:
 def _begin(parent: int) -> None:
     die_with_parent(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends them
-
-
-def _targets(named: list[str] | None) -> list[str]:
-    """What to build: what is named, else what the project declares, else the whole catalogue."""
-    declared = None if named else declared_components()
-    return named or (list(catalogue()) if declared is None else declared)
 
 
 def _row(component: type[Component]) -> dict[str, str]:

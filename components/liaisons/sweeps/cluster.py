@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from threading import get_ident
 from typing import Any, final
@@ -55,22 +54,11 @@ def simulate(
     remaining = list(cases)
     size = max(1, min(256, len(remaining) // (8 * max(1, sum(client.nthreads().values())))))
     try:
-        _Sweep(client, (shipment, time_limit), deliver).run(_chunks(remaining, size))
+        chunks = [remaining[i : i + size] for i in range(0, len(remaining), size)]
+        _Sweep(client, (shipment, time_limit), deliver).run(chunks)
     finally:
         with suppress(Exception):  # a cluster that is gone has ended them by itself
             client.run(_end, key)
-
-
-@final
-@dataclass(frozen=True)
-class _Chunk:
-    """Cases that are done together.
-
-    :param where: the only workers that may do it; all may if empty.
-    """
-
-    cases: list[int]
-    where: frozenset[str] = frozenset()
 
 
 @final
@@ -84,7 +72,7 @@ class _Sweep:
         from distributed import as_completed
 
         self._client, self._task, self._deliver = client, task, deliver
-        self._chunks: dict[Any, _Chunk] = {}  # by their futures
+        self._chunks: dict[Any, tuple[list[int], set[str]]] = {}  # future -> cases, and who may do them; all, if empty
         self._unable: set[str] = set()
         self._finished = as_completed(loop=client.loop)  # its own choice of a loop is that of the default client
 
@@ -99,7 +87,7 @@ class _Sweep:
                     continue
                 future = next(self._finished)
                 if future in self._chunks:
-                    self._take(future, self._chunks.pop(future).cases)
+                    self._take(future, self._chunks.pop(future)[0])
         finally:
             self._client.cancel(list(self._chunks))
 
@@ -127,16 +115,16 @@ class _Sweep:
     def _rescue(self) -> None:
         """What waits for workers that are gone is for those that are there."""
         here = set(self._client.nthreads())
-        lost = {future: chunk for future, chunk in self._chunks.items() if chunk.where and not chunk.where & here}
-        for future, chunk in lost.items():
+        lost = {future: cases for future, (cases, where) in self._chunks.items() if where and not where & here}
+        for future, cases in lost.items():
             del self._chunks[future]
             future.cancel()
-            self._submit(chunk.cases)
+            self._submit(cases)
 
     def _submit(self, cases: list[int]) -> None:
-        where = frozenset(self._able() if self._unable else [])
+        where = set(self._able() if self._unable else [])
         future = self._client.submit(_simulate, self._task, cases, pure=False, workers=sorted(where) or None)
-        self._chunks[future] = _Chunk(cases, where)
+        self._chunks[future] = cases, where
         self._finished.add(future)
 
     def _able(self) -> list[str]:
@@ -171,12 +159,6 @@ def connected(client: Client | str) -> Iterator[Client]:
         yield opened
 
 
-def _chunks(cases: Sequence[int], size: int) -> Iterator[list[int]]:
-    rest = iter(cases)
-    while chunk := list(islice(rest, size)):
-        yield chunk
-
-
 def _simulate(
     task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
 ) -> dict[int, Outcome] | _Unable:
@@ -207,7 +189,7 @@ def _begin(key: str, study: Study, files: Mapping[Path, bytes], time_limit: floa
             here[path].write_bytes(content)
         moved = study.moved(here)
         pool = Pool(dumps((moved, extracted(moved.fmus(), folder), str(folder))), folder, 1, time_limit)
-        stack.callback(pool.close)
+        stack.callback(pool.close, 0.0)  # the worker's own loop waits for it
         _mine[key, get_ident()] = pool, stack.pop_all()
 
 

@@ -27,7 +27,6 @@ from liaisons.sweeps.journal import Journal
 from liaisons.sweeps.kept import Measure, measures, split
 from liaisons.sweeps.outcome import Failure, Outcome
 from liaisons.sweeps.study import Study
-from liaisons.sweeps.workers import Deliver
 from liaisons.sweeps.workers import simulate as simulate_here
 
 
@@ -115,19 +114,12 @@ def sweep(
                     written.add(found)
                 show(len(outcomes))
 
-            if todo:
-                _simulate(study, todo, deliver, workers=workers, client=client, time_limit=time_limit)
+            if todo and client is None:
+                simulate_here(study, todo, workers or os.cpu_count() or 1, deliver, time_limit=time_limit)
+            elif todo:
+                with cluster.connected(client) as opened:
+                    cluster.simulate(study, todo, opened, deliver, time_limit=time_limit)
     return _result(study, outcomes)
-
-
-def _simulate(
-    study: Study, todo: list[int], deliver: Deliver, *, workers: int | None, client: Any, time_limit: float | None
-) -> None:
-    if client is None:
-        simulate_here(study, todo, workers or os.cpu_count() or 1, deliver, time_limit=time_limit)
-        return
-    with cluster.connected(client) as opened:
-        cluster.simulate(study, todo, opened, deliver, time_limit=time_limit)
 
 
 def _check_settings(

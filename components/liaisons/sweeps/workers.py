@@ -158,8 +158,8 @@ class Pool:
                         worker.since(),
                     )
 
-    def close(self) -> None:
-        """End the processes, whatever they do, for good."""
+    def close(self, patience: float = _PATIENCE) -> None:
+        """End the processes, whatever they do, for good; those that do nothing are given time to release FMUs [s]."""
         self._closed = True
         for worker in self._workers:
             if worker.cases:
@@ -167,7 +167,7 @@ class Pool:
             else:
                 worker.give([])
         for worker in self._workers:
-            worker.end(_PATIENCE)
+            worker.end(patience)
 
     def _started(self) -> _Worker:
         """A new process, at work before the next one is made."""
