@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -15,9 +16,9 @@ from PIL import Image
 from liaisons import Result, operator, simulate
 from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
-from liaisons.pictures import Picture
+from liaisons.pictures import Picture, motion_frames
 from liaisons.pictures.camera import facing
-from liaisons.pictures.frames import frames
+from liaisons.pictures.frames import RATE, frames
 
 from .conftest import MECHANISMS
 
@@ -148,3 +149,63 @@ def test_the_camera_faces_the_plane(plane: str | None) -> None:
     if plane is not None:
         right, up = (np.eye(3)["xyz".index(axis)] for axis in plane)
         assert axes[:2] == pytest.approx(np.array([right, up]), abs=1e-12)
+
+
+# ---- what OMEdit makes of both files, by the formulas of its Animation/Visualization.cpp -----------------------------
+
+
+def omedit(folder: Path) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """Type of each shape, and its attributes at all times, (n, k)."""
+    table = np.genfromtxt(folder / "motion_res.csv", delimiter=",", names=True, deletechars="")
+    root = ElementTree.parse(folder / "motion_visual.xml").getroot()
+
+    def column(given: ElementTree.Element) -> np.ndarray:
+        assert given.text is not None
+        return table[given.text] if given.tag == "cref" else np.full(len(table), float(given.text))
+
+    texts = ("ident", "type")
+    return [
+        (
+            shape.findtext("type", ""),
+            {a.tag: np.stack([column(x) for x in a], axis=1) for a in shape if a.tag not in texts},
+        )
+        for shape in root.iter("shape")
+    ]
+
+
+@pytest.mark.parametrize("name", ["Oscillator", "PlanarCat", "Satellite", "Swing"])
+def test_omedit_reads_the_places_of_all_shapes(name: str, moved: Callable[[str], Result], tmp_path: Path) -> None:
+    result = moved(name)
+    result.animate(tmp_path / "motion_visual.xml", speed=1.5)
+    assert result.scene is not None
+    signals = dict(zip(result.names, result.values, strict=True))
+    seen = motion_frames(result.scene, result.time, signals, 1.5 / RATE)
+    expected = []
+    for shape in seen.shapes:
+        places = shape.points[..., [0, 2, 1]] * (1, 1, -1)  # y is up
+        if shape.kind == "box":
+            assert shape.axes is not None
+            assert shape.size is not None
+            first = shape.axes[:, 0, [0, 2, 1]] * (1, 1, -1) * shape.size[:, :1] / 2
+            expected.append(("box", places[:, 0] - first, places[:, 0] + first))
+        elif shape.kind == "ball":
+            expected.append(("sphere", places[:, 0], places[:, 0]))
+        elif shape.kind == "wire":
+            ends = np.concatenate([places, places[:, :1]], axis=1) if shape.closed else places
+            expected += [("cylinder", ends[:, i], ends[:, i + 1]) for i in range(ends.shape[1] - 1)]
+        elif shape.kind != "trail":
+            expected.append(({"rod": "cylinder"}.get(shape.kind, shape.kind), places[:, 0], places[:, 1]))
+    found = omedit(tmp_path)
+    assert len(found) == len(expected)
+    for (kind, given), (wanted, start, end) in zip(found, expected, strict=True):
+        assert kind == wanted
+        direction = given["lengthDir"] / np.linalg.norm(given["lengthDir"], axis=1, keepdims=True)
+        turn = given["T"].reshape(-1, 3, 3)
+        begin = given["r"] + np.einsum("nij,ni->nj", turn, given["r_shape"])  # V3mulMat3
+        along = np.einsum("nij,ni->nj", turn, direction * given["length"])
+        if kind == "sphere":
+            begin, along = begin + along / 2, 0 * along
+        assert begin == pytest.approx(start, abs=1e-7)
+        assert begin + along == pytest.approx(end, abs=1e-7)
+        assert given["color"].shape[1] == 3
+        assert given["specCoeff"].shape[1] == given["extra"].shape[1] == given["width"].shape[1] == 1

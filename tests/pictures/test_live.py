@@ -21,6 +21,7 @@ from . import _browser as tools
 
 SECONDS = 10.0
 AGREEMENT = 1e-12  # no component needs more: none has lost its digits to chaos after 10 s
+SCREENSHOTS = Path(__file__).parents[2] / "docs" / "_build" / "screenshots"  # kept for the documentation
 HEIGHT = 0.1  # by which an operator moves each coordinate, in its unit
 SIZE = 150_000  # bytes
 FAST = ["Pendulum", "Satellite"]
@@ -68,10 +69,11 @@ def test_every_page_runs_as_the_native_fmu(
         plan = live.plan
         count = round(SECONDS / plan["step_size"])
         for members in plan["components"][0]["free"]:
-            tools.preset(live, members[0], "SmoothStep", height=HEIGHT)
+            tools.preset(live, members[0], "SmoothStep", height=HEIGHT, duration=2.0)
         reached = live.run(count)
         assert live.page.evaluate("window.page.machine.time") == pytest.approx(SECONDS, abs=0.05)
         assert live.complaints == []
+        live.page.screenshot(path=SCREENSHOTS / f"{name}.png")
     expected, scales = tools.native(fmu(catalogue()[name]), plan, count, lambda s, t: tools.smooth_step(s, t, HEIGHT))
     assert tools.difference(reached, expected, scales) <= AGREEMENT
     assert page_of(name).stat().st_size <= SIZE
@@ -82,7 +84,7 @@ def test_the_comparison_sees_a_ten_millionth(
     browser: Any, fmu: Callable[..., Path], page_of: Callable[[str], Path]
 ) -> None:
     with tools.opened(browser, page_of("Pendulum")) as live:
-        tools.preset(live, "length", "SmoothStep", height=HEIGHT * (1 + 1e-7))
+        tools.preset(live, "length", "SmoothStep", height=HEIGHT * (1 + 1e-7), duration=2.0)
         reached = live.run(600)
         expected, scales = tools.native(
             fmu(catalogue()["Pendulum"]), live.plan, 600, lambda s, t: tools.smooth_step(s, t, HEIGHT)
@@ -210,6 +212,45 @@ def test_the_view_is_dragged_and_zoomed_also_in_the_dark(browser: Any, page_of: 
         assert pixels(live) != drawn
         live.page.mouse.dblclick(300, 300)
         assert live.page.evaluate(view) == before
+
+
+@in_a_browser
+def test_presets_suit_what_they_move(browser: Any, page_of: Callable[[str], Path]) -> None:
+    """Pumped twice a period a pendulum swings ever higher; shaken fast enough it stands upright on its pivot."""
+    with tools.opened(browser, page_of("Pendulum")) as live:
+        words = live.page.locator('[data-preset="length"] option').all_text_contents()
+        assert words == [
+            "by hand",
+            "pump it (Sinusoid)",
+            "lengthen it evenly (Ramp)",
+            "lengthen it smoothly (SmoothStep)",
+        ]
+        steps = round(8 / live.plan["step_size"])
+        tools.preset(live, "length", "Sinusoid")
+        assert live.run(steps)["work"] > 0.1
+        tools.preset(live, "length", "by hand")
+        live.page.locator('[data-number="theta_0"]').fill("3")
+        live.page.locator('[data-number="theta_0"]').dispatch_event("change")
+        tools.preset(live, "pivot_z", "Sinusoid")
+        for _ in range(8):
+            assert abs(live.run(steps // 8)["theta"] - 3.14) < 0.5
+        assert live.complaints == []
+    with tools.opened(browser, page_of("CircularHoop")) as live:
+        tools.preset(live, "beta", "SmoothStep")
+        assert live.run(round(4.1 / live.plan["step_size"]))["beta"] == pytest.approx(6.28319, abs=1e-4)
+
+
+@in_a_browser
+def test_two_fingers_zoom(browser: Any, page_of: Callable[[str], Path]) -> None:
+    phone = {"viewport": {"width": 390, "height": 800}, "has_touch": True, "is_mobile": True}
+    with tools.opened(browser, page_of("Satellite"), **phone) as live:
+        touch = live.page.context.new_cdp_session(live.page)
+        for kind, places in (("touchStart", (150, 250)), ("touchMove", (100, 300)), ("touchEnd", ())):
+            points = [{"x": x, "y": 300, "id": i} for i, x in enumerate(places)]
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        tools.wait_until(lambda: live.page.evaluate("window.page.view.zoom") != 1, live.page)
+        assert live.page.evaluate("window.page.view.zoom") == pytest.approx(2)
+        assert live.page.evaluate("visualViewport.scale") == 1  # the page itself is not zoomed
 
 
 @in_a_browser

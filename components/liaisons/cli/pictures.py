@@ -25,7 +25,13 @@ def animate(
     fmu: Annotated[str, subject(f"{_WHAT}|RESULT.csv", "a file, a component, or a result with --fmu")],
     *,
     output: Annotated[
-        Path, option("FILE", "ends in .gif, .png (a strip of instants), .mp4, .glb or .html", "--output", "-o")
+        Path,
+        option(
+            "FILE",
+            "ends in .gif, .png (a strip of instants), .mp4, .glb, .html or _visual.xml (OMEdit)",
+            "--output",
+            "-o",
+        ),
     ],
     starts: Starts,
     start: Start = None,

@@ -14,7 +14,7 @@ from liaisons.files import replacing
 from liaisons.live.page import live_page
 from liaisons.results.notebook import framed
 
-_HEIGHT = 900
+_HEIGHT = 1040
 """Of a page in a notebook [px]."""
 
 

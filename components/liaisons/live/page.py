@@ -103,15 +103,13 @@ def _component(
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
     mode = _INTERPOLATE if part.reconstruction is not None and not fed else part.reconstruction
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
+    kept = {*hidden, *part.starts, *(name for name, *_ in free)}  # beside what is read or has a slider
+    listed = [_variable(v, part, read=name in read, hidden=name in hidden) for name, v in variables.items()]
     return {
         "prefix": prefix,
         "module": paths.index(part.fmu.path),
         "guid": part.fmu.guid,
-        "variables": [
-            _variable(v, part, read=name in read, hidden=name in hidden)
-            for name, v in variables.items()
-            if name in read or v.start is not None
-        ],
+        "variables": [v for v in listed if v.get("read") or v.get("set") or v["name"] in kept],
         "free": free,
         "settings": {} if mode is None else {str(reference): mode},
         "reconstruction": mode or 0,

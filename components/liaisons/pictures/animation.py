@@ -1,4 +1,4 @@
-"""A motion as a file: gif, png (a strip of instants), mp4, glb, html."""
+"""A motion as a file: gif, png (a strip of instants), mp4, glb, html, or for OpenModelica's editor."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from liaisons.pictures.declared import Picture
 from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.gltf import glb
 from liaisons.pictures.inline import page
+from liaisons.pictures.openmodelica import visual
 from liaisons.pictures.stage import Stage
 from liaisons.progress import progress_bar
 
@@ -27,7 +28,8 @@ LONGEST = 20.0
 _MANY = 100  # frames: from here on their progress is shown
 
 _DRAWN = (".gif", ".png", ".mp4")
-_KINDS = (*_DRAWN, ".glb", ".html")
+_VISUAL = "_visual.xml"
+_KINDS = (*_DRAWN, ".glb", ".html", _VISUAL)
 
 _BYTES = 6  # of a number in a page: four in base64, rounded up
 
@@ -68,7 +70,7 @@ def animate(
     :returns: the speed.
     :raises SimulationError: for another ending, a ghost that is not drawn, a missing extra, or nothing to draw.
     """
-    kind = path.suffix.lower()
+    kind = _VISUAL if path.name.endswith(_VISUAL) else path.suffix.lower()
     if kind not in _KINDS:
         raise SimulationError(f"{path}: no animation ends so; choose one of {', '.join(_KINDS)}")
     if against is not None and kind not in _DRAWN:
@@ -91,6 +93,11 @@ def animate(
     with replacing(path) as whole, progress_bar(many, "frame {:g} of {:g}", 0, len(at)) as show:
         if kind == ".glb":
             whole.write_bytes(glb(shown, title))
+        elif kind == _VISUAL:
+            table = path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")
+            with replacing(table) as beside:
+                for file, content in zip((whole, beside), visual(shown), strict=True):
+                    file.write_bytes(content)
         elif kind == ".html":
             whole.write_bytes(_recorded(scene.picture, shown, title=title, speed=speed, rate=RATE))
         else:

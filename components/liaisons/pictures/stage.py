@@ -84,14 +84,14 @@ class Stage:
             elif shape.kind == "wire":
                 yield from _lines(seen[-1], WIRE * self.extent, colour, closed=shape.closed)
             elif shape.kind == "spring":
-                coils = self._coils(shape)
+                coils = self.coils(shape)
                 zigzag = _zigzag(seen[-1, 0], seen[-1, 1], SPRING * self.extent, coils)
                 yield from _lines(zigzag, WIRE * self.extent, colour)
             else:
                 yield from _fading(seen[:, 0], WIRE / 2 * self.extent, colour)
 
-    def _coils(self, spring: Moving) -> int:
-        """A short spring of a chain has fewer."""
+    def coils(self, spring: Moving) -> int:
+        """How many a spring has; a short one of a chain has fewer."""
         length = float(np.linalg.norm(spring.points[0, 1] - spring.points[0, 0]))
         return min(max(round(30 * length / self.extent), _COILS[0]), _COILS[1])
 

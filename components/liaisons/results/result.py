@@ -354,7 +354,8 @@ class Result:
         """Write the motion as a film or a page.
 
         :param path: ends in ``.gif``, ``.png`` (a strip of instants), ``.mp4`` (needs the extra ``film``), ``.glb``
-            (glTF, for Blender, slides and model viewers) or ``.html`` (one file, to be dragged and zoomed).
+            (glTF, for Blender, slides and model viewers), ``.html`` (one file, to be dragged and zoomed) or
+            ``NAME_visual.xml`` (for OMEdit, which opens the table ``NAME_res.csv`` that is written beside it).
         :param speed: seconds of motion a second; real time unless that takes longer than 20 s.
         :param against: signals that a ghost of the mechanism follows, e.g. ``Pendulum.exact(result.time)``; drawn in
             gif, png and mp4 only.

@@ -4,7 +4,7 @@ import { compile } from "./fmu.js";
 import { Machine } from "./machine.js";
 import { palette, shapesOf, View } from "./picture.js";
 import { colourOf, MOST, plot, short } from "./plot.js";
-import { Hand, Operator, operators } from "./sources.js";
+import { Hand, Operator, presets } from "./sources.js";
 
 const BUDGET = 4; // ms of stepping a frame
 const KEPT = 900; // frames in the plot
@@ -188,7 +188,7 @@ class Page {
       for (const variable of part.variables) {
         const name = part.prefix + variable.name;
         if (part.free.some(([first]) => first === variable.name)) {
-          $("sigma").append(this.#slider(name, variable, (value) => this.#move(part, variable.name, value)), this.#preset(part, variable.name));
+          $("sigma").append(this.#slider(name, variable, (value) => this.#move(part, variable.name, value)), this.#preset(part, variable));
         } else if (variable.start !== undefined && variable.set && !prescribed.has(variable.name)) {
           $(variable.initial ? "starts" : "parameters").append(this.#slider(name, variable, (value) => this.#set(part, variable, value)));
         }
@@ -208,15 +208,16 @@ class Page {
     return make("label", { title: variable.description ?? "", className: "row" }, make("span", { textContent: name }), slider, number, make("span", { className: "unit", textContent: variable.unit ?? "" }));
   }
 
-  #preset(part, name) {
+  #preset(part, variable) {
+    const { name } = variable, offered = presets(variable, part.starts);
     const fields = make("span", { className: "fields" });
-    const choice = make("select", { data: { preset: part.prefix + name } }, ...["by hand", ...Object.keys(operators)].map((text) => make("option", { textContent: text })));
+    const choice = make("select", { data: { preset: part.prefix + name } }, make("option", { textContent: "by hand" }), ...Object.entries(offered).map(([value, [words]]) => make("option", { value, textContent: `${words} (${value})` })));
     choice.setAttribute("aria-label", `what moves ${name}`);
     choice.onchange = () => {
       const chosen = choice.value, value = this.#hold(part, name);
       if (chosen === "by hand") return;
       choice.value = chosen;
-      const source = new Operator(chosen, value, this.machine.time);
+      const source = new Operator(chosen, value, this.machine.time, { ...offered[chosen][1] });
       part.sources.set(name, source);
       fields.replaceChildren(...Object.entries(source.parameters).map(([key, start]) => {
         const field = make("input", { type: "number", step: "any", value: start, title: key });
