@@ -40,7 +40,7 @@ from liaisons.library import catalogue
 from liaisons.mechanics import assemble
 
 AGREEMENT = 1e-12  # of everything that can be read, in parts of the greatest number that it was, or of 1
-FAST = ["Pendulum", "SpatialCat", "OscillatorChain"]
+FAST = ["Pendulum", "OscillatorChain"]
 STEP, STEPS = 0.05, 60
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
