@@ -1,9 +1,9 @@
-/* The face that WebAssembly components show: fmi-ls-wasm's interfaces (world.wit) upon the functions of FMI 3.0.
+/* The face that WebAssembly components show: the interfaces of fmi-ls-wasm (wit/) upon the functions of FMI 3.0.
  *
- * Values come and go as the component model's canonical ABI lays them out for wasm32, which is how C does it: a list or a
- * string is a pointer and a length; what is more than one number is returned by a pointer to it.  What a host passes in
- * lists lies in blocks that it takes from cabi_realloc before the call; they are ours, until the call returns.  What is
- * returned stays until the next call. */
+ * Values come and go as the component model's canonical ABI lays them out, which is how C does it for wasm32: a list or
+ * a string is a pointer and a length; what is more than one number is returned by a pointer to it.  Lists of a host lie
+ * in blocks that it takes from cabi_realloc before the call; they are ours until the call returns.  What is returned
+ * stays until the next call. */
 #pragma clang diagnostic ignored "-Wunused-parameter" /* functions have what the interfaces say */
 #include <stdint.h>
 #include <stdlib.h>
@@ -96,13 +96,13 @@ typedef struct {
     uint32_t reference, order;
 } Derivative;
 
-#define RESULT(Type, Value)  \
-    typedef struct {         \
-        bool failed;         \
-        union {              \
-            uint8_t status;  \
-            Value value;     \
-        } as;                \
+#define RESULT(Type, Value) \
+    typedef struct {        \
+        bool failed;        \
+        union {             \
+            uint8_t status; \
+            Value value;    \
+        } as;               \
     } Type
 
 RESULT(Items, List);
@@ -112,15 +112,17 @@ RESULT(CompletedStep, Completed);
 RESULT(DiscreteStates, Discrete);
 
 /* A result by its status and, unless that is a failure, its value. */
-#define RETURN(Type, status_now, ...)                              \
-    static Type result;                                            \
-    const fmi3Status status = status_now;                          \
-    result.failed = status > fmi3Warning;                          \
-    if (result.failed) result.as.status = (uint8_t)status;         \
-    else result.as.value = __VA_ARGS__;                            \
+#define RETURN(Type, status_now, ...)                      \
+    static Type result;                                    \
+    const fmi3Status status = status_now;                  \
+    result.failed = status > fmi3Warning;                  \
+    if (result.failed) result.as.status = (uint8_t)status; \
+    else result.as.value = __VA_ARGS__;                    \
     return &result
 
 static const Items *items(fmi3Status found, const void *values, size_t n) { RETURN(Items, found, (List){values, n}); }
+
+static const Number *number(fmi3Status found, const size_t *n) { RETURN(Number, found, *n); }
 
 static const char *text(const char *letters, size_t n) {
     char *copy = take(n + 1);
@@ -131,12 +133,13 @@ static const char *text(const char *letters, size_t n) {
 
 /* How many numbers the variables of type Float64 with these references have. */
 static size_t count_numbers(const uint32_t references[], size_t n) {
-    size_t count = 0;
+    uint64_t count = 0;
     for (size_t i = 0; i < n; i++) {
         const size_t row = references[i] - first_reference(&model);
         count += row < model.variable_rows ? model.variables[row].count : 1;
     }
-    return count;
+    if (count > SIZE_MAX / sizeof(double)) __builtin_trap(); /* nobody has as much memory */
+    return (size_t)count;
 }
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
@@ -210,13 +213,14 @@ EXPORT(INTERFACE("model-exchange") "#[dtor]model-exchange-instance") void drop_e
     drop_simulation(self);
 }
 
+static size_t size; /* to be returned */
+
 /* ---- what methods do --------------------------------------------------------------------------------------- */
 
 /* How C sees functions that are alike in WebAssembly. */
 typedef fmi3Status Get(fmi3Instance, const uint32_t references[], size_t n, void *values, size_t count);
 typedef fmi3Status Set(fmi3Instance, const uint32_t references[], size_t n, const void *values, size_t count);
 typedef fmi3Status GetVector(fmi3Instance, double values[], size_t n);
-typedef fmi3Status Count(fmi3Instance, size_t *n);
 typedef fmi3GetDirectionalDerivativeTYPE Derive;
 
 static fmi3Status set_logging(Self *self, int on, const List categories[], size_t n) {
@@ -236,11 +240,6 @@ static const Items *get(Get *function, Self *self, const uint32_t references[], 
     const size_t count = function == (Get *)fmi3GetFloat64 ? count_numbers(references, n) : n;
     void *values = room(count * sizeof(double));
     return items(function(self->fmu, references, n, values, count), values, count);
-}
-
-static const Number *count_dependencies(Self *self, uint32_t reference) {
-    size_t n = 0;
-    RETURN(Number, fmi3GetNumberOfVariableDependencies(self->fmu, reference, &n), n);
 }
 
 static const Items *save(Self *self) {
@@ -295,11 +294,6 @@ static const CompletedStep *complete_step(Self *self, int no_way_back) {
     RETURN(CompletedStep, fmi3CompletedIntegratorStep(self->fmu, no_way_back, &c.enter_event_mode, &c.terminate), c);
 }
 
-static const Number *count(Count *function, Self *self) {
-    size_t n = 0;
-    RETURN(Number, function(self->fmu, &n), n);
-}
-
 /* A vector as long as there are states, or of event indicators, of which there are none. */
 static const Items *get_vector(GetVector *function, Self *self, size_t n) {
     double *values = room(n * sizeof *values);
@@ -311,7 +305,7 @@ static const Items *get_vector(GetVector *function, Self *self, size_t n) {
 #define NOTHING (Self *self)
 #define LISTED (Self *self, const uint32_t r[], size_t n)
 #define LISTS (Self *self, const uint32_t r[], size_t n, const void *v, size_t count)
-#define DERIVATIVE                                                                                            \
+#define DERIVATIVE \
     (Self *self, const uint32_t u[], size_t n_u, const uint32_t k[], size_t n_k, const double s[], size_t n_s)
 
 #define ACT(M, Name, label) M(fmi3Status, Name, label, NOTHING, fmi3##Name(self->fmu))
@@ -319,94 +313,94 @@ static const Items *get_vector(GetVector *function, Self *self, size_t n) {
     M(const Items *, Get##Name, "get-" label, LISTED, get((Get *)fmi3Get##Name, self, r, n)) \
     M(fmi3Status, Set##Name, "set-" label, LISTS, ((Set *)fmi3Set##Name)(self->fmu, r, n, v, count))
 
-#define METHODS(M)                                                                                                  \
-    M(fmi3Status, SetDebugLogging, "set-debug-logging", (Self *self, int on, const List c[], size_t n),             \
-      set_logging(self, on, c, n))                                                                                  \
-    M(fmi3Status, EnterInitializationMode, "enter-initialization-mode",                                             \
-      (Self *self, int has_tolerance, double tolerance, double start, int has_stop, double stop),                   \
-      fmi3EnterInitializationMode(self->fmu, has_tolerance, tolerance, start, has_stop, stop))                      \
-    ACT(M, ExitInitializationMode, "exit-initialization-mode")                                                      \
-    ACT(M, EnterEventMode, "enter-event-mode")                                                                      \
-    M(const DiscreteStates *, UpdateDiscreteStates, "update-discrete-states", NOTHING, update(self))                \
-    ACT(M, Terminate, "terminate")                                                                                  \
-    ACT(M, Reset, "reset")                                                                                          \
-    ACT(M, EnterConfigurationMode, "enter-configuration-mode")                                                      \
-    ACT(M, ExitConfigurationMode, "exit-configuration-mode")                                                        \
-    TYPE(M, Float32, "float32")                                                                                     \
-    TYPE(M, Float64, "float64")                                                                                     \
-    TYPE(M, Int8, "int8")                                                                                           \
-    TYPE(M, Int16, "int16")                                                                                         \
-    TYPE(M, Int32, "int32")                                                                                         \
-    TYPE(M, Int64, "int64")                                                                                         \
-    TYPE(M, UInt8, "uint8")                                                                                         \
-    TYPE(M, UInt16, "uint16")                                                                                       \
-    TYPE(M, UInt32, "uint32")                                                                                       \
-    TYPE(M, UInt64, "uint64")                                                                                       \
-    TYPE(M, Boolean, "boolean")                                                                                     \
-    TYPE(M, String, "string")                                                                                       \
-    M(const Items *, GetBinary, "get-binary", LISTED, NONE(fmi3GetBinary(self->fmu, r, n, NULL, NULL, n)))          \
-    M(fmi3Status, SetBinary, "set-binary", LISTS, fmi3SetBinary(self->fmu, r, n, NULL, v, count))                   \
-    M(const Items *, GetClock, "get-clock", LISTED, NONE(fmi3GetClock(self->fmu, r, n, NULL)))                      \
-    M(fmi3Status, SetClock, "set-clock", LISTS, fmi3SetClock(self->fmu, r, n, v))                                   \
-    M(const Number *, GetNumberOfVariableDependencies, "get-number-of-variable-dependencies",                       \
-      (Self *self, uint32_t r), count_dependencies(self, r))                                                        \
-    M(const Items *, GetVariableDependencies, "get-variable-dependencies", (Self *self, uint32_t r),                \
-      NONE(fmi3GetVariableDependencies(self->fmu, r, NULL, NULL, NULL, NULL, 0)))                                   \
-    M(const Items *, GetFMUState, "get-fmu-state", NOTHING, save(self))                                             \
-    M(fmi3Status, SetFMUState, "set-fmu-state", (Self *self, const uint8_t b[], size_t n), restore(self, b, n))     \
-    M(const Items *, GetDirectionalDerivative, "get-directional-derivative", DERIVATIVE,                            \
-      derive(fmi3GetDirectionalDerivative, count_numbers(u, n_u), self, u, n_u, k, n_k, s, n_s))                    \
-    M(const Items *, GetAdjointDerivative, "get-adjoint-derivative", DERIVATIVE,                                    \
-      derive(fmi3GetAdjointDerivative, count_numbers(k, n_k), self, u, n_u, k, n_k, s, n_s))                        \
-    M(const Items *, GetIntervalDecimal, "get-interval-decimal", LISTED,                                            \
-      NONE(fmi3GetIntervalDecimal(self->fmu, r, n, NULL, NULL)))                                                    \
-    M(const Items *, GetIntervalFraction, "get-interval-fraction", LISTED,                                          \
-      NONE(fmi3GetIntervalFraction(self->fmu, r, n, NULL, NULL, NULL)))                                             \
+#define METHODS(M)                                                                                                   \
+    M(fmi3Status, SetDebugLogging, "set-debug-logging", (Self *self, int on, const List c[], size_t n),              \
+      set_logging(self, on, c, n))                                                                                   \
+    M(fmi3Status, EnterInitializationMode, "enter-initialization-mode",                                              \
+      (Self *self, int has_tolerance, double tolerance, double start, int has_stop, double stop),                    \
+      fmi3EnterInitializationMode(self->fmu, has_tolerance, tolerance, start, has_stop, stop))                       \
+    ACT(M, ExitInitializationMode, "exit-initialization-mode")                                                       \
+    ACT(M, EnterEventMode, "enter-event-mode")                                                                       \
+    M(const DiscreteStates *, UpdateDiscreteStates, "update-discrete-states", NOTHING, update(self))                 \
+    ACT(M, Terminate, "terminate")                                                                                   \
+    ACT(M, Reset, "reset")                                                                                           \
+    ACT(M, EnterConfigurationMode, "enter-configuration-mode")                                                       \
+    ACT(M, ExitConfigurationMode, "exit-configuration-mode")                                                         \
+    TYPE(M, Float32, "float32")                                                                                      \
+    TYPE(M, Float64, "float64")                                                                                      \
+    TYPE(M, Int8, "int8")                                                                                            \
+    TYPE(M, Int16, "int16")                                                                                          \
+    TYPE(M, Int32, "int32")                                                                                          \
+    TYPE(M, Int64, "int64")                                                                                          \
+    TYPE(M, UInt8, "uint8")                                                                                          \
+    TYPE(M, UInt16, "uint16")                                                                                        \
+    TYPE(M, UInt32, "uint32")                                                                                        \
+    TYPE(M, UInt64, "uint64")                                                                                        \
+    TYPE(M, Boolean, "boolean")                                                                                      \
+    TYPE(M, String, "string")                                                                                        \
+    M(const Items *, GetBinary, "get-binary", LISTED, NONE(fmi3GetBinary(self->fmu, r, n, NULL, NULL, n)))           \
+    M(fmi3Status, SetBinary, "set-binary", LISTS, fmi3SetBinary(self->fmu, r, n, NULL, v, count))                    \
+    M(const Items *, GetClock, "get-clock", LISTED, NONE(fmi3GetClock(self->fmu, r, n, NULL)))                       \
+    M(fmi3Status, SetClock, "set-clock", LISTS, fmi3SetClock(self->fmu, r, n, v))                                    \
+    M(const Number *, GetNumberOfVariableDependencies, "get-number-of-variable-dependencies",                        \
+      (Self *self, uint32_t r), number(fmi3GetNumberOfVariableDependencies(self->fmu, r, &size), &size))             \
+    M(const Items *, GetVariableDependencies, "get-variable-dependencies", (Self *self, uint32_t r),                 \
+      NONE(fmi3GetVariableDependencies(self->fmu, r, NULL, NULL, NULL, NULL, 0)))                                    \
+    M(const Items *, GetFMUState, "get-fmu-state", NOTHING, save(self))                                              \
+    M(fmi3Status, SetFMUState, "set-fmu-state", (Self *self, const uint8_t b[], size_t n), restore(self, b, n))      \
+    M(const Items *, GetDirectionalDerivative, "get-directional-derivative", DERIVATIVE,                             \
+      derive(fmi3GetDirectionalDerivative, count_numbers(u, n_u), self, u, n_u, k, n_k, s, n_s))                     \
+    M(const Items *, GetAdjointDerivative, "get-adjoint-derivative", DERIVATIVE,                                     \
+      derive(fmi3GetAdjointDerivative, count_numbers(k, n_k), self, u, n_u, k, n_k, s, n_s))                         \
+    M(const Items *, GetIntervalDecimal, "get-interval-decimal", LISTED,                                             \
+      NONE(fmi3GetIntervalDecimal(self->fmu, r, n, NULL, NULL)))                                                     \
+    M(const Items *, GetIntervalFraction, "get-interval-fraction", LISTED,                                           \
+      NONE(fmi3GetIntervalFraction(self->fmu, r, n, NULL, NULL, NULL)))                                              \
     M(const Items *, GetShiftDecimal, "get-shift-decimal", LISTED, NONE(fmi3GetShiftDecimal(self->fmu, r, n, NULL))) \
-    M(const Items *, GetShiftFraction, "get-shift-fraction", LISTED,                                                \
-      NONE(fmi3GetShiftFraction(self->fmu, r, n, NULL, NULL)))                                                      \
-    M(fmi3Status, SetIntervalDecimal, "set-interval-decimal", LISTS, fmi3SetIntervalDecimal(self->fmu, r, n, v))    \
-    M(fmi3Status, SetIntervalFraction, "set-interval-fraction", LISTS,                                              \
-      fmi3SetIntervalFraction(self->fmu, r, n, NULL, NULL))                                                         \
-    M(fmi3Status, SetShiftDecimal, "set-shift-decimal", LISTS, fmi3SetShiftDecimal(self->fmu, r, n, v))             \
-    M(fmi3Status, SetShiftFraction, "set-shift-fraction", LISTS, fmi3SetShiftFraction(self->fmu, r, n, NULL, NULL)) \
-    ACT(M, EvaluateDiscreteStates, "evaluate-discrete-states")                                                      \
-    ACT(M, EnterStepMode, "enter-step-mode")                                                                        \
-    M(const Items *, GetOutputDerivatives, "get-output-derivatives", (Self *self, const Derivative d[], size_t n),  \
+    M(const Items *, GetShiftFraction, "get-shift-fraction", LISTED,                                                 \
+      NONE(fmi3GetShiftFraction(self->fmu, r, n, NULL, NULL)))                                                       \
+    M(fmi3Status, SetIntervalDecimal, "set-interval-decimal", LISTS, fmi3SetIntervalDecimal(self->fmu, r, n, v))     \
+    M(fmi3Status, SetIntervalFraction, "set-interval-fraction", LISTS,                                               \
+      fmi3SetIntervalFraction(self->fmu, r, n, NULL, NULL))                                                          \
+    M(fmi3Status, SetShiftDecimal, "set-shift-decimal", LISTS, fmi3SetShiftDecimal(self->fmu, r, n, v))              \
+    M(fmi3Status, SetShiftFraction, "set-shift-fraction", LISTS, fmi3SetShiftFraction(self->fmu, r, n, NULL, NULL))  \
+    ACT(M, EvaluateDiscreteStates, "evaluate-discrete-states")                                                       \
+    ACT(M, EnterStepMode, "enter-step-mode")                                                                         \
+    M(const Items *, GetOutputDerivatives, "get-output-derivatives", (Self *self, const Derivative d[], size_t n),   \
       output_derivatives(self, d, n))
 
-#define METHODS_OF_SIMULATION(M)                                                                                    \
-    M(fmi3Status, SetInputDerivatives, "set-input-derivatives", LISTS, set_input_derivatives(self))                 \
-    M(const Stepped *, DoStep, "do-step", (Self *self, double time, double size, int no_way_back),                  \
+#define METHODS_OF_SIMULATION(M)                                                                    \
+    M(fmi3Status, SetInputDerivatives, "set-input-derivatives", LISTS, set_input_derivatives(self)) \
+    M(const Stepped *, DoStep, "do-step", (Self *self, double time, double size, int no_way_back),  \
       do_step(self, time, size, no_way_back))
 
-#define METHODS_OF_EXCHANGE(M)                                                                                      \
-    ACT(M, EnterContinuousTimeMode, "enter-continuous-time-mode")                                                   \
-    M(fmi3Status, SetTime, "set-time", (Self *self, double time), fmi3SetTime(self->fmu, time))                     \
-    M(fmi3Status, SetContinuousStates, "set-continuous-states", (Self *self, const double y[], size_t n),           \
-      fmi3SetContinuousStates(self->fmu, y, n))                                                                     \
-    M(const Items *, GetContinuousStateDerivatives, "get-continuous-state-derivatives", NOTHING,                    \
-      get_vector(fmi3GetContinuousStateDerivatives, self, model.states))                                                   \
-    M(const Items *, GetEventIndicators, "get-event-indicators", NOTHING, get_vector(fmi3GetEventIndicators, self, 0))     \
-    M(const Items *, GetContinuousStates, "get-continuous-states", NOTHING,                                         \
-      get_vector(fmi3GetContinuousStates, self, model.states))                                                             \
-    M(const Items *, GetNominalsOfContinuousStates, "get-nominals-of-continuous-states", NOTHING,                   \
-      get_vector(fmi3GetNominalsOfContinuousStates, self, model.states))                                                   \
-    M(const Number *, GetNumberOfEventIndicators, "get-number-of-event-indicators", NOTHING,                        \
-      count(fmi3GetNumberOfEventIndicators, self))                                                                  \
-    M(const Number *, GetNumberOfContinuousStates, "get-number-of-continuous-states", NOTHING,                      \
-      count(fmi3GetNumberOfContinuousStates, self))                                                                 \
-    M(const CompletedStep *, CompletedIntegratorStep, "completed-integrator-step", (Self *self, int no_way_back),   \
+#define METHODS_OF_EXCHANGE(M)                                                                                         \
+    ACT(M, EnterContinuousTimeMode, "enter-continuous-time-mode")                                                      \
+    M(fmi3Status, SetTime, "set-time", (Self *self, double time), fmi3SetTime(self->fmu, time))                        \
+    M(fmi3Status, SetContinuousStates, "set-continuous-states", (Self *self, const double y[], size_t n),              \
+      fmi3SetContinuousStates(self->fmu, y, n))                                                                        \
+    M(const Items *, GetContinuousStateDerivatives, "get-continuous-state-derivatives", NOTHING,                       \
+      get_vector(fmi3GetContinuousStateDerivatives, self, model.states))                                               \
+    M(const Items *, GetEventIndicators, "get-event-indicators", NOTHING, get_vector(fmi3GetEventIndicators, self, 0)) \
+    M(const Items *, GetContinuousStates, "get-continuous-states", NOTHING,                                            \
+      get_vector(fmi3GetContinuousStates, self, model.states))                                                         \
+    M(const Items *, GetNominalsOfContinuousStates, "get-nominals-of-continuous-states", NOTHING,                      \
+      get_vector(fmi3GetNominalsOfContinuousStates, self, model.states))                                               \
+    M(const Number *, GetNumberOfEventIndicators, "get-number-of-event-indicators", NOTHING,                           \
+      number(fmi3GetNumberOfEventIndicators(self->fmu, &size), &size))                                                 \
+    M(const Number *, GetNumberOfContinuousStates, "get-number-of-continuous-states", NOTHING,                         \
+      number(fmi3GetNumberOfContinuousStates(self->fmu, &size), &size))                                                \
+    M(const CompletedStep *, CompletedIntegratorStep, "completed-integrator-step", (Self *self, int no_way_back),      \
       complete_step(self, no_way_back))
 
 /* Of types and clocks that no variable has: there is nothing to give back. */
 #define NONE(status) items(status, NULL, 0)
 
-#define METHOD(returns, function, kind, label, parameters, ...)                                         \
-    EXPORT(INTERFACE(kind) "#[method]" kind "-instance." label) returns function parameters {           \
-        returns result = __VA_ARGS__;                                                                   \
-        free_blocks();                                                                                  \
-        return result;                                                                                  \
+#define METHOD(returns, function, kind, label, parameters, ...)                               \
+    EXPORT(INTERFACE(kind) "#[method]" kind "-instance." label) returns function parameters { \
+        returns result = __VA_ARGS__;                                                         \
+        free_blocks();                                                                        \
+        return result;                                                                        \
     }
 #define OF_SIMULATION(returns, Name, label, parameters, ...) \
     METHOD(returns, simulation##Name, "co-simulation", label, parameters, __VA_ARGS__)
