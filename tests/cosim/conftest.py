@@ -139,6 +139,23 @@ PROBE = Source(
     experiment='<DefaultExperiment startTime="0" stopTime="0.5" stepSize="0.25" tolerance="1e-3"/>',
 )
 
+# every type whose values are numbers, and one whose values are not
+DISCRETE = Source(
+    (
+        V("count", "output", kind="Integer"),
+        V("late", "output", kind="Boolean"),
+        V("gear", "output", kind="Enumeration"),
+        V("label", "output", kind="String"),
+        V("twice", "output"),
+        V("raised", "parameter", start="false", kind="Boolean"),
+        V("lamp[1]", "output", kind="Boolean"),
+        V("lamp[2]", "output", kind="Boolean"),
+    ),
+    outputs="v[0] = -4 * t; v[1] = t > 0.5; v[2] = 1 + (t > 0.25); v[4] = 2 * t; v[6] = 1; v[7] = v[5];",
+    options='canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true"',
+    experiment='<DefaultExperiment stopTime="1" stepSize="0.25"/>',
+)
+
 # fails when it is told to; its messages are variadic
 FAULTY = Source(
     (

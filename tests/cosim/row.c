@@ -11,7 +11,7 @@
 
 #define N 3
 
-enum { SIZE, GAIN, U, Y, S, SINGLE, LIMIT, COUNT, FLAG, LABEL, S_0, CALLS, BYTES };
+enum { SIZE, GAIN, U, Y, S, SINGLE, LIMIT, COUNT, FLAG, LABEL, S_0, CALLS, BYTES, STEPS, MOVED };
 
 typedef struct {
     double gain[N], u[N], s[N], limit, calls, t;
@@ -119,6 +119,17 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n
 fmi3Status fmi3GetFloat32(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float32 v[], size_t size) {
     if (n != 1 || size != 1 || r[0] != SINGLE) return fmi3Error;
     v[0] = (float)((Row *)c)->state.s[0];
+    return fmi3OK;
+}
+fmi3Status fmi3GetInt16(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Int16 v[], size_t size) {
+    if (n != 1 || size != 1 || r[0] != STEPS) return fmi3Error;
+    v[0] = (fmi3Int16)(-4 * ((Row *)c)->state.t);
+    return fmi3OK;
+}
+fmi3Status fmi3GetBoolean(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Boolean v[], size_t size) {
+    if (n != 1 || size != 2 || r[0] != MOVED) return fmi3Error;
+    v[0] = false;
+    v[1] = ((Row *)c)->state.t > 0;
     return fmi3OK;
 }
 fmi3Status fmi3SetInt16(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Int16 v[], size_t size) {

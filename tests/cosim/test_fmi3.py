@@ -46,6 +46,15 @@ def _variables(row: Path, *names: str) -> list[Scalar]:
     return [fmu.variables[name] for name in names]
 
 
+def test_whatever_has_numbers_is_recorded(row: Path) -> None:
+    result = simulate(row)
+    assert result["steps"].tolist() == [0, -1, -2, -3, -4]
+    assert [result[f"moved[{i}]"].tolist() for i in (1, 2)] == [[0] * 5, [0, 1, 1, 1, 1]]
+    assert simulate(row, record="moved[2]").values.tolist() == [[0, 1, 1, 1, 1]]
+    with pytest.raises(SimulationError, match=r"Row\.bytes is Binary and cannot be recorded"):
+        simulate(row, record="bytes")
+
+
 def test_description(row: Path) -> None:
     fmu = read(row)
     assert (fmu.version, fmu.guid, fmu.restores, fmu.differentiates, fmu.output_derivative_order) == (
@@ -55,7 +64,7 @@ def test_description(row: Path) -> None:
         True,
         1,
     )
-    assert fmu.arrays == dict.fromkeys(("gain", "u", "y", "s"), (3,))
+    assert fmu.arrays == dict.fromkeys(("gain", "u", "y", "s"), (3,)) | {"moved": (2,)}
     assert fmu.reals("output") == ["y[1]", "y[2]", "y[3]", "s[1]", "s[2]", "s[3]", "single", "also_single", "calls"]
     assert [fmu.variables[f"gain[{i}]"].start for i in (1, 2, 3)] == ["1", "2", "3"]
     assert fmu.variables["u[2]"].unit == "m/s"  # from its type

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import signal
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,27 @@ def test_missing_default_is_asked_for(fmu: FmuPaths) -> None:
         simulate(fmu("Cubic"), step_size=H)
     with pytest.raises(SimulationError, match=r"Cubic\.fmu has no default step_size"):
         simulate(fmu("Cubic"), stop_time=1.0)
+
+
+def test_whatever_has_numbers_is_recorded(fmu: FmuPaths, tmp_path: Path) -> None:
+    expected = {
+        "count": [0, -1, -2, -3, -4],
+        "late": [0, 0, 0, 1, 1],
+        "gear": [1, 1, 2, 2, 2],
+        "twice": 2 * T,
+        "lamp[1]": np.ones(5),
+        "lamp[2]": np.ones(5),
+    }
+    result = simulate(fmu("Discrete"), raised=True)
+    assert set(result.names) == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(result[name], values)
+    result.to_csv(tmp_path / "discrete.csv")
+    table = np.genfromtxt(tmp_path / "discrete.csv", delimiter=",", names=True)
+    np.testing.assert_array_equal(table["count"], expected["count"])
+    assert simulate(fmu("Discrete"), record=["raised", "lamp"]).values.tolist() == [[0] * 5, [1] * 5, [0] * 5]
+    with pytest.raises(SimulationError, match=r"Discrete\.label is String and cannot be recorded"):
+        simulate(fmu("Discrete"), record="label")
 
 
 @pytest.mark.parametrize("record", ["y_dot", ["y_dot"]])

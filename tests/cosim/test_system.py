@@ -153,7 +153,6 @@ def test_units_come_from_the_files_and_through_connections(fmu: FmuPaths) -> Non
     [
         (["sprig.seen"], "wired has no component 'sprig'; did you mean 'spring'"),
         (["spring.sen"], r"spring: Spring\.fmu has no variable 'sen'; did you mean 'seen'"),
-        (["spring.input_reconstruction"], "is Integer; only Real variables"),
     ],
 )
 def test_unknown_record(fmu: FmuPaths, record: list[str], words: str) -> None:

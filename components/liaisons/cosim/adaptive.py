@@ -85,7 +85,11 @@ def adapted(
 
 
 def _kinds(simulation: Simulation, bus: Bus) -> NDArray[np.intp]:
-    """What is on the bus, numbered by its unit; a function of time is compared with nothing but itself."""
-    parts = simulation.parts
-    units = [parts[name].fmu.variables[variable].unit if name in parts else variable for name, variable in bus.index]
-    return np.unique(units, return_inverse=True)[1]
+    """What is on the bus, numbered by its unit; what is no Real or a function of time is compared with itself only."""
+    variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
+
+    def kind(name: str, variable: str) -> str:
+        found = variables[name][variable] if name in variables else None
+        return found.unit if found is not None and found.type == "Real" else f"{name}.{variable}"
+
+    return np.unique([kind(*place) for place in bus.index], return_inverse=True)[1]

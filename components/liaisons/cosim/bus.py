@@ -19,7 +19,7 @@ from liaisons.cosim.schedule import Feeds, Place
 
 @final
 class Bus:
-    """All connected and recorded reals, those of one call side by side, and the communication step under way.
+    """All connected and recorded numbers, those of one call side by side, and the communication step under way.
 
     :param order: components, and what else has outputs.
     :param feeds: input -> output.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +14,7 @@ import fmpy
 from liaisons.array_names import Shape, split
 from liaisons.cosim.archive import Archive, plain_file
 from liaisons.cosim.model_description import Description, Table, UnitDefinition, parse
-from liaisons.cosim.variables import Variables
+from liaisons.cosim.variables import NUMBERS, Variables
 from liaisons.errors import SimulationError, suggestion
 
 LONGEST = 1000
@@ -91,16 +91,19 @@ class Fmu:
 
         :param longest: arrays with more elements are left out.
         """
-        return [
-            name
-            for entry in self.variables.entries.values()
-            if entry.like.type == "Real" and entry.like.causality in causalities and entry.size <= longest
-            for name in entry.names()
-        ]
+        return self._scalars({"Real"}, causalities, longest)
 
     def recorded(self) -> list[str]:
         """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`."""
-        return self.reals("output", "input", longest=LONGEST)
+        return self._scalars(NUMBERS, ("output", "input"), LONGEST)
+
+    def _scalars(self, types: Collection[str], causalities: Collection[str], longest: float) -> list[str]:
+        return [
+            name
+            for entry in self.variables.entries.values()
+            if entry.like.type in types and entry.like.causality in causalities and entry.size <= longest
+            for name in entry.names()
+        ]
 
     def references_of(self, causality: str) -> list[int]:
         """Value references of the real variables, or whole arrays, of this causality."""

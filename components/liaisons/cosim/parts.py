@@ -10,7 +10,7 @@ from typing import Literal, final
 from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values
-from liaisons.cosim.variables import Scalar
+from liaisons.cosim.variables import NUMBERS, Scalar
 from liaisons.errors import ConnectError, SimulationError
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
@@ -56,24 +56,35 @@ class Part:
             raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *points)}")
         return port
 
-    def reals(self, name: str) -> list[str]:
-        """Names of the real scalars that a name stands for: itself, or all elements of an array.
+    def numbers(self, name: str) -> list[str]:
+        """Names of the scalars that a name stands for: itself, or all elements of an array.
 
-        :raises SimulationError: if there is none of this name, or it is of another type.
+        :raises SimulationError: if there is none of this name, or its values are no numbers.
         """
-        return [self.real(element).name for element in (self.fmu.elements(name) if name in self.fmu.arrays else [name])]
+        names = self.fmu.elements(name) if name in self.fmu.arrays else [name]
+        found = [self._variable(element) for element in names]
+        for variable in found:
+            if variable.type not in NUMBERS:
+                raise SimulationError(
+                    f"{self.name}.{name} is {variable.type} and cannot be recorded: leave it out; what can is "
+                    f"{', '.join(sorted(NUMBERS))}"
+                )
+        return names
 
     def real(self, name: str) -> Scalar:
         """The real scalar of this name.
 
         :raises SimulationError: if there is none of this name, or it is of another type.
         """
+        found = self._variable(name)
+        if found.type != "Real":
+            raise SimulationError(f"{self.name}.{name} is {found.type}; only Real variables can be driven")
+        return found
+
+    def _variable(self, name: str) -> Scalar:
         if name not in self.fmu.variables:
             raise SimulationError(f"{self.name}: {self.fmu.unknown(name)}")
-        found = self.fmu.variables[name]
-        if found.type != "Real":
-            raise SimulationError(f"{self.name}.{name} is {found.type}; only Real variables can be recorded and driven")
-        return found
+        return self.fmu.variables[name]
 
     @property
     def reconstruction(self) -> int | None:

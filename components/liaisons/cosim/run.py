@@ -1,6 +1,6 @@
 """The run of a simulation: FMUs are made, initialized, stepped, recorded, and released whatever happens.
 
-All connected and recorded reals lie in one array, the *bus*.  FMUs read into it and are set from it, each by one
+All connected and recorded numbers lie in one array, the *bus*.  FMUs read into it and are set from it, each by one
 prepared call for all its variables, and a row of the recording is one copy of it.  The loop over the communication
 points, :mod:`liaisons.cosim.loop`, makes no list and looks nothing up, so that a step costs little more than the bare
 calls.

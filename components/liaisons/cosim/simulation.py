@@ -170,7 +170,7 @@ def _recorded(
     places = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded()]
     for full in (*names, *also):
         owner, name = owned(title, parts, "record", full, single=single)
-        places += [(owner, scalar) for scalar in parts[owner].reals(name)]
+        places += [(owner, scalar) for scalar in parts[owner].numbers(name)]
     return {place[1] if single else ".".join(place): place for place in places}
 
 

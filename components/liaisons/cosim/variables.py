@@ -17,6 +17,9 @@ from liaisons.array_names import Shape, indices, offset, split
 
 VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "Binary", "Clock"]
 
+NUMBERS: frozenset[VariableType] = frozenset({"Real", "Integer", "Enumeration", "Boolean"})
+"""Types whose values are numbers in a result: of an enumeration its integers, of a Boolean 0 and 1."""
+
 _T = TypeVar("_T")
 
 

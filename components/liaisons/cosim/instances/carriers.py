@@ -1,9 +1,12 @@
-"""Scalars of a call and the FMI 3.0 variables, whole arrays among them, that carry them."""
+"""Scalars of a call and the variables, whole arrays of FMI 3.0 among them, that carry them, by their types.
+
+The run of a system knows doubles only: integers stand for themselves there (exactly up to 2^53), a Boolean is 0 or 1.
+"""
 
 from __future__ import annotations
 
 import ctypes as c
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -21,7 +24,7 @@ Transfer = Callable[[], int]
 class Carrier:
     """Whole variables of one type, one behind the other in a buffer, and the scalars that are wanted of them.
 
-    :param references: value references of the variables, each once.
+    :param references: value references of the variables, in FMI 3.0 each once.
     :param buffer: room for all their elements; ``scratch`` is the same as NumPy sees it.
     :param wanted: which of the scalars of the call these are.
     :param places: where those stand in the buffer.
@@ -43,7 +46,7 @@ class Carrier:
     def direct(self) -> bool:
         """Whether the scalars are just what the buffer holds, doubles in this order."""
         in_order = np.array_equal(self.places, np.arange(len(self.buffer)))
-        return self.base == "Float64" and in_order and len(self.wanted) == len(self.places)
+        return self.base in {"Real", "Float64"} and in_order and len(self.wanted) == len(self.places)
 
     def taken(self, read: Transfer, values: NDArray[np.float64]) -> int:
         """Read the buffer, and hand on what is wanted of it."""
@@ -57,26 +60,35 @@ class Carrier:
         return write()
 
 
-def carriers(fmu: Fmu, variables: Sequence[Scalar]) -> list[Carrier]:
-    """The variables that carry these scalars, those of one type together."""
+def carriers(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> list[Carrier]:
+    """The variables that carry these scalars, those of one type together.
+
+    :param types: those of C, by the types in the names of FMI's functions.
+    """
     bases = dict.fromkeys(variable.base for variable in variables)
-    return [carrier(fmu, variables, [k for k, v in enumerate(variables) if v.base == base], base) for base in bases]
+    wanted = {base: [k for k, variable in enumerate(variables) if variable.base == base] for base in bases}
+    return [carrier(fmu, variables, wanted[base], base, types[base]) for base in bases]
 
 
-def carrier(fmu: Fmu, variables: Sequence[Scalar], wanted: Sequence[int], base: str = "Float64") -> Carrier:
+def carrier(
+    fmu: Fmu, variables: Sequence[Scalar], wanted: Sequence[int], base: str = "Float64", of: Any = c.c_double
+) -> Carrier:
     """The variables that carry some of these scalars."""
     begins: dict[int, int] = {}
+    references: list[int] = []
+    places: list[int] = []
     size = 0
-    for k in wanted:
-        variable = variables[k]
-        if variable.reference not in begins:
-            begins[variable.reference] = size
+    for variable in (variables[k] for k in wanted):
+        # in FMI 2.0 aliases are read twice, so that the buffer is as long as the call's
+        begin = begins.setdefault(variable.reference, size) if fmu.version == 3 else size
+        if begin == size:
+            references.append(variable.reference)
             array = fmu.variables.whole(variable.name)
             size += array.size if array else 1
-    places = [begins[variables[k].reference] + variables[k].position for k in wanted]
-    buffer = ((c.c_float if base == "Float32" else c.c_double) * size)()
+        places.append(begin + variable.position)
+    buffer = (of * size)()
     indices = np.array(wanted, dtype=np.intp), np.array(places, dtype=np.intp)
-    return Carrier(base, tuple(begins), buffer, np.ctypeslib.as_array(buffer), *indices)
+    return Carrier(base, tuple(references), buffer, np.ctypeslib.as_array(buffer), *indices)
 
 
 def counted(references: Sequence[int]) -> tuple[object, object]:

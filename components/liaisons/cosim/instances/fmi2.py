@@ -20,6 +20,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
+from liaisons.cosim.instances.carriers import Carrier
 from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
 
 _YES, _NO = c_int(1), c_int(0)
@@ -76,15 +77,17 @@ class Instance2(Instance):
             # go of it before; it takes hold of it again when it is needed
             library.finalizePythonInterpreter()
 
-    def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
-        references, count = _references(variables)
-        call = self._prepared(action, references, count, values)
+    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
+        values = carrier.buffer if values is None else values
+        references, count = _numbers(carrier.references)
+        name = self._transferring(action, carrier)
+        call = Call(self._function(name), self._pointer, references, count, values).of(action, self._failing(name))
         return call.recorded(
             TRANSFER_2,
             function=call.func,
             instance=self._pointer.value,
             given=addressof(references),
-            count=len(variables),
+            count=len(carrier.references),
             values=addressof(values),
         )
 

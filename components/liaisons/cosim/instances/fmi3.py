@@ -11,7 +11,7 @@ import ctypes as c
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,11 +107,11 @@ class Instance3(Instance):
         return call.recorded(STEP_3, function=step.func, instance=self._pointer.value, given=given, values=values)
 
     def guide(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
-        found = carriers(self._fmu, variables)
+        found = carriers(self._fmu, variables, self.types)
         writes = [(carrier, self._whole("set", carrier)) for carrier in found]
         reads = [self._whole("get", carrier) for carrier in found if not carrier.whole]
         self._answers = [[partial(carrier.given, write, row) for carrier, write in writes] for row in values]
-        return self._all("set", reads)
+        return self._all("set", reads, self.functions["get"])
 
     def states(self) -> tuple[Call, Call]:
         self._final.value = False
@@ -131,7 +131,7 @@ class Instance3(Instance):
             many = (c.c_int32 * len(found.references))(*[order] * len(found.references))
             read = self._prepared("slope", *counted(found.references), c.byref(many), *buffered(found.buffer))
             reads.append(partial(found.taken, read, np.ctypeslib.as_array(values)))
-        return self._all("slope", reads)
+        return self._all("slope", reads, self.functions["slope"])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
         if action == "step" and self._ended.value:
@@ -143,29 +143,12 @@ class Instance3(Instance):
             self._worst_answer = max(self._worst_answer, *(answer() for answer in self._answers[self._count]))
         self._count += 1
 
-    def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
-        found = carriers(self._fmu, variables)
-        if len(found) == 1 and found[0].direct:
-            return self._whole(action, found[0], values)
-        calls: list[Transfer] = []
-        for some in found:
-            read, numbers = self._whole("get", some), np.ctypeslib.as_array(values)
-            if action == "get":
-                calls.append(partial(some.taken, read, numbers))
-            else:
-                calls += [read, partial(some.given, self._whole("set", some), numbers)]
-        return self._all(action, calls)
-
-    def _all(self, action: Action, calls: Sequence[Transfer]) -> Call:
-        """Calls in a row as one, which returns the worst status."""
-        return Call(lambda: max((call() for call in calls), default=0)).of(action, self.failure)
-
-    def _whole(self, action: Action, carrier: Carrier, values: c.Array[Any] | None = None) -> Call:
-        """A call that reads or sets whole variables from these values, else by the buffer that they have."""
+    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
         values = carrier.buffer if values is None else values
         given = (c.c_uint32 * len(carrier.references))(*carrier.references)
-        function = self._function(f"fmi3{action.capitalize()}{carrier.base}")
-        call = Call(function, self._pointer, *buffered(given), *buffered(values)).of(action, self.failure)
+        name = self._transferring(action, carrier)
+        function = self._function(name)
+        call = Call(function, self._pointer, *buffered(given), *buffered(values)).of(action, self._failing(name))
         return call.recorded(
             TRANSFER_3,
             function=function,

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from ctypes import CDLL, CFUNCTYPE, Array, byref, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p, cast
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -16,8 +16,9 @@ import fmpy
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import Action, Call
+from liaisons.cosim.calls import Action, Call, Failure
 from liaisons.cosim.description import Fmu
+from liaisons.cosim.instances.carriers import Carrier, Transfer, carriers
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.cosim.starts import Value
 from liaisons.cosim.variables import Scalar
@@ -119,15 +120,42 @@ class Instance(ABC):
         self._initialized = True
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that reads these reals into a buffer of as many values."""
+        """A call that reads these numbers into a buffer of as many values."""
         return self._transfer("get", variables, values)
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that sets these reals from a buffer of as many values."""
+        """A call that sets these numbers from a buffer of as many values."""
         return self._transfer("set", variables, values)
 
+    def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
+        found = carriers(self._fmu, variables, self.types)
+        if len(found) == 1 and found[0].direct:
+            return self._whole(action, found[0], values)
+        calls: list[Transfer] = []
+        numbers = np.ctypeslib.as_array(values)
+        for some in found:
+            if action == "get" or not some.whole:
+                read = self._whole("get", some)
+                calls.append(partial(some.taken, read, numbers) if action == "get" else read)
+            if action == "set":
+                calls.append(partial(some.given, self._whole("set", some), numbers))
+        return self._all(action, calls, " or ".join(self._transferring(action, some) for some in found))
+
     @abstractmethod
-    def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call: ...
+    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
+        """A call that reads or sets whole variables from these values, else by the buffer that they have."""
+
+    def _transferring(self, action: Action, carrier: Carrier) -> str:
+        """The function of FMI that does it."""
+        return f"{self.prefix}{action.capitalize()}{carrier.base}"
+
+    def _all(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
+        """Calls in a row as one, which returns the worst status."""
+        return Call(lambda: max((call() for call in calls), default=0)).of(action, self._failing(function))
+
+    def _failing(self, function: str) -> Failure:
+        """Makes the error of this function."""
+        return lambda _, status, when: self._failure(function, status, when)
 
     @abstractmethod
     def stepper(self, time: c_double, size: c_double) -> Call:
