@@ -16,6 +16,7 @@ States that nothing asked for depends on are left out (the place of a falling ca
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,7 +38,8 @@ Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] 
 """A number; a range; four numbers for an orientation; None: free."""
 Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
 
-_NO_BOUND = (None, None)
+_ARITHMETIC = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Call, ast.Name, ast.Constant)
+_ARITHMETIC += (ast.expr_context, ast.Tuple, ast.List)
 
 
 class PlanError(LiaisonsError):
@@ -270,7 +272,7 @@ class _Reader:
         functions = {f: getattr(ca, f) for f in ("sin", "cos", "tan", "sqrt", "exp", "log", "fabs", "tanh", "atan2")}
         try:
             if isinstance(given, str):
-                value = eval(compile(given, label, "eval"), {"__builtins__": functions}, names)
+                value = eval(_arithmetic(given, label), {"__builtins__": functions}, names)
             else:
                 value = given(names)
             value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
@@ -600,6 +602,15 @@ class _Reader:
 
 def _expanded(function: ca.Function) -> ca.Function:
     return function if function.is_a("SXFunction") else function.expand()
+
+
+def _arithmetic(text: str, label: str) -> Any:
+    """The code of a formula: names, numbers, arithmetic and calls; a file that is read can do nothing else."""
+    tree = ast.parse(text, label, "eval")
+    stranger = next((node for node in ast.walk(tree) if not isinstance(node, _ARITHMETIC)), None)
+    if stranger is not None:
+        raise PlanError(f"{label} = {shown(text)}: a formula has names, numbers, + - * / ** and functions like sin()")
+    return compile(tree, label, "eval")
 
 
 def _column(values: Mapping[str, Any]) -> ca.SX:
