@@ -123,7 +123,7 @@ def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
     assert sorted(tmp_path.rglob("*")) == files
 
 
-@pytest.mark.parametrize("command", ["", "list", "build", "simulate", "sweep", "compare", "run", "check"])
+@pytest.mark.parametrize("command", ["", "list", "build", "simulate", "plan", "sweep", "compare", "run", "check"])
 def test_help_shows_examples(liaisons: Cli, command: str) -> None:
     reply = liaisons(*command.split(), "--help")
     assert reply.status == 0
@@ -140,7 +140,7 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("liaisons ", ["list", "build", "simulate", "animate", "show", "sweep", "compare", "run", "check"]),
+        ("liaisons ", ["list", "build", "simulate", "animate", "show", "plan", "sweep", "compare", "run", "check"]),
         ("liaisons build Pe", ["Pendulum", "PendulumChain"]),
         ("liaisons run pumped", ["pumped_swing"]),
         ("liaisons build --backend ", ["auto", "native", "python"]),

@@ -35,6 +35,7 @@ application = typer.Typer(
         liaisons simulate Pendulum --set theta_0=3 --stop 20 --plot
         liaisons animate Pendulum --output swing.gif    ... as a film
         liaisons show Pendulum                          ... live, in the browser
+        liaisons plan goal.toml                         the motion of an operator that reaches a goal at least cost
         liaisons sweep Pendulum --over theta_0=0.1:3:50 --keep theta:max
         liaisons compare mine.csv theirs.csv            differences, signal by signal
         liaisons check fmus/Pendulum.fmu                validators and invariants, for any FMU

@@ -131,7 +131,7 @@ class Part:
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
     def __repr__(self) -> str:
-        starts = "".join(f", {name}={value!r}" for name, value in self.starts.items())
+        starts = "".join(f", {name}={shown(value)}" for name, value in self.starts.items())
         return f"<{self.name}: {self.fmu.path.name}{starts}>"
 
 

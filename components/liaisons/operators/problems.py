@@ -16,6 +16,7 @@ States that nothing asked for depends on are left out (the place of a falling ca
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,7 +38,9 @@ Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] 
 """A number; a range; four numbers for an orientation; None: free."""
 Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
 
-_NO_BOUND = (None, None)
+_FUNCTIONS = {name: getattr(ca, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "fabs", "tanh", "atan2")}
+_ARITHMETIC = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Call, ast.Name, ast.Constant)
+_ARITHMETIC += (ast.expr_context, ast.Tuple, ast.List)
 
 
 class PlanError(LiaisonsError):
@@ -266,19 +269,20 @@ class _Reader:
 
     def _expression(self, label: str, given: Any) -> ca.SX:
         """What a user's function or text of the variables gives, a column."""
-        names = Readings(self.name, self.signals)
-        functions = {f: getattr(ca, f) for f in ("sin", "cos", "tan", "sqrt", "exp", "log", "fabs", "tanh", "atan2")}
         try:
             if isinstance(given, str):
-                value = eval(compile(given, label, "eval"), {"__builtins__": functions}, names)
+                value = eval(_arithmetic(given, label), {"__builtins__": {}}, self._names(_FUNCTIONS))
             else:
-                value = given(names)
+                value = given(self._names())
             value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
         except LiaisonsError:
             raise
         except Exception as error:
             raise PlanError(f"{self.name}: {label}: {type(error).__name__}: {error}") from error
         return ca.vec(value)
+
+    def _names(self, others: Mapping[str, Any] | None = None) -> Readings:
+        return Readings(self.name, self.signals | dict(others or {}))
 
     def _range(self, label: str, name: str, value: Any) -> tuple[float, float]:
         if isinstance(value, (tuple, list)):
@@ -332,7 +336,7 @@ class _Reader:
                 vector = ca.DM([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]) @ q  # of conjugate(goal) ⊗ q
                 rows += [_Row(f"{name}[{i + 1}]", vector[i], 0.0, 0.0) for i in range(3)]
             else:
-                expression = Readings(self.name, self.signals | dict.fromkeys(self.turns, ca.SX(0)))[name]
+                expression = self._names()[name]
                 rows.append(_Row(name, expression, *self._range("end", name, value)))
         return rows
 
@@ -355,7 +359,7 @@ class _Reader:
         return found / np.linalg.norm(found)
 
     def _path_rows(self) -> list[_Row]:
-        known = Readings(self.name, self.signals)
+        known = self._names()
         rows: list[_Row] = []
         for name, value in self._elements("bounds", self.goal.bounds).items():
             low, high = self._range("bounds", name, value if isinstance(value, (tuple, list)) else shown(value))
@@ -600,6 +604,15 @@ class _Reader:
 
 def _expanded(function: ca.Function) -> ca.Function:
     return function if function.is_a("SXFunction") else function.expand()
+
+
+def _arithmetic(text: str, label: str) -> Any:
+    """The code of a formula: names, numbers, arithmetic and calls; a file that is read can do nothing else."""
+    tree = ast.parse(text, label, "eval")
+    stranger = next((node for node in ast.walk(tree) if not isinstance(node, _ARITHMETIC)), None)
+    if stranger is not None:
+        raise PlanError(f"{label} = {shown(text)}: a formula has names, numbers, + - * / ** and functions like sin()")
+    return compile(tree, label, "eval")
 
 
 def _column(values: Mapping[str, Any]) -> ca.SX:

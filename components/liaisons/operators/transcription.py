@@ -109,7 +109,7 @@ class Solution:
     seconds: float
     hamiltonian: Array  # at the collocation points; constant along an extremal
     adjoints: Array  # (n, m · DEGREE)
-    end_multipliers: Array  # dJ/d(row at the end)
+    end_multipliers: Array  # dJ/d(row at the end), of rows that are given as numbers
     path: Array  # rows of the path at the collocation points (rows, m · DEGREE)
     residual: float  # the largest violation of an equation
     proved: bool = field(default=True)  # False: stopped on the way
@@ -165,7 +165,8 @@ def solve(
         opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
     _anchor(opti, problem, program)
     end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
-    kept = [] if soft else _within(opti, problem.end, end)
+    nothing: tuple[list[int], Any] = ([], None)
+    given, reached = nothing if soft else _within(opti, problem.end, end)
     opti.minimize(ca.sumsqr(end - np.clip(0.0, problem.end.low, problem.end.high)) if soft else program.cost)
     status = _run(opti, near=near, seconds=seconds)
 
@@ -185,8 +186,8 @@ def solve(
     mu, nu = value(opti.dual(stages), n, points), value(opti.dual(steps), n, m)
     adjoints = -(np.repeat(nu, DEGREE, axis=1) + (mu @ np.kron(np.eye(m), A)) / np.tile(B, m))
     multipliers = np.zeros(len(problem.end.labels))
-    for places, constraint in kept:
-        multipliers[places] = -value(opti.dual(constraint), len(places))
+    if given:
+        multipliers[given] = -value(opti.dual(reached), len(given))
     return Solution(
         track=track,
         cost=float(opti.debug.value(program.cost)),
@@ -268,17 +269,16 @@ def _run(opti: ca.Opti, *, near: bool, seconds: float) -> str:
     return str(opti.stats()["return_status"])
 
 
-def _within(opti: ca.Opti, rows: Rows, values: Any) -> list[tuple[list[int], Any]]:
-    """Constraints that keep rows in their ranges, with the places of the rows that each holds."""
+def _within(opti: ca.Opti, rows: Rows, values: Any) -> tuple[list[int], Any]:
+    """Keep rows in their ranges; which of them are given numbers, and the constraint that says so."""
     equal = [i for i in range(len(rows.labels)) if rows.low[i] == rows.high[i]]
-    kept: list[tuple[list[int], Any]] = []
+    for i in range(len(rows.labels)):
+        if i not in equal:
+            opti.subject_to(_bounded(opti, rows.low[i], values[i], rows.high[i]))
+    constraint: Any = values[equal] == rows.low[equal] if equal else None
     if equal:
-        kept.append((equal, values[equal] == rows.low[equal]))
-    others = (i for i in range(len(rows.labels)) if i not in equal)
-    kept += [([i], _bounded(opti, rows.low[i], values[i], rows.high[i])) for i in others]
-    for _, constraint in kept:
         opti.subject_to(constraint)
-    return kept
+    return equal, constraint
 
 
 def _bounded(opti: ca.Opti, low: float, value: Any, high: float) -> Any:

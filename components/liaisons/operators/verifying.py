@@ -98,7 +98,9 @@ def _meshes(problem: Problem, solution: Solution) -> list[Verdict]:
         shifted = [solve(problem, track, near=True, shift=sign * by * gradient / size) for sign in (1, -1)]
         slope = (shifted[0].cost - shifted[1].cost) / (2 * by) if all(s.succeeded for s in shifted) else np.nan
         text = "another end costs what the multipliers say, dJ/d(end)"
-        found.append(verdict(text, error=abs(slope - size) / size, tolerance=1e-4, reason="relative"))
+        found.append(
+            verdict(text, error=abs(slope - size) / max(size, 1e-3 * scale), tolerance=1e-4, reason="relative")
+        )
     return found
 
 

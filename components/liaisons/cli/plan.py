@@ -1,0 +1,44 @@
+"""``liaisons plan``: from a goal to the motion of an operator, its proof, picture and system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from liaisons.cli._command import command, option, show
+
+
+@command("""
+    liaisons plan goal.toml
+    liaisons plan goal.toml --output results
+    python -c "import liaisons; help(liaisons.plan)"        what stands in goal.toml
+""")
+def plan(
+    goal: Annotated[Path, typer.Argument(metavar="GOAL.toml", help="keys are the arguments of liaisons.plan")],
+    *,
+    output: Annotated[Path | None, option("DIR", "where everything goes (default: here)", "--output", "-o")] = None,
+) -> int:
+    """Plan the motion of active coordinates that reaches a goal at least cost, and prove it.
+
+    Writes the plan (.json), its figure (.png), its animation (.gif) and its system (.ssp), and prints verdicts.  Exit
+    status 1 when one of them fails.
+    """
+    from liaisons.operators import planned
+
+    folder = output or Path()
+    found = planned(goal, progress=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / goal.stem
+    found.save(path.with_suffix(".json"))
+    found.plot(path=path.with_suffix(".png"))
+    found.animate(path.with_suffix(".gif"))
+    found.system().write_ssp(path.with_suffix(".ssp"))
+    print(f"{found!r}"[1:-1])
+    for name, kind in (("plan", ".json"), ("figure", ".png"), ("motion", ".gif"), ("system", ".ssp")):
+        print(f"{name}: {path.with_suffix(kind)}")
+    verdicts = found.verify()
+    print()
+    show(verdicts)
+    return 0 if all(verdict.passed for verdict in verdicts) else 1
