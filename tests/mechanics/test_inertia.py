@@ -12,6 +12,7 @@ import pytest
 from liaisons.language import Coordinate, Mechanism, Parameter, point
 from liaisons.mechanics import assemble, derive
 from liaisons.mechanics import inertia as structure
+from liaisons.models import PendulumChain
 from liaisons.models.parallelograms import four_bars
 
 ROUNDING = 1e-11  # systems of condition 1e3, a hundred operations each
@@ -70,6 +71,29 @@ def test_cost_grows_with_the_number_of_links_not_with_its_cube(tree: Callable[[i
     """Twice the links: about twice the operations; four times would be a matrix, eight times its factorization."""
     small, large = (assemble(hanging(n, tree)).derivatives.n_instructions() for n in (20, 40))
     assert large <= 2.4 * small
+
+
+def test_chain_of_the_user_is_the_chain_of_the_catalogue() -> None:
+    n = 12
+    tree, chain = assemble(hanging(n, TREES["chain"])), assemble(PendulumChain, n)
+    rng = np.random.default_rng(12)
+    y = [*rng.normal(size=2 * n), 0.0, 0.0]
+    k = [1.3, 1.0, 9.81, *[0.0] * 2 * n]
+    found = tree.derivatives(0, y, [0.0] * len(tree.inputs), k).full()
+    inputs = sum(v.count for v in chain.inputs)
+    expected = chain.derivatives(0, y, [0.0] * inputs, k).full()
+    np.testing.assert_allclose(found, expected, atol=ROUNDING * np.abs(expected).max(), rtol=0)
+
+
+def test_four_bars_that_are_pulled_apart_are_put_together_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At a random state what the constraints ask of the accelerations is not zero."""
+    sparse = derive(four_bars(9))
+    monkeypatch.setattr(structure, "MANY", 1000)
+    dense = derive(four_bars(9))
+    rng = np.random.default_rng(4)
+    state = {f"theta_{i}{end}": rng.normal() for i in range(10) for end in ("", "_dot")}
+    found, expected = (equations.evaluate("accelerations", **state) for equations in (sparse, dense))
+    np.testing.assert_allclose(found, expected, atol=ROUNDING * (1 + np.abs(expected).max()), rtol=0)
 
 
 @pytest.mark.parametrize("count", [4, 10])
