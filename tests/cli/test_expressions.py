@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from liaisons.cli._expressions import ExpressionError, expression
+from liaisons.cli._expressions import FormulaError, expression
 from liaisons.cli._inputs import curve, read_table
 from liaisons.errors import SimulationError
 
@@ -104,7 +104,7 @@ def test_where_derivatives_are_missing_the_value_is_there() -> None:
     ids=lambda text: text[:20].replace("\0", "0"),
 )
 def test_what_is_refused_is_refused_in_one_line(text: str, words: str) -> None:
-    with pytest.raises(ExpressionError) as caught:
+    with pytest.raises(FormulaError) as caught:
         expression(text)
     assert words in str(caught.value)
     assert len(str(caught.value)) < 300
@@ -115,7 +115,7 @@ def test_what_is_refused_is_refused_in_one_line(text: str, words: str) -> None:
     "text", ["9**9**9", "exp(1000)", "log(t)", "sqrt(-1)", "1/t", "0**(-1 - t)", "(-1)**0.5", "10**400"]
 )
 def test_what_has_no_value_says_so_and_takes_no_time(text: str) -> None:
-    with pytest.raises(ExpressionError, match="has no value there"):
+    with pytest.raises(FormulaError, match="has no value there"):
         expression(text)(0.0)
 
 

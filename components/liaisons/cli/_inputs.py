@@ -56,12 +56,12 @@ def drives(
 def _of_expression(name: str, text: str, driven: Callable[[str], Port]) -> Function:
     if Path(text).suffix.lower() == ".csv":
         raise SimulationError(f"--input {text!r}: a table has its names above its columns: write --input {text}")
-    from liaisons.cli._expressions import ExpressionError, expression  # loads CasADi
+    from liaisons.cli._expressions import FormulaError, expression  # loads CasADi
 
     try:
         function = expression(text)
-    except ExpressionError as error:
-        raise ExpressionError(f"--input {name}: {error}") from None
+    except FormulaError as error:
+        raise FormulaError(f"--input {name}: {error}") from None
     return function if driven(name).triple() else _value_of(function)
 
 

@@ -16,7 +16,6 @@ States that nothing asked for depends on are left out (the place of a falling ca
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ from numpy.typing import NDArray
 
 from liaisons.arguments import finite, listed, named, shown
 from liaisons.errors import LiaisonsError, suggestion
+from liaisons.expressions.formulas import FormulaError, formula
 from liaisons.language import Chain, Mechanism, Orientation
 from liaisons.library import Target, component, model
 from liaisons.mechanics import Model
@@ -37,10 +37,6 @@ Expression: TypeAlias = "Callable[[Readings], Any] | str"
 Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] | None"
 """A number; a range; four numbers for an orientation; None: free."""
 Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
-
-_FUNCTIONS = {name: getattr(ca, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "fabs", "tanh", "atan2")}
-_ARITHMETIC = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Call, ast.Name, ast.Constant)
-_ARITHMETIC += (ast.expr_context, ast.Tuple, ast.List)
 
 
 class PlanError(LiaisonsError):
@@ -270,19 +266,18 @@ class _Reader:
     def _expression(self, label: str, given: Any) -> ca.SX:
         """What a user's function or text of the variables gives, a column."""
         try:
-            if isinstance(given, str):
-                value = eval(_arithmetic(given, label), {"__builtins__": {}}, self._names(_FUNCTIONS))
-            else:
-                value = given(self._names())
+            value = formula(given, self._names()) if isinstance(given, str) else given(self._names())
             value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
+        except FormulaError as error:
+            raise PlanError(f"{self.name}: {label}: {error}") from None
         except LiaisonsError:
             raise
         except Exception as error:
             raise PlanError(f"{self.name}: {label}: {type(error).__name__}: {error}") from error
         return ca.vec(value)
 
-    def _names(self, others: Mapping[str, Any] | None = None) -> Readings:
-        return Readings(self.name, self.signals | dict(others or {}))
+    def _names(self) -> Readings:
+        return Readings(self.name, self.signals)
 
     def _range(self, label: str, name: str, value: Any) -> tuple[float, float]:
         if isinstance(value, (tuple, list)):
@@ -604,15 +599,6 @@ class _Reader:
 
 def _expanded(function: ca.Function) -> ca.Function:
     return function if function.is_a("SXFunction") else function.expand()
-
-
-def _arithmetic(text: str, label: str) -> Any:
-    """The code of a formula: names, numbers, arithmetic and calls; a file that is read can do nothing else."""
-    tree = ast.parse(text, label, "eval")
-    stranger = next((node for node in ast.walk(tree) if not isinstance(node, _ARITHMETIC)), None)
-    if stranger is not None:
-        raise PlanError(f"{label} = {shown(text)}: a formula has names, numbers, + - * / ** and functions like sin()")
-    return compile(tree, label, "eval")
 
 
 def _column(values: Mapping[str, Any]) -> ca.SX:
