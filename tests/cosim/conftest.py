@@ -190,6 +190,10 @@ FINITE = Source(
     options=GOES_BACK,
 )
 
+LATE = Source(
+    (V("x", "output"),), outputs="x = t;", experiment='<DefaultExperiment startTime="2" stopTime="3" stepSize="0.5"/>'
+)
+
 # names only: two points in the plane, and an array
 POINTS = Source(
     tuple(
