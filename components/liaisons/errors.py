@@ -41,6 +41,14 @@ class RefusedError(SimulationError):
     """
 
 
+class EndedError(SimulationError):
+    """An FMU has asked to end the simulation; it has come to ``time`` [s]."""
+
+    def __init__(self, message: str, time: float) -> None:
+        super().__init__(message)
+        self.time = time
+
+
 class SweepError(LiaisonsError):
     """A sweep cannot be done as it was asked for; what goes wrong in one case is recorded in the table."""
 

@@ -182,6 +182,18 @@ HASTY = Source(
     options=GOES_BACK,
 )
 
+# ends the simulation when it gets there
+FINITE = Source(
+    (V("last", "parameter", "", 0.6), V("x", "output")),
+    outputs="x = m->end > 0 ? m->end : t;",
+    step="if (t + h >= last) { m->end = last; return 2; }",
+    options=GOES_BACK,
+)
+
+LATE = Source(
+    (V("x", "output"),), outputs="x = t;", experiment='<DefaultExperiment startTime="2" stopTime="3" stepSize="0.5"/>'
+)
+
 # names only: two points in the plane, and an array
 POINTS = Source(
     tuple(

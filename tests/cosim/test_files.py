@@ -52,6 +52,13 @@ def test_other_platform_says_what_is_inside_and_what_to_do(changed: Change) -> N
         read(path)
 
 
+@pytest.mark.parametrize(("file", "words"), [("", "empty"), ("y.so", "without Cubic")])
+def test_platform_folder_without_its_library(changed: Change, file: str, words: str) -> None:
+    path = changed(lambda name, data: (f"binaries/{fmpy.platform}/{file}" if "binaries" in name else name, data))
+    with pytest.raises(SimulationError, match=rf"inside are: {fmpy.platform} \({words}"):
+        read(path)
+
+
 def test_platform_may_be_named_by_its_tuple(changed: Change) -> None:
     path = changed(lambda name, data: (name.replace(f"/{fmpy.platform}/", f"/{fmpy.platform_tuple}/"), data))
     assert simulate(path, stop_time=2, step_size=2)["y"][-1] == 8.0  # exact: 2**3

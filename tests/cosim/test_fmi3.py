@@ -150,12 +150,11 @@ def test_arrays_connect_whole_and_by_element(row: Path) -> None:
 
 
 @pytest.mark.usefixtures("either_loop")
-def test_fmu_that_ends_the_simulation_keeps_what_there_is(row: Path) -> None:
-    with pytest.raises(
-        IncompleteError, match=r"Row: fmi3DoStep from t = 0\.5 s to t = 0\.75 s .*end the simulation"
-    ) as e:
-        simulate(row, limit=0.6)
-    assert e.value.result.time[-1] == 0.5
+def test_fmu_that_ends_the_simulation_ends_it(row: Path, caplog: pytest.LogCaptureFixture) -> None:
+    result = simulate(row, limit=0.6, u=1.0)
+    assert result.time.tolist() == [0.0, 0.25, 0.5, 0.75]  # it asks for it at the end of the step
+    assert result["s[1]"].tolist() == result.time.tolist()
+    assert "Row ends the simulation at t = 0.75 s of 1 s" in caplog.text
 
 
 def test_failing_step_says_why(row: Path) -> None:

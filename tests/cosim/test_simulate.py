@@ -30,6 +30,13 @@ def test_defaults_are_those_of_the_file(fmu: FmuPaths, trace: Trace) -> None:
     assert "Probe setup tolerance=0.001 start=0 stop=0.5" in trace()
 
 
+def test_default_begin_is_that_of_the_file(fmu: FmuPaths, trace: Trace) -> None:
+    result = simulate(fmu("Late"))
+    assert result.time.tolist() == result["x"].tolist() == [2.0, 2.5, 3.0]
+    assert "Late setup tolerance=-1 start=2 stop=3" in trace()
+    assert simulate(fmu("Late"), stop_time=2.5).time.tolist() == [2.0, 2.5]
+
+
 def test_missing_default_is_asked_for(fmu: FmuPaths) -> None:
     with pytest.raises(SimulationError, match=r"Cubic\.fmu has no default stop_time: give one"):
         simulate(fmu("Cubic"), step_size=H)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from making import FmuPaths, Trace, wired
 
-from liaisons.cosim import IncompleteError, Interrupted, System
+from liaisons.cosim import IncompleteError, Interrupted, System, simulate
 from liaisons.errors import SimulationError
 
 Coupling = Literal["gauss-seidel", "jacobi"]
@@ -262,6 +262,22 @@ def test_failing_step_keeps_what_there_is(fmu: FmuPaths, status: int, word: str,
 
 
 @pytest.mark.usefixtures("either_loop")
+@pytest.mark.parametrize(("last", "times"), [(0.6, [0.0, 0.25, 0.5]), (0.75, [0.0, 0.25, 0.5, 0.75])])
+@pytest.mark.usefixtures("either_loop")
+def test_fmu_that_ends_the_simulation_ends_it(
+    fmu: FmuPaths, last: float, times: list[float], caplog: pytest.LogCaptureFixture
+) -> None:
+    alone = simulate(fmu("Finite"), stop_time=1.0, step_size=H, last=last)
+    assert alone.time.tolist() == alone["x"].tolist() == [0.0, 0.25, 0.5, last]
+    assert f"Finite ends the simulation at t = {last} s of 1 s" in caplog.text
+    system = wired(finite=(fmu("Finite"), {"last": last}), cubic=fmu("Cubic"))  # further than the other by then
+    result = system.simulate(1.0, H)
+    assert result.time.tolist() == result["finite.x"].tolist() == times
+    assert result["cubic.y"].tolist() == [t**3 for t in times]
+    finite = wired(finite=(fmu("Finite"), {"last": last}))
+    assert 0.25 <= finite.simulate(1.0, H, error_tolerance=1e-3).time[-1] <= last
+
+
 def test_warning_is_logged_once_and_the_run_goes_on(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
     result = _with_faulty(fmu, time_of_failure=0.9, status=1).simulate(1.0, H)
     assert len(result.time) == 5

@@ -88,6 +88,7 @@ class Archive:
             self._zip = stack.enter_context(ZipFile(stack.enter_context(_Portions(path))))
             self._members = self._checked()
             self.names = [name for name in self._members if not name.endswith("/")]
+            self.folders = [name for name in self._members if name.endswith("/")]
             self.size = sum(member.file_size for member in self._members.values())
             if self.size > unpacked_limit():
                 raise too_big(str(path), self.size)

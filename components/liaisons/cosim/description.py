@@ -158,7 +158,8 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
     if version[:2] not in {"2.", "3."}:
         raise SimulationError(f"{path}: FMI {version}; only co-simulation FMUs of FMI 2.0 and 3.0 can be simulated")
     if kind is None:
-        raise SimulationError(f"{path}: made for model exchange only; export it for co-simulation")
+        made_for = " and ".join(description.other_kinds) or "nothing that FMI knows"
+        raise SimulationError(f"{path}: made for {made_for} only; export it for co-simulation")
     two = version.startswith("2.")
     needed = ("modelName", "guid" if two else "instantiationToken")
     for name in needed:
@@ -174,7 +175,7 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
         guid=root[needed[1]],
-        binary=_binary(path, archive.names, kind["modelIdentifier"], two=two),
+        binary=_binary(path, archive, kind["modelIdentifier"], two=two),
         variable_step=_true(kind, "canHandleVariableCommunicationStepSize"),
         restores=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
         differentiates=_true(kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"),
@@ -225,19 +226,24 @@ def usable(start: float, stop: float | None, step: float | None) -> tuple[float 
 _MOST_STEPS = 1e12
 
 
-def _binary(path: Path, files: list[str], identifier: str, *, two: bool) -> str:
+def _binary(path: Path, archive: Archive, identifier: str, *, two: bool) -> str:
     """Where this platform's library lies in the archive: FMI 2.0's folder names, or the tuples of 2.0.4 and 3.0."""
-    library = identifier + fmpy.sharedLibraryExtension
+    files, library = archive.names, identifier + fmpy.sharedLibraryExtension
     folders = [fmpy.platform_tuple]
     if two and (fmpy.architecture.startswith("x86") or fmpy.system == "darwin"):  # fmpy.platform says linux64 on ARM
         folders.append(fmpy.platform)
     for folder in folders:
         if f"binaries/{folder}/{library}" in files:
             return f"binaries/{folder}/{library}"
-    inside = sorted({name.split("/")[1] for name in files if name.startswith("binaries/") and name.count("/") > 1})
+    members = sorted({*files, *archive.folders})
+    inside = {name.split("/")[1] for name in members if name.startswith("binaries/") and name.count("/") > 1}
+    empty = {folder for folder in inside if not any(name.startswith(f"binaries/{folder}/") for name in files)}
+    lacking = inside.intersection(folders) - empty
+    words = dict.fromkeys(empty, " (empty)") | dict.fromkeys(lacking, f" (without {library})")
+    found = ", ".join(folder + words.get(folder, "") for folder in sorted(inside)) or "none"
     sources = any(name.startswith("sources/") and name.endswith(".c") for name in files)
     raise SimulationError(
         f"{path}: no binary for this platform (binaries/{folders[-1]}/{library}); inside are: "
-        f"{', '.join(inside) or 'none'}; {'compile its sources here' if sources else 'export it for this platform'}"
+        f"{found}; {'compile its sources here' if sources else 'export it for this platform'}"
         " (own components: 'liaisons build')"
     )

@@ -22,21 +22,26 @@ typedef int Step3(void *instance, double time, double size, bool no_return, bool
                   double *last_time);
 
 typedef struct {
+    bool terminate, early;
+    double last_time;
+} Ended;
+
+typedef struct {
     int kind;
     void (*function)(void);
     void *instance;
     const void *given; /* value references; where to copy from; for a step in FMI 3.0, whether there is no return */
     size_t count;      /* of references; of doubles to copy */
-    void *values;      /* to get, to set, to copy to; for a step in FMI 3.0, whether it ended the simulation, or early */
+    void *values;      /* to get, to set, to copy to; for a step in FMI 3.0, how it Ended */
     size_t size;       /* of values in FMI 3.0 */
 } Call;
 
 static int step_3(const Call *call, double time, double size) {
-    bool *ended = call->values, event;
-    double last_time;
+    Ended *ended = call->values;
+    bool event;
     const int status = ((Step3 *)call->function)(call->instance, time, size, *(const bool *)call->given, &event,
-                                                 &ended[0], &ended[1], &last_time);
-    return (ended[0] || ended[1]) && status < DISCARD ? DISCARD : status;
+                                                 &ended->terminate, &ended->early, &ended->last_time);
+    return (ended->terminate || ended->early) && status < DISCARD ? DISCARD : status;
 }
 
 static int perform(const Call *call, double time, double size) {

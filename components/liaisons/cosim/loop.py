@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import atexit
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from ctypes import CDLL, byref, c_size_t, c_ssize_t, c_void_p
 from functools import lru_cache, partial
 from hashlib import sha256
@@ -25,9 +25,12 @@ from liaisons.compiler import FLAGS, compile_library, host
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call, Record
 from liaisons.cosim.messages import logger
-from liaisons.errors import BuildError, SimulationError
+from liaisons.errors import BuildError, EndedError, SimulationError
 from liaisons.files import replacing
 from liaisons.folders import passing_folder
+
+_ROUNDING = 1e-6
+"""Of a communication step."""
 
 
 @final
@@ -52,6 +55,10 @@ class Loop:
             values = c_void_p(bus.values.ctypes.data), c_size_t(bus.values.size)
             self._compiled = partial(library.advance, *program, *values)
 
+    def begin_anew(self) -> None:
+        """Forget what was recorded."""
+        self.done, self.times[: len(self._instants)] = 0, self._instants
+
     def add(self, time: float, values: NDArray[np.float64]) -> None:
         """Record a point that was reached otherwise."""
         if self.done == len(self.rows):
@@ -62,7 +69,7 @@ class Loop:
     def advance(self, rows: int) -> None:
         """Make steps until so many rows are filled.
 
-        :raises SimulationError: if an FMU refuses a call; :attr:`done` says how far it came.
+        :raises SimulationError: if an FMU refuses a call, or ends the simulation; :attr:`done` says how far it came.
         """
         if self._compiled is None:
             self._advance(rows)
@@ -78,7 +85,7 @@ class Loop:
         if done < wanted:
             call, status = self._refusal
             self._bus.turn(*self._instants[self.done - 1 : self.done + 1])
-            self._bus.judge(self._calls[call], status)
+            self._judge(self._calls[call], status)
 
     def _advance(self, rows: int) -> None:
         bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
@@ -90,10 +97,25 @@ class Loop:
             bus.end = then
             for call in calls:
                 if status := call():
-                    bus.judge(call, status)
+                    self._judge(call, status)
             flat[place : place + width] = values
             place += width
             self.done += 1
+
+    def _judge(self, call: Call, status: int) -> None:
+        """As :meth:`Bus.judge`; where an FMU ends the simulation, that point is recorded if all others get there."""
+        bus, calls = self._bus, self._calls
+        try:
+            bus.judge(call, status)
+        except EndedError as ended:
+            alone = sum(other.action == "step" for other in calls) == 1
+            whole = ended.time > bus.end - _ROUNDING * bus.size.value
+            if whole or (alone and ended.time > bus.start.value + _ROUNDING * bus.size.value):
+                bus.end = bus.end if whole else ended.time
+                with suppress(SimulationError):  # an FMU that has ended need not do more
+                    bus.perform(calls[calls.index(call) + 1 :])
+                    self.add(bus.end, bus.values)
+            raise
 
 
 @lru_cache(maxsize=1)

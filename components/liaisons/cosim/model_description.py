@@ -116,6 +116,7 @@ class Description:
     """What the file says; it looks at start tags only, since the order of the sections is fixed.
 
     :ivar co_simulation: None where the FMU is made for something else only.
+    :ivar other_kinds: what else it is made for.
     :ivar exact: outputs with a start value of their own.
     :ivar fixed_inputs: those that cannot be set within a communication step.
     """
@@ -123,6 +124,7 @@ class Description:
     def __init__(self) -> None:
         self.root: Attributes = {}
         self.co_simulation: Attributes | None = None
+        self.other_kinds: list[str] = []
         self.experiment: Attributes = {}
         self.log_categories: list[str] = []
         self.units: dict[str, UnitDefinition] = {}
@@ -146,6 +148,8 @@ class Description:
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "fmiModelDescription": self._root,
             "CoSimulation": partial(setattr, self, "co_simulation"),
+            "ModelExchange": lambda _: self.other_kinds.append("model exchange"),
+            "ScheduledExecution": lambda _: self.other_kinds.append("scheduled execution"),
             "Category": lambda a: self.log_categories.append(a["name"]),
             "DefaultExperiment": partial(setattr, self, "experiment"),
             "Unit": partial(setattr, self, "_unit"),
@@ -181,8 +185,10 @@ class Description:
         version = attributes["fmiVersion"]
         if version.startswith("2."):
             self._handlers |= {"SimpleType": partial(setattr, self, "_type"), "Real": self._real_type}
-        if version.startswith("3."):
+        elif version.startswith("3."):
             self._handlers |= dict.fromkeys(("Float32Type", "Float64Type"), self._real_type)
+        else:  # its elements mean something else
+            self._handlers = {}
 
     def _base_unit(self, attributes: Attributes) -> None:
         name = self._unit["name"]
@@ -288,7 +294,7 @@ class Description:
         sizes = {
             variable.reference: int(variable.start or 0)
             for variable, dimensions, _ in pending
-            if variable.causality == "structuralParameter" and not dimensions
+            if variable.causality == "structuralParameter" and variable.type == "Integer" and not dimensions
         }
         entries: dict[str, Entry] = {}
         for name, entry in self._entries.items():

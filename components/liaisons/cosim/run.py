@@ -26,10 +26,11 @@ from liaisons.cosim.drives import SIGNALS
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.interrupts import deferred_interrupts
 from liaisons.cosim.loop import Loop
+from liaisons.cosim.messages import logger
 from liaisons.cosim.parts import Part
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.simulation import Simulation
-from liaisons.errors import SimulationError
+from liaisons.errors import EndedError, SimulationError
 from liaisons.folders import passing_folder
 from liaisons.progress import progress_bar
 from liaisons.results import IncompleteError, Interrupted, Result
@@ -91,7 +92,7 @@ class Run:
         """
         simulation, bus = self._simulation, self._bus
         begin, end = simulation.times[0], simulation.times[-1]
-        self._loop.done = 0
+        self._loop.begin_anew()
         for instance in self._instances.values():
             instance.begin_anew()
         bus.turn(begin, begin)
@@ -163,7 +164,7 @@ class Run:
 
 
 def performed(simulation: Simulation, *, progress: bool = False) -> Result:
-    """Run a simulation from its begin to its end.
+    """Run a simulation from its begin to its end, or until an FMU ends it.
 
     :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
         what was computed until then.
@@ -181,6 +182,8 @@ def performed(simulation: Simulation, *, progress: bool = False) -> Result:
                         raise KeyboardInterrupt
 
                 run.finish(look)
+        except EndedError as ended:
+            logger.warning("%s of %.10g s", ended, simulation.times[-1])
         except (SimulationError, KeyboardInterrupt) as error:
             time = run.reached()
             if time is None:

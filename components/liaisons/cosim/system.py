@@ -142,10 +142,11 @@ class System:
         :param error_tolerance: error that a communication step may have in what is connected or recorded, relative to
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
             has the points that were chosen.
-        :param record: a name ``"component.variable"`` or several; all real outputs and inputs if None.
+        :param record: a name ``"component.variable"`` or several; all outputs and inputs that are numbers if None.
         :param inputs: ``"component.variable"`` -> function of time [s] that returns its value, or that of an active
             coordinate and its two rates, as for :func:`simulate`.
         :param progress: show a progress bar on stderr.
+        :returns: the signals at all communication points; an FMU that ends the simulation ends it, with a warning.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized; after that
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
@@ -218,7 +219,7 @@ def simulate(
     :param start_time: begin [s].  (A *parameter* of this name can be set in a :class:`System`.)
     :param times: the communication points themselves [s], increasing, in place of the three above.
     :param tolerance: relative tolerance of the FMU's solver.
-    :param record: a name of a real variable or several; all outputs and inputs if None.
+    :param record: a name of a variable or several; all outputs and inputs that are numbers if None.
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
         return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
         from a connected source.

@@ -22,9 +22,11 @@ from fmpy.logging import addLoggerProxy
 from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.carriers import Carrier
 from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
+from liaisons.errors import SimulationError
 
 _YES, _NO = c_int(1), c_int(0)
 _CO_SIMULATION = 1
+_LAST_SUCCESSFUL_TIME, _TERMINATED = c_int(2), c_int(3)  # what can be asked about a step that was discarded
 _handles = count(1)
 _instances: dict[int, Instance2] = {}
 
@@ -69,6 +71,16 @@ class Instance2(Instance):
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
+
+    def _end(self) -> float | None:
+        said, ended, reached = self._said.copy(), c_int(), c_double()
+        with suppress(SimulationError):  # these functions are missing from many an FMU
+            self._call("fmi2GetBooleanStatus", _TERMINATED, byref(ended))
+            if ended.value:
+                self._call("fmi2GetRealStatus", _LAST_SUCCESSFUL_TIME, byref(reached))
+                return reached.value
+        self._said = said
+        return None
 
     def _forget(self, library: CDLL) -> None:
         _instances.pop(self._handle, None)

@@ -29,6 +29,13 @@ _UPDATE = c.CFUNCTYPE(None, c.c_void_p, c.c_double, *[c.c_bool] * 4, c.POINTER(c
 
 
 @final
+class _Ended(c.Structure):
+    """How a step ended; as ``loop.c`` has it."""
+
+    _fields_ = [("terminate", c.c_bool), ("early", c.c_bool), ("last_time", c.c_double)]
+
+
+@final
 class Instance3(Instance):
     """An FMI 3.0 co-simulation instance.
 
@@ -56,7 +63,7 @@ class Instance3(Instance):
         self._answers: list[list[Transfer]] = []
         self._count = 0  # of answers in the present step
         self._worst_answer = 0
-        self._ended = c.c_uint16()  # two booleans: terminate the simulation, returned early
+        self._ended = _Ended()
         self._final = c.c_bool(True)  # no state from before the step will be set after it
         super().__init__(name, fmu, directory)
 
@@ -81,16 +88,14 @@ class Instance3(Instance):
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
         """As :meth:`Instance.stepper`; it returns Discard, too, where the FMU wants to end the simulation."""
         ended, asked = self._ended, bool(self._asked)
-        self._nowhere = (c.c_bool(), c.c_double())
+        self._event = c.c_bool()
         step = self._prepared(
             "step",
             time,
             size,
             self._final,
-            c.byref(self._nowhere[0]),  # events are handled inside: no event mode was asked for
-            c.byref(ended, 0),
-            c.byref(ended, 1),
-            c.byref(self._nowhere[1]),
+            c.byref(self._event),  # events are handled inside: no event mode was asked for
+            *(c.byref(ended, getattr(_Ended, field).offset) for field in ("terminate", "early", "last_time")),
         )
 
         def advance() -> int:
@@ -98,7 +103,7 @@ class Instance3(Instance):
             if asked:
                 status = max(status, self._worst_answer)
                 self._count = self._worst_answer = 0
-            return max(status, DISCARD) if ended.value else status
+            return max(status, DISCARD) if ended.terminate or ended.early else status
 
         call = Call(advance).of("step", self.failure)
         if asked:  # the compiled loop would not look at the answers
@@ -134,9 +139,12 @@ class Instance3(Instance):
         return self._all("slope", reads, self.functions["slope"])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
-        if action == "step" and self._ended.value:
-            self._note(DISCARD, b"it asks to end the simulation")
+        if action == "step" and self._ended.early and not self._ended.terminate:
+            self._note(DISCARD, b"it returned early, which it was not allowed to")
         return super().failure(action, status, when)
+
+    def _end(self) -> float | None:
+        return self._ended.last_time if self._ended.terminate else None
 
     def _answer(self) -> None:
         if self._count < len(self._answers):

@@ -22,7 +22,7 @@ from liaisons.cosim.instances.carriers import Carrier, Transfer, carriers
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.cosim.starts import Value
 from liaisons.cosim.variables import Scalar
-from liaisons.errors import RefusedError, SimulationError
+from liaisons.errors import EndedError, RefusedError, SimulationError
 
 ASKED = 5
 """How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
@@ -197,7 +197,14 @@ class Instance(ABC):
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
         """The error that says which prepared call failed and when, with the FMU's own words."""
+        end = self._end() if action == "step" and status == DISCARD else None
+        if end is not None:
+            return EndedError(f"{self.name} ends the simulation at t = {end:.10g} s", end)
         return self._failure(self.functions[action], status, when)
+
+    @abstractmethod
+    def _end(self) -> float | None:
+        """To where it has come in the last step [s] if it asks to end the simulation; else None."""
 
     def close(self) -> None:
         """Terminate, free and unload, as far as the state of the instance allows; safe to repeat."""
