@@ -270,6 +270,18 @@ def test_the_same_bytes_beside_the_same_native_binary(tmp_path) -> None:
     assert str(tmp_path).encode() not in both[name]
 
 
+def test_a_component_comes_beside_the_binaries_for_other_machines(tmp_path) -> None:
+    fmu = build(kick(), tmp_path, fmi="3")
+    others = {"binaries/x86_64-windows/HandKick.dll", "binaries/aarch64-darwin/HandKick.dylib"}
+    with zipfile.ZipFile(fmu, "a") as archive:
+        for name in others:
+            archive.writestr(name, b"of a build for all platforms")
+    before = members(fmu)
+    after = members(build(kick(), tmp_path, fmi="3", platforms="wasm"))
+    assert before == {name: after[name] for name in before}
+    assert "binaries/wasm32-wasip2/HandKick.wasm" in after
+
+
 def members(fmu: Path) -> dict[str, bytes]:
     with zipfile.ZipFile(fmu) as archive:
         return {name: archive.read(name) for name in archive.namelist()}

@@ -89,17 +89,18 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi) -> Path:
     experimental = manifest() if platforms == "wasm" else {}
     members = _identified(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
+    places = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
     binaries: dict[str, Callable[[], bytes]] = {
-        f"binaries/{target.folder(fmi)}/{model.name}{target.extension}": partial(
-            compile_library, code, target, cross=platforms == "all"
-        )
+        places[target]: partial(compile_library, code, target, cross=platforms == "all")
         for target in (TARGETS if platforms == "all" else [host()])
     }
     if platforms == "wasm":
         binaries[binary_path(model.name)] = partial(component, code)
+        if _is_current(path, members):  # the component comes beside the binaries that are there
+            members |= {name: found for name in places.values() if (found := read_member(path, name))}
     if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):
         return path
-    members |= {name: compiled() for name, compiled in binaries.items()}
+    members |= {name: compiled() for name, compiled in binaries.items() if name not in members}
     write_archive(path, members | icon_members(model, fmi))
     return path
 
