@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from sphinx.application import Sphinx
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
+import catalogue  # noqa: E402
 import gallery  # noqa: E402
 import links  # noqa: E402
 import mathml  # noqa: E402
@@ -33,7 +35,15 @@ nb_execution_in_temp = True
 nb_execution_show_tb = True
 nb_execution_timeout = 120
 nb_merge_streams = True
-os.environ |= {"IPYTHONDIR": str(DOCS / "_ipython"), "LIAISONS_FMUS": str(DOCS / "_build" / "fmus"), "COLUMNS": "88"}
+nb_code_prompt_show = nb_code_prompt_hide = "the lines that made it"
+nb_execution_excludepatterns = [] if find_spec("ecospy") and find_spec("libcosimpy") else ["tutorials/other-tools.md"]
+suppress_warnings = ["myst-nb.lexer"]  # of notebooks that are not run
+(DOCS / "_build" / "fmus").mkdir(parents=True, exist_ok=True)
+os.environ |= {
+    "IPYTHONDIR": str(DOCS / "_ipython"),
+    "LIAISONS_FMUS": str(DOCS / "_build" / "fmus"),
+    "COLUMNS": "88",
+}
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
@@ -56,6 +66,7 @@ templates_path: list[str] = []
 def setup(app: Sphinx) -> None:
     """Connect what this site adds to Sphinx."""
     gallery.setup(app)
+    catalogue.setup(app)
     mathml.setup(app)
     reference.setup(app)
     links.setup(app)

@@ -1,4 +1,4 @@
-"""After the build: every link inside the site ends somewhere, and no page fetches anything from elsewhere."""
+"""After the build: links inside the site end somewhere, no page fetches anything or shows where it was built."""
 
 from __future__ import annotations
 
@@ -50,6 +50,8 @@ def _check(app: Sphinx, exception: Exception | None) -> None:
 
     wrong, count = [], 0
     for path, page in pages.items():
+        if str(Path(app.srcdir).parent) in path.read_text(encoding="utf-8"):
+            wrong.append(f"{path.relative_to(root)}: shows where it was built")
         for target in page.targets | page.fetched:
             link = urlsplit(target)
             if link.scheme or link.netloc:

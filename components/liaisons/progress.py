@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 _PAUSE = 0.1  # [s] between two looks
 
@@ -33,7 +34,7 @@ def progress_bar(title: str, words: str, first: float, last: float) -> Iterator[
         auto_refresh=False,  # no thread draws, for the run may start processes
         redirect_stdout=False,
         redirect_stderr=False,
-        disable=not (console.is_interactive or console.is_jupyter),
+        disable=not (find_spec("ipywidgets") if console.is_jupyter else console.is_interactive),
     ) as bar:
         task = bar.add_task(title, total=last - first)
         shown = time.monotonic()

@@ -1,4 +1,4 @@
-"""Commands and lines of Python that README and CONTRIBUTING show, and the places where they are tried."""
+"""Commands and lines of Python that README, CONTRIBUTING and the site show, and the places where they are tried."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-
-_PROGRAMS = r"(?:\.venv/bin/)?(?:liaisons|pip|python|pytest|py|lint-imports)\b(?: [^`]*)?|\. \.venv/bin/activate"
+PAGES = ["README.md", "CONTRIBUTING.md"] + [
+    str(path.relative_to(ROOT))
+    for folder in ("docs", "docs/tutorials", "docs/howto", "docs/explanation", "docs/reference")
+    for path in sorted((ROOT / folder).glob("*.md"))
+]
 
 
 def blocks(document: str, language: str) -> list[str]:
@@ -23,29 +26,30 @@ def blocks(document: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
-def inline(document: str) -> list[str]:
-    """What stands between backquotes in the running text, without repetitions."""
-    text = re.sub(r"^```.*?^```", "", (ROOT / document).read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
-    return list(dict.fromkeys(" ".join(code.split()) for code in re.findall(r"`([^`]+)`", text)))
+def cells(document: str) -> list[str]:
+    """The cells of a page that is a notebook."""
+    text = (ROOT / document).read_text(encoding="utf-8")
+    return re.findall(r"^```\{code-cell\}\n(?::[^\n]*\n)*\n?(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+def written(document: str) -> dict[str, str]:
+    """The files that its cells write, by name."""
+    files = [cell.removeprefix("%%writefile ").partition("\n") for cell in cells(document) if "%%writefile" in cell]
+    return {name: content for name, _, content in files}
 
 
 def inline_commands(document: str) -> list[str]:
-    """The commands among them; a bare program is only mentioned."""
-    found = [code for code in inline(document) if re.fullmatch(_PROGRAMS, code)]
-    return [code for code in found if code not in {"liaisons", "python", "pip", "pytest"}]
-
-
-def inline_python(document: str) -> list[str]:
-    """The calls among them, of what the blocks define."""
-    return [code for code in inline(document) if re.fullmatch(r"(system|System|result|liaisons)\.\w+\(.*\)", code)]
+    """Commands between backquotes in the running text, without repetitions; a bare program is only named."""
+    text = re.sub(r"^```.*?^```", "", (ROOT / document).read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return list(dict.fromkeys(" ".join(code.split()) for code in re.findall(r"`(liaisons [^`]+)`", text)))
 
 
 def console(document: str) -> list[tuple[str, str]]:
-    """Commands of its console blocks, without remarks, and what they are to print (nothing: anything)."""
+    """Commands of its console blocks, and what they are to print (nothing: anything)."""
     found: list[tuple[str, str]] = []
     for part in re.split(r"^\$ ", "".join(blocks(document, "console")), flags=re.MULTILINE)[1:]:
         line, _, printed = part.partition("\n")
-        found.append((line.partition(" # ")[0].strip(), printed))
+        found.append((line.strip(), printed))
     return found
 
 
@@ -81,7 +85,7 @@ def clone(folder: Path) -> Place:
         return [
             name
             for name in names
-            if (name.startswith(".") and name != ".ci") or name == "__pycache__" or name.endswith(".fmu")
+            if (name.startswith(".") and name != ".ci") or name in {"__pycache__", "_build"} or name.endswith(".fmu")
             or (top and name in {"dist", "build"}) or (Path(place).name == "scenarios" and name == "figures")
         ]  # fmt: skip
 

@@ -3,79 +3,24 @@
 from __future__ import annotations
 
 import re
-import runpy
 import shlex
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import typer.main
 from PIL import Image
 
+from liaisons.cli import main as command_line
+from liaisons.cli._command import application
 from liaisons.scenarios import names
 
 from . import documents
-from .conftest import Cli, Runs
+from .conftest import Cli
 from .documents import ROOT, blocks
-
-# What stands for something else in a command.
-MEANT = {"FMU": "fmus/Pendulum.fmu", "NAME": "free_fall"}
-
-# Commands that are not run as they stand, and what is run in their place.
-IN_PLACE = {
-    "py -m venv .venv": "true",  # Windows
-    ". .venv/bin/activate": ". .venv/bin/activate && liaisons list",
-    "liaisons sweep": "liaisons sweep --help",  # a name, not a command
-    "liaisons run --all": "true",  # see test_all_scenarios_from_the_wheel
-    "lint-imports": "python -c 'from importlinter.cli import lint_imports_command as lint; lint()' --no-cache",
-    "pytest tests/conformance": "python -m pytest --collect-only --quiet tests/conformance",
-    "pytest tests/conformance -m slow": "python -m pytest --collect-only --quiet tests/conformance -m slow",
-    # hours, and peers that are not here
-    "pip install --editable '.[bench]' && python benchmarks": "python benchmarks --only '' --output page",
-}
-COMMANDS = documents.inline_commands("README.md")
-OF_A_CLONE = r"\.venv|\. \.venv|pip|python|py |pytest|lint-imports"
-
-
-def spelled(command: str) -> str:
-    """A command of the README with what its capital words stand for."""
-    return IN_PLACE.get(command) or re.sub(r"\b(FMU|NAME)\b", lambda word: MEANT[word[0]], command)
-
-
-def python_block(word: str) -> str:
-    """The block of Python with this word in it."""
-    (block,) = [block for block in blocks("README.md", "python") if word in block]
-    return block
-
-
-def lines_of_python() -> str:
-    """The block of the system, and the calls that the text says can follow."""
-    calls = [call.replace("(...)", '("a.csv")') for call in documents.inline_python("README.md")]
-    # pictures are shown in a window; a result has the signals that the text speaks of
-    calls = [f"single.{call[7:]}" if call.startswith("result.") and '"theta"' in call else call for call in calls]
-    before = ["import liaisons, matplotlib", "matplotlib.use('Agg')", "a = b = result", "result.to_csv('b.csv')"]
-    single = "single = liaisons.simulate('Pendulum', stop_time=1.0)"
-    return "\n".join([python_block("System("), *before, single, *calls, "assert result['lower.theta'][0] == -0.2"])
-
-
-def write_files(folder: Path) -> None:
-    """What the commands find where they are run: components and scenarios that the reader has written."""
-    component, *_ = blocks("CONTRIBUTING.md", "python")
-    (folder / "my_component.py").write_text(component, encoding="utf-8")
-    (folder / "small_angle.py").write_text(python_block("@scenario"), encoding="utf-8")
-    (folder / "lines.py").write_text(lines_of_python(), encoding="utf-8")
-    (folder / "sweep.py").write_text(f"{python_block('sweep(')}\nassert table['x'].shape == (6,)\n", encoding="utf-8")
-
-
-@pytest.mark.usefixtures("liaisons")
-def test_the_lines_that_move(tmp_path: Path) -> None:
-    exec(python_block("animate("), {})
-    assert (tmp_path / "swing.gif").read_bytes()[:6] == b"GIF89a"
-    assert (tmp_path / "pendulum.html").stat().st_size > 50_000
 
 
 @pytest.mark.slow  # 271 frames
@@ -104,34 +49,25 @@ def test_the_readme_has_two_commands_first() -> None:
     assert "pytest" in test
 
 
-def go_through(folder: Path, runs: Callable[[str], str]) -> None:
-    """Type everything, in the order of the page."""
-    write_files(folder)
-    for command, printed in documents.console("README.md"):
-        assert printed in {"", runs(command).replace(f"{folder}/", "")}, command
-    for script in ("lines.py", "sweep.py"):
-        runs(f"python {script}")
-    runs("liaisons run small_angle.py")
-    ours = [command for command in COMMANDS if command.startswith("liaisons ")]
-    assert len(ours) >= 7
-    for command in ours:
-        runs(spelled(command))
-    for file in ("figures/small_angle.png", "Pendulum.png", "fmus/TurningParabola.fmu"):
-        assert (folder / file).is_file()
+@pytest.mark.parametrize("page", documents.PAGES)
+def test_links_between_files_lead_somewhere(page: str) -> None:
+    """As one reads them in the repository; those of the site are seen to when it is built."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if not target.startswith(("http", "#")):
+            file = ROOT / page / ".." / target.partition("#")[0]
+            generated = {"docs/reference/commands.md", "docs/reference/catalogue.md"}
+            assert file.resolve().exists() or str(file.resolve().relative_to(ROOT)) in generated, target
 
 
-def test_here(runs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What stands in the page, in this process."""
-    monkeypatch.setattr(plt, "show", lambda: None)
-
-    def here(command: str) -> str:
-        program, *words = shlex.split(command)
-        if program == "python":
-            runpy.run_path(words[0])
-            plt.close("all")
-        return runs(*words) if program == "liaisons" else ""
-
-    go_through(tmp_path, here)
+@pytest.mark.parametrize("page", documents.PAGES)
+def test_commands_in_the_text_are_there(page: str) -> None:
+    """Each that is more than a name is understood, option by option."""
+    for command in documents.inline_commands(page):
+        name, *words = shlex.split(command)[1:]
+        assert command_line([name, "--help"]) == 0
+        if words:
+            typer.main.get_command(application).commands[name].make_context(name, words)  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
@@ -146,10 +82,11 @@ def test_in_a_clone(tmp_path: Path) -> None:
     assert "tests collected" in place.runs(
         test.strip().replace(".venv/bin/pytest", ".venv/bin/python -m pytest --collect-only --quiet")
     )
-    go_through(place.folder, place.runs)
-    for command in COMMANDS:
-        if re.match(OF_A_CLONE, command):
-            place.runs(spelled(command))
+    for command, printed in documents.console("README.md"):
+        assert printed in {"", place.runs(command)}
+    place.runs("python -c 'from importlinter.cli import lint_imports_command as lint; lint()' --no-cache")
+    place.runs("python -m pytest --collect-only --quiet tests/conformance -m slow")
+    place.runs("python benchmarks --only '' --output page")  # hours, and peers that are not here
     assert (place.folder / "page" / "README.md").is_file()
 
 
@@ -159,7 +96,8 @@ def test_from_the_wheel_in_an_empty_folder(tmp_path: Path) -> None:
     main, *_ = blocks("README.md", "sh")
     *_, run = main.strip().split("/")
     assert "figure: figures/pumped_swing.png" in place.runs(run)
-    go_through(place.folder, place.runs)
+    for command, printed in documents.console("README.md"):
+        assert printed in {"", place.runs(command)}
     assert str(ROOT) not in place.runs("python -c 'import liaisons; print(liaisons.__file__)'")
 
 

@@ -100,15 +100,17 @@ def _new_figure(*, alone: bool) -> Figure:
 
     A notebook shows what pyplot knows, and what a cell returns: there it is alone, or it would be seen twice.
     """
-    import matplotlib as mpl
-
-    if alone or "inline" in mpl.get_backend():
+    if alone:
         from matplotlib.figure import Figure
 
         return Figure(layout="constrained")
-    from matplotlib.pyplot import figure
+    import matplotlib as mpl
+    from matplotlib import pyplot
 
-    return figure(layout="constrained")
+    figure = pyplot.figure(layout="constrained")  # tells a notebook how figures are shown
+    if "inline" in mpl.get_backend():
+        pyplot.close(figure)
+    return figure
 
 
 def _draw_curves(
