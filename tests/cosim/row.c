@@ -11,12 +11,13 @@
 
 #define N 3
 
-enum { SIZE, GAIN, U, Y, S, SINGLE, LIMIT, COUNT, FLAG, LABEL, S_0, CALLS, BYTES, STEPS, MOVED, DEEP, M, V, W };
+enum { SIZE, GAIN, U, Y, S, SINGLE, LIMIT, COUNT, FLAG, LABEL, S_0, CALLS, BYTES, STEPS, MOVED, DEEP, M, V, W, TINY };
 
 typedef struct {
     double gain[N], u[N], s[N], v[8], limit, calls, t;
     size_t m;
     bool configuring, deep;
+    fmi3Int8 tiny;
     fmi3Int16 count;
     bool flag;
     char label[64];
@@ -134,6 +135,16 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n
 fmi3Status fmi3GetFloat32(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Float32 v[], size_t size) {
     if (n != 1 || size != 1 || r[0] != SINGLE) return fmi3Error;
     v[0] = (float)((Row *)c)->state.s[0];
+    return fmi3OK;
+}
+fmi3Status fmi3GetInt8(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Int8 v[], size_t size) {
+    if (n != 1 || size != 1 || r[0] != TINY) return fmi3Error;
+    v[0] = ((Row *)c)->state.tiny;
+    return fmi3OK;
+}
+fmi3Status fmi3SetInt8(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Int8 v[], size_t size) {
+    if (n != 1 || size != 1 || r[0] != TINY) return fmi3Error;
+    ((Row *)c)->state.tiny = v[0];
     return fmi3OK;
 }
 fmi3Status fmi3GetInt16(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Int16 v[], size_t size) {

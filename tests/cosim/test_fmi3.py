@@ -141,6 +141,17 @@ def test_structural_parameters_are_set(row: Path) -> None:
         sweep(row, {"m": [3]}, keep={"w[1]": "w[1]"})
 
 
+def test_integers_are_connected_where_all_their_values_fit(row: Path) -> None:
+    system = System("rows")
+    one, two = system.add("one", row), system.add("two", row, tiny=-5)
+    with pytest.raises(ConnectError, match=r"one\.steps \(Int16\) and two\.tiny \(Int8\) cannot be connected"):
+        system.connect(one["steps"], two["tiny"])
+    system.connect(one["steps"], two["u[3]"])
+    result = system.simulate(1.0, 0.25)
+    assert result["two.y[3]"].tolist() == [0, -3, -6, -9, -12]  # gain[3] is 3
+    assert result["two.tiny"].tolist() == [-5] * 5
+
+
 def test_other_types_reach_the_fmu(row: Path) -> None:
     with pytest.raises(SimulationError, match=r"fmi3ExitInitializationMode returned Error: flag is set, count = -7"):
         simulate(row, flag=True, count=-7, label="a")

@@ -123,7 +123,7 @@ def _converted(label: str, variable: Scalar, value: Any) -> Start:
     if kind == "Real" and not math.isfinite(value):
         raise SimulationError(f"{label}: expected a finite number")
     if takes is numbers.Integral:
-        least, most = _RANGES[variable.base]
+        least, most = RANGES[variable.base]
         if not least <= value <= most:
             raise SimulationError(f"{label}: outside {variable.base}, {least} to {most}")
     return convert(value)
@@ -137,8 +137,9 @@ _TAKES: dict[VariableType, tuple[type, type, str]] = {
     "String": (str, str, "a string"),
 }
 
-_RANGES = {
+RANGES = {
     "Integer": (-(2**31), 2**31 - 1),
     **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
 }
+"""Smallest and largest value of integers, by the type in the names of FMI's functions."""
