@@ -150,8 +150,12 @@ DISCRETE = Source(
         V("raised", "parameter", start="false", kind="Boolean"),
         V("lamp[1]", "output", kind="Boolean"),
         V("lamp[2]", "output", kind="Boolean"),
+        V("level", "input", start=0, kind="Integer"),
+        V("armed", "input", start="false", kind="Boolean"),
+        V("seen", "output", needs=("level", "armed")),
     ),
-    outputs="v[0] = -4 * t; v[1] = t > 0.5; v[2] = 1 + (t > 0.25); v[4] = 2 * t; v[6] = 1; v[7] = v[5];",
+    outputs="v[0] = -4 * t; v[1] = t > 0.5; v[2] = 1 + (t > 0.25); v[4] = 2 * t; v[6] = 1; v[7] = v[5]; "
+    "v[10] = v[8] + 10 * v[9];",
     options='canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true"',
     experiment='<DefaultExperiment stopTime="1" stepSize="0.25"/>',
 )

@@ -11,10 +11,13 @@
 
 #define N 3
 
-enum { SIZE, GAIN, U, Y, S, SINGLE, LIMIT, COUNT, FLAG, LABEL, S_0, CALLS, BYTES, STEPS, MOVED };
+enum { SIZE, GAIN, U, Y, S, SINGLE, LIMIT, COUNT, FLAG, LABEL, S_0, CALLS, BYTES, STEPS, MOVED, DEEP, M, V, W, TINY };
 
 typedef struct {
-    double gain[N], u[N], s[N], limit, calls, t;
+    double gain[N], u[N], s[N], v[8], limit, calls, t;
+    size_t m;
+    bool configuring, deep;
+    fmi3Int8 tiny;
     fmi3Int16 count;
     bool flag;
     char label[64];
@@ -52,11 +55,21 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     }
     for (int i = 0; i < N; i++) m->state.gain[i] = i + 1.0;
     m->state.limit = INFINITY;
+    m->state.m = 2;
+    m->state.deep = true;
     return m;
 }
 
 void fmi3FreeInstance(fmi3Instance c) { free(c); }
 fmi3Status fmi3Terminate(fmi3Instance c) { return c ? fmi3OK : fmi3Error; }
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance c) { ((Row *)c)->state.configuring = true; return fmi3OK; }
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance c) { ((Row *)c)->state.configuring = false; return fmi3OK; }
+fmi3Status fmi3SetUInt64(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3UInt64 v[], size_t size) {
+    State *s = &((Row *)c)->state;
+    if (n != 1 || size != 1 || r[0] != M || !s->configuring || v[0] > 8) return refuse(c, "no size");
+    s->m = v[0];
+    return fmi3OK;
+}
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean given, fmi3Float64 tolerance, fmi3Float64 start,
                                        fmi3Boolean limited, fmi3Float64 stop) {
     Row *m = c;
@@ -73,10 +86,11 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
 
 static double *place(Row *m, fmi3ValueReference reference, size_t *size) {
     State *s = &m->state;
-    *size = reference == GAIN || reference == U || reference == S ? N : 1;
+    *size = reference == GAIN || reference == U || reference == S ? N : reference == V ? s->m : 1;
     switch (reference) {
         case GAIN: return s->gain;
         case U: return s->u;
+        case V: return s->v;
         case S: return s->s;
         case LIMIT: return &s->limit;
         case CALLS: return &s->calls;
@@ -92,6 +106,8 @@ fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t n
         const double *from = place(m, r[k], &many);
         if (r[k] == Y) {
             for (int i = 0; i < N; i++) v[done++] = m->state.gain[i] * m->state.u[i];
+        } else if (r[k] == W) {
+            for (size_t i = 0; i < m->state.m; i++) v[done++] = m->state.deep ? m->state.v[i] * m->state.t : -1;
         } else if (from) {
             memcpy(v + done, from, many * sizeof *v);
             done += many;
@@ -121,6 +137,16 @@ fmi3Status fmi3GetFloat32(fmi3Instance c, const fmi3ValueReference r[], size_t n
     v[0] = (float)((Row *)c)->state.s[0];
     return fmi3OK;
 }
+fmi3Status fmi3GetInt8(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Int8 v[], size_t size) {
+    if (n != 1 || size != 1 || r[0] != TINY) return fmi3Error;
+    v[0] = ((Row *)c)->state.tiny;
+    return fmi3OK;
+}
+fmi3Status fmi3SetInt8(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Int8 v[], size_t size) {
+    if (n != 1 || size != 1 || r[0] != TINY) return fmi3Error;
+    ((Row *)c)->state.tiny = v[0];
+    return fmi3OK;
+}
 fmi3Status fmi3GetInt16(fmi3Instance c, const fmi3ValueReference r[], size_t n, fmi3Int16 v[], size_t size) {
     if (n != 1 || size != 1 || r[0] != STEPS) return fmi3Error;
     v[0] = (fmi3Int16)(-4 * ((Row *)c)->state.t);
@@ -138,6 +164,10 @@ fmi3Status fmi3SetInt16(fmi3Instance c, const fmi3ValueReference r[], size_t n, 
     return fmi3OK;
 }
 fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference r[], size_t n, const fmi3Boolean v[], size_t size) {
+    if (n == 1 && r[0] == DEEP && ((Row *)c)->state.configuring) {
+        ((Row *)c)->state.deep = v[0];
+        return fmi3OK;
+    }
     if (n != 1 || size != 1 || r[0] != FLAG) return fmi3Error;
     ((Row *)c)->state.flag = v[0];
     return fmi3OK;

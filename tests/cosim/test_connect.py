@@ -15,7 +15,7 @@ def _joined(system: System) -> list[str]:
 
 @pytest.fixture
 def system(fmu: FmuPaths) -> System:
-    names = "cubic", "spring", "mass", "probe", "faulty", "points", "upper", "lower"
+    names = "cubic", "spring", "mass", "probe", "faulty", "discrete", "points", "upper", "lower"
     return wired(**{name: fmu("Points" if name in {"upper", "lower"} else name.capitalize()) for name in names})
 
 
@@ -69,7 +69,11 @@ def test_single_variables(system: System) -> None:
         ("spring.seen faulty.u", ["spring.seen [m]", "faulty.u [mm]", "factor 1000"]),
         ("spring.seen mass.q", ["spring.seen (output)", "mass.q (output)", "an output, the other an input"]),
         ("spring.seen mass.mass", ["mass.mass (parameter)", "set where its component is added"]),
-        ("probe.count mass.q_force", ["probe.count is Integer", "mass.q_force"]),
+        ("cubic.y discrete.level", ["cubic.y (Real)", "discrete.level (Integer)", "of one type"]),
+        ("discrete.late discrete.level", ["discrete.late (Boolean)", "discrete.level (Integer)"]),
+        ("discrete.late mass.q_force", ["discrete.late (Boolean)", "mass.q_force (Real)"]),
+        ("discrete.gear discrete.level", ["discrete.gear (Enumeration)", "discrete.level (Integer)"]),
+        ("discrete.label probe.u", ["discrete.label (String)", "probe.u (Real)"]),
         ("faulty.hidden probe.u", ["faulty.hidden (local)", "probe.u (input)"]),
         ("spring.lenght mass.q", ["Spring.fmu has no variable 'lenght'; did you mean 'length'"]),
         ("points.bobb mass.q", ["Points.fmu has no variable 'bobb'; did you mean 'bob'?"]),

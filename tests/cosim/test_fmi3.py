@@ -16,6 +16,7 @@ from liaisons.cosim.description import read
 from liaisons.cosim.instances.fmi3 import Instance3
 from liaisons.cosim.variables import Scalar
 from liaisons.errors import ConnectError, SimulationError
+from liaisons.sweeps import sweep
 
 HERE = Path(__file__).parent
 
@@ -64,8 +65,9 @@ def test_description(row: Path) -> None:
         True,
         1,
     )
-    assert fmu.arrays == dict.fromkeys(("gain", "u", "y", "s"), (3,)) | {"moved": (2,)}
-    assert fmu.reals("output") == ["y[1]", "y[2]", "y[3]", "s[1]", "s[2]", "s[3]", "single", "also_single", "calls"]
+    assert fmu.arrays == dict.fromkeys(("gain", "u", "y", "s"), (3,)) | dict.fromkeys(("v", "w", "moved"), (2,))
+    rows = [f"{name}[{i}]" for name in "ys" for i in (1, 2, 3)]
+    assert fmu.reals("output") == [*rows, "single", "also_single", "calls", "w[1]", "w[2]"]
     assert [fmu.variables[f"gain[{i}]"].start for i in (1, 2, 3)] == ["1", "2", "3"]
     assert fmu.variables["u[2]"].unit == "m/s"  # from its type
     assert fmu.variables["label"].start == "none"
@@ -124,6 +126,30 @@ def test_start_values_of_arrays(row: Path, given: dict[str, object]) -> None:
     assert result["s"].shape == (5, 3)
     np.testing.assert_array_equal(result["s"], np.outer(result.time, [4, 5, 6]))
     np.testing.assert_array_equal(result["s[2]"], 5 * result.time)
+
+
+def test_structural_parameters_are_set(row: Path) -> None:
+    result = simulate(row, v=[1.0, 2.0, 3.0], m=3)  # in whatever order
+    np.testing.assert_array_equal(result["w"], np.outer(result.time, [1, 2, 3]))
+    assert simulate(row, v=1.0)["w"].shape == (5, 2)
+    assert simulate(row, m=1, deep=False)["w"].tolist() == [[-1.0]] * 5
+    with pytest.raises(SimulationError, match=r"Row\.v = \[1\.0, 2\.0, 3\.0\]: 3 values, but the array has 4"):
+        simulate(row, m=4, v=[1.0, 2.0, 3.0])
+    with pytest.raises(SimulationError, match=r"fmi3SetUInt64 of m = 9 returned Error: no size"):
+        simulate(row, m=9)
+    with pytest.raises(SimulationError, match=r"Row\.m = 3: a size is the same in all cases; sweep each on its own"):
+        sweep(row, {"m": [3]}, keep={"w[1]": "w[1]"})
+
+
+def test_integers_are_connected_where_all_their_values_fit(row: Path) -> None:
+    system = System("rows")
+    one, two = system.add("one", row), system.add("two", row, tiny=-5)
+    with pytest.raises(ConnectError, match=r"one\.steps \(Int16\) and two\.tiny \(Int8\) cannot be connected"):
+        system.connect(one["steps"], two["tiny"])
+    system.connect(one["steps"], two["u[3]"])
+    result = system.simulate(1.0, 0.25)
+    assert result["two.y[3]"].tolist() == [0, -3, -6, -9, -12]  # gain[3] is 3
+    assert result["two.tiny"].tolist() == [-5] * 5
 
 
 def test_other_types_reach_the_fmu(row: Path) -> None:

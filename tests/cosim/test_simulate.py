@@ -52,6 +52,9 @@ def test_whatever_has_numbers_is_recorded(fmu: FmuPaths, tmp_path: Path) -> None
         "twice": 2 * T,
         "lamp[1]": np.ones(5),
         "lamp[2]": np.ones(5),
+        "level": np.zeros(5),
+        "armed": np.zeros(5),
+        "seen": np.zeros(5),
     }
     result = simulate(fmu("Discrete"), raised=True)
     assert set(result.names) == expected.keys()

@@ -278,6 +278,18 @@ def test_fmu_that_ends_the_simulation_ends_it(
     assert 0.25 <= finite.simulate(1.0, H, error_tolerance=1e-3).time[-1] <= last
 
 
+@pytest.mark.parametrize("coupling", ["gauss-seidel", "jacobi"])
+def test_integers_and_booleans_are_connected(fmu: FmuPaths, coupling: Literal["gauss-seidel", "jacobi"]) -> None:
+    links = "one.count -> two.level", "one.late -> two.armed", "one.count -> probe.u"
+    system = wired(*links, one=fmu("Discrete"), two=fmu("Discrete"), probe=fmu("Probe"))
+    result = system.simulate(1.0, H, coupling=coupling)
+    assert result["two.seen"].tolist() == [0, -1, -2, 10 - 3, 10 - 4]
+    assert result["probe.echo"].tolist() == result["one.count"].tolist() == [0, -1, -2, -3, -4]
+    goes_back = wired(links[0], one=fmu("Discrete"), two=fmu("Discrete"))
+    with pytest.raises(SimulationError, match=r"reals only, but one\.count -> two\.level is of type Integer: choose"):
+        goes_back.simulate(1.0, H, coupling="implicit")
+
+
 def test_warning_is_logged_once_and_the_run_goes_on(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
     result = _with_faulty(fmu, time_of_failure=0.9, status=1).simulate(1.0, H)
     assert len(result.time) == 5

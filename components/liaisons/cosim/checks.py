@@ -60,6 +60,19 @@ def coupling(parts: Mapping[str, Part], connections: Sequence[Connection], asked
     return asked or "gauss-seidel"
 
 
+def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
+    """Whether the coupling can carry what is connected: iterations follow curves, which only reals have.
+
+    :raises SimulationError: naming a connection that it cannot.
+    """
+    for connection in connections if chosen in ITERATING else ():
+        if connection.source.variable.type != "Real":
+            raise SimulationError(
+                f"coupling={chosen!r} carries reals only, but {connection.source} -> {connection.target} is of type "
+                f"{connection.source.variable.type}: choose coupling='gauss-seidel'"
+            )
+
+
 def prepared(parts: Mapping[str, Part], feeds: Feeds, chosen: Coupling) -> Mapping[str, Part]:
     """The components as the coupling needs them.
 

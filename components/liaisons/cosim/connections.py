@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from typing import final
 
 from liaisons.cosim.parts import Port
+from liaisons.cosim.starts import RANGES
+from liaisons.cosim.variables import NUMBERS, Scalar
 from liaisons.errors import ConnectError
 
 
@@ -88,13 +90,23 @@ def _connection(source: Port, target: Port) -> Connection:
             f"{source} ({causalities[0]}) and {target} ({causalities[1]}) cannot be connected: "
             f"one end must be an output, the other an input{hint}"
         )
-    for port in (source, target):
-        if port.variable.type != "Real":
-            raise ConnectError(
-                f"{source} and {target} cannot be connected: {port} is {port.variable.type}, only Real variables can be"
-            )
+    if not _fits(source.variable, target.variable):
+        kinds = [v.type if v.type == "Enumeration" else v.base for v in (source.variable, target.variable)]
+        raise ConnectError(
+            f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of one type; "
+            "of integers, the input may have the wider range, or be a real"
+        )
     _check_units(source, target)
     return Connection(source, target)
+
+
+def _fits(source: Scalar, target: Scalar) -> bool:
+    """Whether every value of the source is one of the target, and is handed over as such."""
+    if source.type == target.type == "Integer":
+        (least, most), (lowest, highest) = RANGES[source.base], RANGES[target.base]
+        return lowest <= least and most <= highest
+    same = source.type == target.type and source.type in NUMBERS
+    return same or (source.type, target.type) == ("Integer", "Real")
 
 
 def _check_units(source: Port, target: Port) -> None:

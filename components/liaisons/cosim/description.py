@@ -128,25 +128,26 @@ class Fmu:
         return f"{self.path.name} has no variable {name!r}{suggestion(name, [*known, *others])}"
 
 
-def read(path: Path | str) -> Fmu:
+def read(path: Path | str, sizes: Mapping[str, int] | None = None) -> Fmu:
     """Read the description inside an FMU file; a file that has not changed is read once.
 
+    :param sizes: structural parameters that get other values, so that arrays have other shapes.
     :raises SimulationError: if the file is missing, truncated, too big, no FMU, of another FMI version or kind, has
         no binary for this platform, or a model description that contradicts itself.
     """
     path = Path(path)
     status = plain_file(path)
-    return _read(path, status.st_mtime_ns, status.st_size, status.st_ino)
+    return _read(path, tuple((sizes or {}).items()), status.st_mtime_ns, status.st_size, status.st_ino)
 
 
 @lru_cache(maxsize=64)
-def _read(path: Path, *_identity: int) -> Fmu:
+def _read(path: Path, sizes: tuple[tuple[str, int], ...], *_identity: int) -> Fmu:
     with Archive(path) as archive:
         if DESCRIPTION not in archive.names:
             raise SimulationError(f"{path}: has no {DESCRIPTION} inside, so it is no FMU")
         with archive.open(DESCRIPTION) as file:
             try:
-                return _fmu(path, archive, parse(file))
+                return _fmu(path, archive, parse(file, dict(sizes)))
             except ValueError as error:
                 reason = " ".join(str(error).split())
                 raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: {reason}") from error
@@ -158,8 +159,9 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
     if version[:2] not in {"2.", "3."}:
         raise SimulationError(f"{path}: FMI {version}; only co-simulation FMUs of FMI 2.0 and 3.0 can be simulated")
     if kind is None:
-        made_for = " and ".join(description.other_kinds) or "nothing that FMI knows"
-        raise SimulationError(f"{path}: made for {made_for} only; export it for co-simulation")
+        others = " and ".join(description.other_kinds)
+        words = f"made for {others} only" if others else "not made for co-simulation"
+        raise SimulationError(f"{path}: {words}; export it for co-simulation")
     two = version.startswith("2.")
     needed = ("modelName", "guid" if two else "instantiationToken")
     for name in needed:

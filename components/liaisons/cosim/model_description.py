@@ -60,13 +60,14 @@ Table = dict[int, frozenset[int] | None]
 """Index of an unknown -> indices of the inputs that it depends on directly; None: not said, so possibly all."""
 
 
-def parse(file: IO[bytes]) -> Description:
+def parse(file: IO[bytes], sizes: Mapping[str, int]) -> Description:
     """Read a model description.
 
+    :param sizes: structural parameters that get other values.
     :raises ValueError: if it is no well-formed XML, misses an attribute, has a number that is none or that cannot be,
         refers to what is not there, or has more in it than fits into memory.
     """
-    description = Description()
+    description = Description(sizes)
     documents.parse(file, description.start)
     return description.finished()
 
@@ -121,7 +122,8 @@ class Description:
     :ivar fixed_inputs: those that cannot be set within a communication step.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, sizes: Mapping[str, int]) -> None:
+        self._sizes = sizes
         self.root: Attributes = {}
         self.co_simulation: Attributes | None = None
         self.other_kinds: list[str] = []
@@ -245,6 +247,9 @@ class Description:
         if causality == "output" and initial == "exact":
             self.exact.add(index)
         free = causality in {"parameter", "input"} or initial in {"exact", "approx"}
+        if causality == "structuralParameter":
+            least, most = typed.get("min"), typed.get("max")
+            free, start = least is None or least != most, str(self._sizes.get(attributes["name"], start or "0"))
         return Scalar(
             name=attributes["name"],
             reference=reference,
@@ -301,7 +306,7 @@ class Description:
             if isinstance(entry, _Elements):
                 entries |= entry.entries(free=entry.like.name not in self._entries)
             else:
-                entries[name] = _entry(entry, sizes) if isinstance(entry, tuple) else entry
+                entries[name] = _entry(entry, sizes, resized=bool(self._sizes)) if isinstance(entry, tuple) else entry
         self.variables = Variables(entries)
         self._entries, self._pending = {}, None
         outputs, initial = self.outputs, self.initial_unknowns
@@ -333,8 +338,8 @@ class Description:
         return self._known[words]
 
 
-def _entry(pending: _Pending, sizes: Mapping[int, int]) -> Entry:
-    """The variable, or the array, once the sizes of dimensions are known."""
+def _entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
+    """The variable, or the array, once the sizes of dimensions are known; start values go by the sizes of the file."""
     variable, dimensions, given = pending
     starts = given or ([] if variable.start is None else variable.start.split())
     if not dimensions:
@@ -342,6 +347,8 @@ def _entry(pending: _Pending, sizes: Mapping[int, int]) -> Entry:
     shape = tuple(_size(variable.name, start, reference, sizes) for start, reference in dimensions)
     if math.prod(shape) > MOST_ELEMENTS:
         raise ValueError(f"the array {variable.name!r} has {math.prod(shape)} elements, more than {MOST_ELEMENTS}")
+    if resized and len(starts) not in {1, math.prod(shape)}:
+        starts = []
     return Array(variable, shape, (variable.reference,), starts, (variable.index,), whole=True)
 
 

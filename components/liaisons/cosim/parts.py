@@ -9,7 +9,7 @@ from typing import Literal, final
 
 from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
-from liaisons.cosim.starts import Value, start_values
+from liaisons.cosim.starts import Value, start_values, structural_sizes
 from liaisons.cosim.variables import NUMBERS, Scalar
 from liaisons.errors import ConnectError, SimulationError
 
@@ -41,6 +41,8 @@ class Part:
         :raises SimulationError: if the file cannot be used here, or a start value does not fit.
         """
         fmu = read(as_path(f"{name}: fmu", path))
+        if sizes := structural_sizes(name, fmu, starts):
+            fmu = read(fmu.path, sizes)
         return cls(name, fmu, start_values(name, fmu, starts))
 
     def __getitem__(self, name: str) -> Port:

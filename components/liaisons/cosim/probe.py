@@ -75,7 +75,8 @@ def try_to_start(part: Part, directory: Path, times: Sequence[float]) -> None:
     _known.add(fmu)
 
 
-def _start(part: Part, name: str) -> tuple[str, list[int], list[Any]]:
-    """Type, value references and values of a start value."""
+def _start(part: Part, name: str) -> tuple[str, list[int], list[Any], bool]:
+    """Type, value references and values of a start value, and whether it is structural."""
     entry, value = part.fmu.variables.entry(name), part.starts[name]
-    return entry.like.base, list(entry.references), list(value) if isinstance(value, tuple) else [value]
+    values = list(value) if isinstance(value, tuple) else [value]
+    return entry.like.base, list(entry.references), values, entry.like.structural

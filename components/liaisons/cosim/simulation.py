@@ -141,6 +141,7 @@ def checked(
                 raise SimulationError(f"{name} = {value!r}: must be > 0")
     feeds = _feeds(connections)
     chosen = checks.coupling(parts, connections, coupling)
+    checks.signals(connections, chosen)
     parts = checks.prepared(parts, feeds, chosen)
     checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
     checks.inputs(parts, feeds, [place for drive in driving for place in drive.inputs])

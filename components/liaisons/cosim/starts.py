@@ -37,6 +37,9 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
             values |= {name: _array_value(owner, fmu, name, given)}
             continue
         value = _scalar_value(owner, fmu, name, given)
+        variable = fmu.variables[name]
+        if variable.structural and variable.type == "Integer" and value != int(variable.start or 0):
+            raise SimulationError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
         base, index = split(name)
         entry = fmu.variables.entries.get(base)
         if index is None or not isinstance(entry, Array) or not (entry.whole or base in values):
@@ -48,6 +51,16 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
         assert place is not None
         values[base] = (*whole[:place], value, *whole[place + 1 :])
     return values
+
+
+def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, int]:
+    """What among the start values changes the sizes of arrays.
+
+    :raises SimulationError: if it cannot be set, or the value is none.
+    """
+    known = {name: entry.like for name in starts if (entry := fmu.variables.entries.get(name))}
+    changed = [name for name, like in known.items() if like.structural and like.type == "Integer"]
+    return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed if name not in fmu.arrays}
 
 
 def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
@@ -93,7 +106,7 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
     if variable.settable:
         return
     settable = [n for n, entry in fmu.variables.entries.items() if entry.like.settable]
-    why = "is fixed" if variable.causality == "structuralParameter" else "is calculated"
+    why = "is fixed" if variable.structural else "is calculated"
     raise SimulationError(
         f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"
         f"{suggestion(name, settable)}"
@@ -110,7 +123,7 @@ def _converted(label: str, variable: Scalar, value: Any) -> Start:
     if kind == "Real" and not math.isfinite(value):
         raise SimulationError(f"{label}: expected a finite number")
     if takes is numbers.Integral:
-        least, most = _RANGES[variable.base]
+        least, most = RANGES[variable.base]
         if not least <= value <= most:
             raise SimulationError(f"{label}: outside {variable.base}, {least} to {most}")
     return convert(value)
@@ -124,8 +137,9 @@ _TAKES: dict[VariableType, tuple[type, type, str]] = {
     "String": (str, str, "a string"),
 }
 
-_RANGES = {
+RANGES = {
     "Integer": (-(2**31), 2**31 - 1),
     **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
 }
+"""Smallest and largest value of integers, by the type in the names of FMI's functions."""

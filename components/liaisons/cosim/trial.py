@@ -31,7 +31,7 @@ def main() -> None:
     """Load, instantiate, initialize, step once.
 
     Stdin is a list: the parent's id, version of FMI, library; name, GUID, resources (a URI for FMI 2.0, a path for FMI
-    3.0); start values as types, references, values; begin and size of the step [s].
+    3.0); start values as types, references, values, whether they are structural; begin and size of the step [s].
     """
     parent, version, library, words, *rest = json.load(sys.stdin)
     die_with_parent(parent)
@@ -47,7 +47,7 @@ def _say(stage: str) -> None:
     sys.stdout.flush()
 
 
-Starts = list[tuple[str, list[int], list[Any]]]
+Starts = list[tuple[str, list[int], list[Any], bool]]
 
 
 def _start_2(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: float, step_size: float) -> None:
@@ -65,7 +65,7 @@ def _start_2(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: 
     _say("initialized")
     pointer = c.c_void_p(made)
     functions.fmi2SetupExperiment(pointer, 0, c.c_double(0), c.c_double(start_time), 0, c.c_double(0))
-    for kind, references, values in starts:
+    for kind, references, values, _ in starts:
         buffer = _buffer(kind, values, c.c_int)
         functions[f"fmi2Set{kind}"](pointer, (c.c_uint * len(references))(*references), c.c_size_t(len(values)), buffer)
     if functions.fmi2EnterInitializationMode(pointer) > 1 or functions.fmi2ExitInitializationMode(pointer) > 1:
@@ -83,10 +83,18 @@ def _start_3(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: 
         return
     _say("initialized")
     pointer = c.c_void_p(made)
-    for kind, references, values in starts:
-        sizes = c.c_size_t(len(references)), c.c_size_t(len(values))
-        place = (c.c_uint * len(references))(*references)
-        functions[f"fmi3Set{kind}"](pointer, place, sizes[0], _buffer(kind, values, c.c_bool), sizes[1])
+
+    def assign(structural: bool) -> None:
+        for kind, references, values, _ in (start for start in starts if start[3] == structural):
+            sizes = c.c_size_t(len(references)), c.c_size_t(len(values))
+            place = (c.c_uint * len(references))(*references)
+            functions[f"fmi3Set{kind}"](pointer, place, sizes[0], _buffer(kind, values, c.c_bool), sizes[1])
+
+    if any(start[3] for start in starts):
+        functions.fmi3EnterConfigurationMode(pointer)
+        assign(structural=True)
+        functions.fmi3ExitConfigurationMode(pointer)
+    assign(structural=False)
     begin, size, zero = (c.c_double(value) for value in (start_time, step_size, 0.0))
     if functions.fmi3EnterInitializationMode(pointer, no, zero, begin, no, zero) > 1:
         return

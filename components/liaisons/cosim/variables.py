@@ -47,6 +47,11 @@ class Scalar:
     position: int = 0
 
     @property
+    def structural(self) -> bool:
+        """Whether it can change the sizes of arrays, and is set in a mode of its own."""
+        return self.causality == "structuralParameter"
+
+    @property
     def like(self) -> Scalar:
         return self
 

@@ -100,8 +100,15 @@ class Instance(ABC):
         if self._fmu.version == 2:
             self._call("fmi2SetupExperiment", *experiment)
             experiment = ()
+        structural = {name for name in starts if self._fmu.variables.entry(name).like.structural}
+        if structural:
+            self._call(f"{self.prefix}EnterConfigurationMode")
+            for name in structural:
+                self.assign(name, starts[name])
+            self._call(f"{self.prefix}ExitConfigurationMode")
         for name, value in starts.items():
-            self.assign(name, value)
+            if name not in structural:
+                self.assign(name, value)
         self._call(f"{self.prefix}EnterInitializationMode", *experiment)
 
     def assign(self, name: str, value: Any) -> None:
