@@ -110,7 +110,7 @@ def write_page(name: str, names: Collection[str], pages: Path, shown: Path) -> E
     motion = _motion(results[0]) if results else b""
     if motion:
         (shown / f"{name}.motion.html").write_bytes(motion)
-    rows = [{"claim": v.claim, **v.row(), "because": v.reason} for v in outcome.verdicts]
+    rows = [{**v.row(), "because": v.reason} for v in outcome.verdicts]
     source = os.path.relpath(scenario.path, pages)
     text = [
         f"# {_title(name)}",
@@ -194,5 +194,7 @@ def _escaped(text: str) -> str:
 
 
 def _table(rows: list[dict[str, str]]) -> str:
+    whole = str.maketrans("- ", "\N{NON-BREAKING HYPHEN}\N{NO-BREAK SPACE}")
+    rows = [row | {name: row[name].translate(whole) for name in ("error", "tolerance")} for row in rows]
     lines = [list(rows[0]), ["---"] * len(rows[0]), *([_escaped(cell) for cell in row.values()] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
