@@ -1,9 +1,10 @@
 """``hold``: feedback that keeps a mechanism at an equilibrium, sampled at the communication points.
 
 The regulators read the mechanism's states once a step, H, and are themselves integrators of third order (see
-:class:`liaisons.models.Regulator`).  What the mechanism does over one step, x(t + H) = A x(t) + B w, follows exactly: it
-extrapolates σ from (σ, σ̇, σ̈) at t, while its equations' derivatives are constant at an equilibrium, so both parts are
-matrix exponentials.  The gains solve Riccati's equation of this discrete system on the part that can be controlled.
+:class:`liaisons.models.Regulator`).  What happens over one step to first order, x(t + H) = A x(t) + B w, is exact: the
+mechanism extrapolates σ from (σ, σ̇, σ̈) at t, and at an equilibrium the derivatives of its equations are constant, so
+that both parts are matrix exponentials.  The gains solve Riccati's equation of this discrete system on the part that
+can be controlled.
 """
 
 from __future__ import annotations
@@ -58,6 +59,7 @@ class Held:
     conserved: tuple[str, ...]  # states that no move can change
     values: Mapping[str, float]  # of parameters, as they were given
     starts: Mapping[str, float]  # start values of the FMU, σ and σ̇ among them
+    shifts: tuple[Mapping[str, float], ...]  # of these, by which the states are made to differ
     bounds: Mapping[str, tuple[float, float]]  # of accelerations
 
     @property
@@ -150,12 +152,12 @@ class Held:
     def measured(self) -> Array:
         """The matrix of one step as the FMUs perform it, from runs on both sides of the equilibrium."""
         back = np.linalg.pinv(self.directions)
-        rates = [f"{move}{end}" for move in self.moves for end in ("", "_dot", "_ddot")]
         begins, ends = [], []
-        for name in (*self.starts, *(name for name in rates if name in self.states and name not in self.starts)):
-            runs = [
-                self.simulate(self.step_size, **{name: self.starts.get(name, 0.0) + shift}) for shift in (_NEAR, -_NEAR)
+        for direction in self.shifts:
+            shifted: list[dict[str, Any]] = [
+                {name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)
             ]
+            runs = [self.simulate(self.step_size, **starts) for starts in shifted]
             change = back @ (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR)
             begins.append(change[:, 0])
             ends.append(change[:, -1])
@@ -246,23 +248,42 @@ class _Design:
         point[0] = np.array(ca.Function("start", symbols, [reader.start_state])(*point)).ravel()
         slopes = [ca.jacobian(reader.rates, symbol) for symbol in symbols[:3]]
         rates, *slopes = map(np.array, ca.Function("rates", symbols, [reader.rates, *slopes])(*point))
-        self.point, self.slopes = point, slopes
+        self.point = point
+        self.places = self._coupled()
+        self.x_names = [reader.x_names[i] for i in self.places]
+        self.point[0] = point[0][self.places]
+        self.slopes = [slopes[0][np.ix_(self.places, self.places)], *(slope[self.places] for slope in slopes[1:])]
+        self.turns = {turn: axes for turn, axes in reader.turns.items() if set(axes) <= set(self.x_names)}
         self.keeps = [m in at or reader._depends(reader.rates, reader.s[i]) for i, m in enumerate(moves)]  # noqa: SLF001
-        still = dict(zip(reader.x_names, rates.ravel(), strict=True))
+        still = dict(zip(self.x_names, rates.ravel()[self.places], strict=True))
         still |= {m: point[2][i] for i, m in enumerate(moves) if self.keeps[i]}
         worst = max(still, key=lambda name: abs(still[name]))
         if not abs(still[worst]) <= 1e-9:
             raise PlanError(f"{self.name}: this is no equilibrium: the rate of {worst} is {still[worst]:.3g}")
+
+    def _coupled(self) -> list[int]:
+        """Places of the states that what moves acts on, and of those on which they depend."""
+        reader = self.reader
+        everything = ca.vertcat(reader.y, reader.s, reader.v)
+        slope = ca.jacobian(reader.rates, everything)
+        acts = np.any([np.abs(reader._at(ca.densify(slope), 0.3, seed)) > 1e-10 for seed in (1, 2, 3)], axis=0)  # noqa: SLF001
+        n = len(reader.x_names)
+        among, found = acts[:, :n], acts[:, n:].any(axis=1)
+        for _ in range(n):
+            found = found | among[:, found].any(axis=1)
+        for _ in range(n):
+            found = found | among[found].any(axis=0)
+        return [int(i) for i in np.flatnonzero(found)]
 
     def held(self, weights: dict[str, float], effort: float, bounds: Mapping[str, tuple[float, float]]) -> Held:
         """The feedback of least cost."""
         reader, moves = self.reader, self.reader.goal.moves
         kept = [m for m, keeps in zip(moves, self.keeps, strict=True) if keeps]
         rates = [f"{m}_dot" for m in moves]
-        states = (*reader.x_names, *kept, *rates, *(f"{m}_ddot" for m in moves))
+        states = (*self.x_names, *kept, *rates, *(f"{m}_ddot" for m in moves))
         if len(states) > _ROOM:
             raise PlanError(f"{self.name}: {len(states)} states are more than the {_ROOM} that a Regulator reads")
-        free = (*(name for name in reader.x_names if name in reader.starts and name not in Orientation.momenta), *kept)
+        free = (*(name for name in self.x_names if name in reader.starts and name not in Orientation.momenta), *kept)
         cost = {name: float(name in free) for name in states}
         cost |= {f"{m}_dot": _DRIFT for m in moves if m not in kept}
         for name in weights:
@@ -270,17 +291,36 @@ class _Design:
                 raise PlanError(f"{self.name}: weights of {name!r}: the states are {', '.join(states)}")
         D = self._directions(len(states))
         back = np.linalg.pinv(D)
-        rows = np.array([*range(len(reader.x_names) + len(moves) * 3)])
-        dropped = [len(reader.x_names) + i for i, keeps in enumerate(self.keeps) if not keeps]
+        rows = np.array([*range(len(self.x_names) + len(moves) * 3)])
+        dropped = [len(self.x_names) + i for i, keeps in enumerate(self.keeps) if not keeps]
         rows = np.delete(rows, dropped)
         A, B = self._sampled()
         A, B = back @ A[np.ix_(rows, rows)] @ D, back @ B[rows]
         Q = D.T @ np.diag([(cost | weights)[name] for name in states]) @ D
         still = [i for i in range(len(A)) if np.allclose(A[i], np.eye(len(A))[i]) and not np.any(np.abs(B[i]) > 0)]
-        K, reached = self._gains(A, B, Q, effort * np.eye(len(moves)), D, states, free, still)
+        V, U = reachable((A - np.eye(len(A))) / self.H, B / self.H)
+        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, effort * np.eye(len(moves))) @ V.T
+        if U.size:
+            fixed = np.eye(len(A))[:, still]
+            others = svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still)]
+            U = np.hstack([fixed, others])
+            stays = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
+            target, w, missed = steady(A, B, D[[states.index(name) for name in free]], V, U)
+            for j in range(U.shape[1]):
+                if not stays or (j >= len(still) and missed[j] > _RANK):
+                    self._refuse(back.T @ U[:, j], states)
+            K -= (K @ V @ target + w) @ U.T
         values = np.concatenate(self.point)[rows]
         starts = {parameter: reader.k[parameter] for parameter in reader.starts.values()}
         starts |= dict(zip([*moves, *rates], np.concatenate(self.point[1:3]), strict=True))
+        starts |= {f"{m}_ddot": 0.0 for m in moves}
+        turned = [axis for axes in self.turns.values() for axis in axes]
+        singles = [name for name in starts if name not in {reader.starts[axis] for axis in turned}]
+        turns = [
+            {reader.starts[states[i]]: float(column[i]) for i in np.flatnonzero(column)}
+            for column in D.T
+            if any(states[i] in turned for i in np.flatnonzero(column))
+        ]
         conserved = [name for name, row in zip(states, D, strict=True) if set(np.flatnonzero(row)) & set(still)]
         return Held(
             name=self.name,
@@ -293,18 +333,19 @@ class _Design:
             gains=K @ back,
             loop=A - B @ K,
             directions=D,
-            reached=reached,
+            reached=V.shape[1],
             conserved=tuple(conserved),
             values=reader.goal.values,
             starts={name: float(value) for name, value in starts.items()},
+            shifts=(*turns, *({name: 1.0} for name in singles)),
             bounds=bounds,
         )
 
     def _directions(self, count: int) -> Array:
         """Columns along which the states can differ: of a quaternion only turns."""
         D = np.eye(count)
-        for axes in self.reader.turns.values():
-            i, *_ = places = [self.reader.x_names.index(axis) for axis in axes]
+        for axes in self.turns.values():
+            i, *_ = places = [self.x_names.index(axis) for axis in axes]
             w, x, y, z = self.point[0][places]
             D[np.ix_(places, places[1:])] = np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
             D = np.delete(D, i, axis=1)
@@ -312,7 +353,7 @@ class _Design:
 
     def _sampled(self) -> tuple[Array, Array]:
         """One step: the mechanism sees σ as it is extrapolated, the regulators follow what they chose."""
-        n, c, H = len(self.reader.x_names), len(self.reader.goal.moves), self.H
+        n, c, H = len(self.x_names), len(self.reader.goal.moves), self.H
         zero, one = np.zeros((c, c)), np.eye(c)
         seen, own = np.zeros((n + 3 * c, n + 3 * c)), np.zeros((4 * c, 4 * c))
         seen[:n] = np.hstack([*self.slopes, np.zeros((n, c))])
@@ -322,47 +363,37 @@ class _Design:
         A = np.vstack([expm(seen * H)[:n], np.hstack([np.zeros((3 * c, n)), moved[: 3 * c, : 3 * c]])])
         return A, np.vstack([np.zeros((n, c)), moved[: 3 * c, 3 * c :]])
 
-    def _gains(
-        self, A: Array, B: Array, Q: Array, R: Array, D: Array, states: Sequence[str], free: Sequence[str], still: list[int]
-    ) -> tuple[Array, int]:
-        """Gains on what can be controlled, which goes where the rest leaves the free coordinates at rest."""
-        V, U = reachable((A - np.eye(len(A))) / self.H, B / self.H)
-        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, R) if V.size else np.zeros((B.shape[1], 0))
-        if not U.size:
-            return K @ V.T, V.shape[1]
-        C = D[[states.index(name) for name in free]]
-        fixed = np.eye(len(A))[:, still]
-        others = svd(U - fixed @ (fixed.T @ U))
-        U = np.hstack([fixed, others[0][:, : U.shape[1] - len(still)]])
-        steady = np.block([[V.T @ (np.eye(len(A)) - A) @ V, -V.T @ B], [C @ V, np.zeros((len(C), B.shape[1]))]])
-        wanted = np.vstack([V.T @ A @ U, -C @ U])
-        found = np.linalg.lstsq(steady, wanted, rcond=1e-12)[0]
-        missed = np.linalg.norm(steady @ found - wanted, axis=0)
-        growth = np.abs(np.linalg.eigvals(U.T @ A @ U))
-        for j in range(U.shape[1]):
-            if j >= len(still) and missed[j] > _RANK or np.max(growth) > 1 + 1e-6:
-                self._refuse(np.linalg.pinv(D).T @ U[:, j], states)
-        target, feed = found[: V.shape[1]], found[V.shape[1] :]
-        return K @ V.T - (K @ target + feed) @ U.T, V.shape[1]
-
     def _refuse(self, vector: Array, states: Sequence[str]) -> None:
-        places = [i for i in range(len(states)) if abs(vector[i]) > 1e-6 * np.max(np.abs(vector))]
-        text = " ".join(f"{vector[i] / vector[places[0]]:+.3g} {states[i]}" for i in places).removeprefix("+1 ")
+        places = [i for i in range(len(states)) if abs(vector[i]) > 1e-3 * np.max(np.abs(vector))]  # not what H adds
+        terms = [f"{vector[i] / vector[places[0]]:+.3g}" for i in places]
+        text = " ".join(f"{term[0]} {term[1:]} {states[i]}" for term, i in zip(terms, places, strict=True))
+        text = text.removeprefix("+ ").removeprefix("1 ")
         moves = ", ".join(self.reader.goal.moves)
         raise PlanError(f"{self.name} cannot be held there: to first order {moves} cannot change {text}")
 
 
 def reachable(A: Array, B: Array) -> tuple[Array, Array]:
     """Orthonormal bases of what x' = A x + B u can reach, and of what is perpendicular to it: the staircase."""
-    n, new, V = len(A), B, np.zeros((len(A), 0))
+    n, new = len(A), B
+    V: Array = np.zeros((n, 0))
     while new.size and V.shape[1] < n:
         new = new - V @ (V.T @ new)
         new = new - V @ (V.T @ new)
-        directions, sizes, _ = svd(new, full_matrices=False)
+        found: Any = svd(new, full_matrices=False)
+        directions, sizes, _ = found
         new = directions[:, sizes > _RANK * max(1.0, float(np.linalg.norm(A)))]
         V = np.hstack([V, new])
         new = A @ new
-    return V, svd(V)[0][:, V.shape[1] :] if V.size else np.eye(n)
+    whole: Any = svd(V)[0] if V.size else np.eye(n)
+    return V, whole[:, V.shape[1] :]
+
+
+def steady(A: Array, B: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array, Array]:
+    """Where V has to go, and with what w, so that C x = 0 remains while each direction of U stays; what that misses."""
+    left = np.block([[V.T @ (np.eye(len(A)) - A) @ V, -V.T @ B], [C @ V, np.zeros((len(C), B.shape[1]))]])
+    right = np.vstack([V.T @ A @ U, -C @ U])
+    found: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
+    return found[: V.shape[1]], found[V.shape[1] :], np.asarray(np.linalg.norm(left @ found - right, axis=0))
 
 
 def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
