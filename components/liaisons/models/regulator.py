@@ -16,7 +16,7 @@ class Regulator(Operator):
     ::
 
         w = clip(-Σ gain_i (reading_i - wanted_i), lowest, highest)
-        y''' = (w - y'') / step_size
+        y''' = (w - y'') / period
 
     Readings stay as they are until the next communication point.  What the operator itself has done is read like the
     rest, through wires from y, y_dot and y_ddot to readings of its own.  y, y_dot and y_ddot are states and
@@ -24,7 +24,7 @@ class Regulator(Operator):
     ``liaisons.hold`` finds the gains.
     """
 
-    step_size = Parameter(0.01, "s", "distance of the communication points", above=0)
+    period = Parameter(0.01, "s", "sampling period: distance of the communication points", above=0)
     lowest = Parameter(-1e9, ANY, "least acceleration, in units of y a second squared")
     highest = Parameter(1e9, ANY, "greatest acceleration, in units of y a second squared")
     gain = ParameterArray((), ANY, "gains", Dimension("readings", _READINGS, "number of readings"))
@@ -44,5 +44,5 @@ class Regulator(Operator):
         return {
             "value": self.rate,
             "rate": self.acceleration,
-            "acceleration": (chosen - self.acceleration) / self.step_size,
+            "acceleration": (chosen - self.acceleration) / self.period,
         }

@@ -87,7 +87,7 @@ class Held:
             triple = {move: "value_0", f"{move}_dot": "rate_0", f"{move}_ddot": "acceleration_0"}
             settings: dict[str, Any] = {state: starts.pop(name, 0.0) for name, state in triple.items()}
             settings |= {"gain": _filled(gain), "wanted": _filled(self.at), "lowest": low, "highest": high}
-            regulators.append(system.add(f"{self.name}_{move}", "Regulator", step_size=self.step_size, **settings))
+            regulators.append(system.add(f"{self.name}_{move}", "Regulator", period=self.step_size, **settings))
             sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
         mechanism = system.add(self.name, self.component, **self.values, **starts)
         for move, regulator in zip(self.moves, regulators, strict=True):
@@ -359,8 +359,8 @@ class _Design:
         seen[:n] = np.hstack([*self.slopes, np.zeros((n, c))])
         seen[n : n + 2 * c, n:] = np.block([[zero, one, zero], [zero, zero, one]])
         own[: 3 * c] = np.block([[zero, one, zero, zero], [zero, zero, one, zero], [zero, zero, -one / H, one / H]])
-        moved = expm(own * H)
-        A = np.vstack([expm(seen * H)[:n], np.hstack([np.zeros((3 * c, n)), moved[: 3 * c, : 3 * c]])])
+        moved, felt = (np.asarray(expm(matrix * H), dtype=float) for matrix in (own, seen))
+        A = np.vstack([felt[:n], np.hstack([np.zeros((3 * c, n)), moved[: 3 * c, : 3 * c]])])
         return A, np.vstack([np.zeros((n, c)), moved[: 3 * c, 3 * c :]])
 
     def _refuse(self, vector: Array, states: Sequence[str]) -> None:
@@ -381,8 +381,8 @@ def reachable(A: Array, B: Array) -> tuple[Array, Array]:
         new = new - V @ (V.T @ new)
         found: Any = svd(new, full_matrices=False)
         directions, sizes, _ = found
-        new = directions[:, sizes > _RANK * max(1.0, float(np.linalg.norm(A)))]
-        V = np.hstack([V, new])
+        new = np.asarray(directions[:, sizes > _RANK * max(1.0, float(np.linalg.norm(A)))], dtype=float)
+        V = np.asarray(np.hstack([V, new]), dtype=float)
         new = A @ new
     whole: Any = svd(V)[0] if V.size else np.eye(n)
     return V, whole[:, V.shape[1] :]
