@@ -134,9 +134,9 @@ _MULTIPLIER = {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"}
 
 
 def rate(name: str) -> str:
-    """Unit of the time derivative of a quantity with this unit."""
-    if name in _RATE:
-        return _RATE[name]
+    """Unit of the time derivative of a quantity with this unit; of one that takes any, any."""
+    if name in _RATE or name == ANY:
+        return _RATE.get(name, ANY)
     return f"{name}.s" if "/" in name else f"{name}/s"
 
 

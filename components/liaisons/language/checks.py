@@ -112,8 +112,7 @@ class Formulas:
 
     def internal_rates(self, states: Iterable[InternalState], symbols: Mapping[str, ca.SX]) -> None:
         """One rate for each internal state."""
-        unit = {state.name: state.checked_unit for state in states}
-        self.each("internal_rates", symbols, {name: units.rate(of) if of else units.ANY for name, of in unit.items()})
+        self.each("internal_rates", symbols, {state.name: units.rate(state.checked_unit) for state in states})
 
     def check_units(self, variables: Iterable[Variable], symbols: Mapping[str, ca.SX], **more: str) -> None:
         """Refuse formulas whose units cannot be right.

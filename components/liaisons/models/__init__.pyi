@@ -29,6 +29,7 @@ from .planar_oscillator import PlanarOscillator as PlanarOscillator
 from .planned_motion import PlannedMotion as PlannedMotion
 from .polar_oscillator import PolarOscillator as PolarOscillator
 from .ramp import Ramp as Ramp
+from .regulator import Regulator as Regulator
 from .satellite import Satellite as Satellite
 from .shaped_swing import marle_swing as marle_swing
 from .sinusoid import Sinusoid as Sinusoid

@@ -1,8 +1,9 @@
 """Operators that find σ(t): what is wanted of a mechanism in, motion and proof out."""
 
 from liaisons.operators.goals import planned
+from liaisons.operators.holding import Held, hold
 from liaisons.operators.planning import plan
 from liaisons.operators.plans import Plan
 from liaisons.operators.problems import PlanError
 
-__all__ = ["Plan", "PlanError", "plan", "planned"]
+__all__ = ["Held", "Plan", "PlanError", "hold", "plan", "planned"]

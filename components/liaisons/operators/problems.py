@@ -121,7 +121,7 @@ def problem_of(goal: Goal) -> Problem:
 
     :raises PlanError: for an unknown name, with the nearest one, or for what cannot be.
     """
-    return _Reader(goal).problem()
+    return Reader(goal).problem()
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ class _State:
     rate: ca.SX
 
 
-class _Reader:
+class Reader:
     """The symbols of one goal, and what is made of them step by step."""
 
     def __init__(self, goal: Goal) -> None:

@@ -1,0 +1,63 @@
+"""A pendulum stands upright because its pivot is moved by feedback, or because it is shaken (Kapitza).
+
+``hold`` linearises about θ = π, solves Riccati's equation of the sampled loop, and a Regulator FMU reads the states
+every 20 ms.  The loop over one step is compared with what the FMUs show.  Beside it a Sinusoid shakes pivot_z at
+60 rad/s, which keeps the pendulum about the top from the same 0.2 rad without looking.  What an operator exchanges,
+∫ |P| dt, is the work that has to be spent where none is won back.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import trapezoid
+
+from liaisons import Claims, Result, hold, operator, panels, scenario, simulate, within
+
+STEP, STOP, TILT = 0.02, 10.0, 0.2
+TOLERANCE = 1e-10
+
+
+def exchanged(run: Result, power: str) -> float:
+    """∫ |P| dt [J]."""
+    return float(trapezoid(np.abs(run[power]), run.time))
+
+
+@scenario
+def main(claim: Claims) -> None:
+    upright, bounds = {"theta": np.pi, "pivot_x": 0.0}, {"pivot_x_ddot": (-20.0, 20.0)}
+    regulator = hold("Pendulum", upright, "pivot_x", step_size=STEP, bounds=bounds)
+    differences = within(1e-5, because="differences of 1e-5 about the equilibrium")
+    claim("one step of the FMUs is the matrix that was predicted", regulator.measured(), regulator.loop, differences)
+    radius = np.max(np.abs(regulator.multipliers))
+    inside = within(1 - 1e-3, because="inside the unit circle; without feedback exp(√(g/l) H) = 1.065 is outside")
+    claim("the greatest multiplier", radius, 0.0, inside)
+
+    held = regulator.simulate(STOP, theta_0=np.pi + TILT)
+    theta, pivot = held["Pendulum.theta"], held["Pendulum.pivot_x"]
+    back = within(1e-9, "rad", because="the greatest multiplier, 500 times, is 3e-12; the pivot swings out first")
+    claim("from 0.2 rad it comes back upright", theta[-1], np.pi, back)
+    late = held.time > STOP / 2
+    decay = np.abs(regulator.deviation(held)[:, late]).max(axis=0)
+    rate = np.polyfit(held.time[late], np.log(decay), 1)[0] * STEP
+    slope = within(0.1 * abs(np.log(radius)), because="two pairs of multipliers of nearly one size beat")
+    claim("it decays by the greatest multiplier a step", rate, np.log(radius), slope)
+
+    shaker = operator("Sinusoid", amplitude=0.1, angular_frequency=60.0)
+    shaken = simulate(
+        "Pendulum", stop_time=STOP, step_size=0.0025, tolerance=TOLERANCE, pivot_z=shaker, theta_0=np.pi + TILT
+    )
+    spent, vibrated = exchanged(held, "Pendulum.pivot_x_power"), exchanged(shaken, "pivot_z_power")
+    little = within(0.01, because="measured 1e-3: the shaker lifts and stops the bob 9.5 times a second, always")
+    claim("work exchanged in 10 s: feedback over vibration", spent / vibrated, 0.0, little)
+
+    survived = regulator.survives("theta_force", 0.2, stop_time=STOP, first=1.0)
+    weight = 9.81 * np.sin(TILT)
+    text = f"it survives a torque of {survived:.3g} N m for 0.2 s, more than that of its weight at 0.2 rad"
+    claim(text, float(survived <= weight), 0.0, within(0.0, because="a count"))
+
+    angle, work = panels(("upright is 0", "t [s]", "θ - π [rad]"), ("work exchanged", "t [s]", "∫ |P| dt [J]"))
+    for run, label, prefix in ((held, f"feedback, {spent:.2g} J", "Pendulum."), (shaken, f"{vibrated:.2g} J", "")):
+        angle.plot(run.time, run[f"{prefix}theta"] - np.pi, linewidth=0.8, label=label)
+        power = np.abs(run[f"{prefix}pivot_{'x' if prefix else 'z'}_power"])
+        work.semilogy(run.time[1:], np.cumsum(power)[1:] * np.diff(run.time), label=label)
+    angle.plot(held.time, pivot, "--", linewidth=0.8, label="pivot [m]")
