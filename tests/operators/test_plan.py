@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons import Plan, plan
+from liaisons import Plan, System, plan
 from liaisons.operators import PlanError, transcription
 
 CAT: dict[str, Any] = {"start": {"phi": 0}, "closed": True, "duration": 0.9, "arm_1": 0.25, "arm_2": 0.25}
@@ -66,6 +66,17 @@ def test_everything_is_proved_by_replay_mesh_and_law(tmp_path: Path) -> None:
         np.testing.assert_array_equal(again.sigma(t)[name], values)
     assert all(verdict.passed for verdict in again.verify())
     assert again.cost == motion.cost
+
+
+def test_the_system_goes_through_an_archive_and_masters_that_step_all_at_once(tmp_path: Path) -> None:
+    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE)
+    motion.system(interpolate=False).write_ssp(tmp_path / "crane.ssp")
+    system = System.from_ssp(tmp_path / "crane.ssp")
+    experiment = system.experiment
+    result = system.simulate(experiment.stop_time, experiment.step_size, coupling="jacobi")
+    assert result["Pendulum.pivot_x"][-1] == pytest.approx(0.5, abs=1e-8)
+    # Rates are extrapolated over 4 ms: third order, h²/6 times a third derivative of 1.
+    assert result["Pendulum.theta"][-1] == pytest.approx(0.0, abs=1e-5)
 
 
 def test_sigma_is_one_polynomial_and_its_derivatives() -> None:
@@ -217,3 +228,44 @@ def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch) 
     assert not motion.proved
     assert "not proved" in repr(motion)
     assert not all(verdict.passed for verdict in motion.verify())
+
+
+def test_an_interrupt_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = iter(["Solve_Succeeded", "User_Requested_Stop"])
+    run = transcription._run
+
+    def once(*arguments: Any, **options: Any) -> str:
+        run(*arguments, **options)
+        return next(words)
+
+    monkeypatch.setattr(transcription, "_run", once)
+    motion = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, tries=3, **CAT)
+    assert motion.solution.succeeded
+    assert not motion.proved
+
+
+def test_least_effort_of_a_sphere_is_that_of_a_cubic() -> None:
+    """∫ λ² dt of J' = J - J_w from rest to rest: 12 J'² θ²/T³."""
+    end = {"attitude": (0, 0, 0, 1)} | {f"wheel_{k}_dot": 0 for k in (1, 2, 3)}
+    sphere: dict[str, Any] = {"J_xx": 1.1, "J_yy": 1.1, "J_zz": 1.1, "J_wheel": 0.1}
+    motion = plan("Satellite", end=end, duration=2.0, minimize="effort", intervals=10, **sphere)
+    assert motion.cost == pytest.approx(12 * np.pi**2 / 2**3, rel=1e-9)
+
+
+def test_the_best_half_swing_stands_up_at_the_lowest_point() -> None:
+    """Order 0, jumps: 1 - cos θ grows by (l_max/l_min)³ in a half swing."""
+    motion = plan(
+        "Pendulum",
+        ["length"],
+        start={"theta": -0.5},
+        end={"p_theta": 0, "theta": (0.3, 2)},
+        duration=(0.5, 3),
+        minimize="-sin(theta)*theta_dot",
+        bounds={"length": (1.0, 1.1)},
+        intervals=10,
+    )
+    assert motion.problem.order == 0
+    assert motion.switches.size == 1
+    assert -motion.cost / (1 - np.cos(0.5)) + 1 == pytest.approx(1.1**3, rel=1e-9)
+    before, after = motion.sigma([motion.switches[0] - 1e-9, motion.switches[0]])["length"]
+    assert (before, after) == pytest.approx((1.1, 1.0), abs=1e-9)

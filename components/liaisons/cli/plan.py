@@ -34,7 +34,7 @@ def plan(
     found.save(path.with_suffix(".json"))
     found.plot(path=path.with_suffix(".png"))
     found.animate(path.with_suffix(".gif"))
-    found.system().write_ssp(path.with_suffix(".ssp"))
+    found.system(interpolate=False).write_ssp(path.with_suffix(".ssp"))
     print(f"{found!r}"[1:-1])
     for name, kind in (("plan", ".json"), ("figure", ".png"), ("motion", ".gif"), ("system", ".ssp")):
         print(f"{name}: {path.with_suffix(kind)}")

@@ -21,6 +21,8 @@ from liaisons.progress import progress_bar
 _NEAR = 1e-4
 """How near a row of the path is to its bound, relative to its range, to be held there."""
 
+_ALIKE = 1e-3
+"""How much more, relatively, a motion with arcs may cost than one whose mesh blurs the switches."""
 _FEASIBLE = 1e-6
 """Residual of the equations below which what was stopped on the way is a motion at all."""
 
@@ -99,16 +101,14 @@ def plan(
             show(len(found))
             if not found[-1].proved:
                 break
-    good = [solution for solution in found if solution.succeeded]
-    if not good and not found[-1].proved and found[-1].residual < _FEASIBLE:
-        return Plan(goal, problem, found[-1])
+    stopped = not found[-1].proved
+    good = [one for one in found if one.succeeded or (stopped and one.residual < _FEASIBLE)]
     if not good:
         raise PlanError(_obstacle(problem, starts[0], found[0], time_limit))
-    best = min(good, key=lambda solution: solution.cost)
-    best = with_arcs(problem, best, time_limit)
-    if accuracy is not None:
-        best = on_finer_mesh(problem, best, accuracy, time_limit)
-    return Plan(goal, problem, best)
+    best = min(good, key=lambda one: (not one.succeeded, one.cost))
+    if stopped:
+        return Plan(goal, problem, replace(best, proved=False))
+    return Plan(goal, problem, _refined(problem, best, np.inf if accuracy is None else accuracy, time_limit))
 
 
 def _moves(mechanism: Target, given: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -143,7 +143,22 @@ def _warm(problem: Problem, guess: Plan, intervals: int) -> Track:
 # ---- switching instants -------------------------------------------------------------------------------------------
 
 
-def with_arcs(problem: Problem, solution: Solution, seconds: float) -> Solution:
+def _refined(problem: Problem, solution: Solution, accuracy: float, seconds: float) -> Solution:
+    """The same motion with its arcs, on meshes twice as fine each until its Hamiltonian is constant."""
+    while True:
+        if len(solution.track.arcs) == 1:
+            solution = _with_arcs(problem, solution, seconds)
+        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.track.arcs)
+        is_law = np.ptp(solution.hamiltonian) <= accuracy * hamiltonian_scale(problem, solution)
+        if is_law or sum(arc.intervals for arc in arcs) + len(arcs) > MOST_KNOTS:
+            return solution
+        finer = solve(problem, solution.track.on(arcs, solution.track.durations), near=True, seconds=seconds)
+        if not finer.succeeded:
+            return solution
+        solution = finer
+
+
+def _with_arcs(problem: Problem, solution: Solution, seconds: float) -> Solution:
     """The same motion with its arcs: where controls switch between bounds, the instants become unknowns.
 
     What is better is kept: where holding the rows does not work out, the solution stays as it is.
@@ -152,13 +167,9 @@ def with_arcs(problem: Problem, solution: Solution, seconds: float) -> Solution:
     if len(arcs) < 2 and not any(arc.held for arc in arcs):
         return solution
     found = solve(problem, solution.track.on(arcs, durations), near=True, seconds=seconds)
-    scale = max(abs(solution.cost), 1e-12)
-    good = (
-        found.succeeded
-        and found.cost <= solution.cost + 1e-4 * scale
-        and np.all(found.track.durations > 1e-5 * durations.sum())
-    )
-    return found if good else solution
+    shortest = float(np.min(found.track.durations)) / float(durations.sum())
+    alike = found.cost <= solution.cost + _ALIKE * max(abs(solution.cost), 1e-12)
+    return found if found.succeeded and alike and shortest > 1e-5 else solution
 
 
 def _arcs(problem: Problem, solution: Solution) -> tuple[tuple[Arc, ...], Array]:
@@ -197,19 +208,6 @@ def _arcs(problem: Problem, solution: Solution) -> tuple[tuple[Arc, ...], Array]
         for (pattern, _, _), before, after in zip(merged, edges[:-1], edges[1:], strict=True)
     )
     return arcs, np.diff(edges)
-
-
-def on_finer_mesh(problem: Problem, solution: Solution, accuracy: float, seconds: float) -> Solution:
-    """The same motion on meshes that are twice as fine each, until its Hamiltonian is constant, or knots run out."""
-    while np.ptp(solution.hamiltonian) > accuracy * hamiltonian_scale(problem, solution):
-        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.track.arcs)
-        if sum(arc.intervals for arc in arcs) + len(arcs) > MOST_KNOTS:
-            break
-        finer = solve(problem, solution.track.on(arcs, solution.track.durations), near=True, seconds=seconds)
-        if not finer.succeeded:
-            break
-        solution = finer
-    return solution
 
 
 # ---- what stands in the way ---------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from scipy.interpolate import PPoly
 from liaisons.arguments import as_path
 from liaisons.check import Verdict
 from liaisons.cosim import Result
+from liaisons.cosim.description import DefaultExperiment
 from liaisons.interface import System, operator, simulate
 from liaisons.language import Chain
 from liaisons.library import catalogue, component, fmu_path
@@ -101,10 +102,17 @@ class Plan:
 
     # ---- FMUs -------------------------------------------------------------------------------------------------
 
-    def system(self) -> System:
-        """The mechanism and one operator FMU a coordinate, wired, with start values: ready to be simulated anywhere."""
+    def system(self, *, interpolate: bool = True) -> System:
+        """The mechanism and one operator FMU a coordinate, wired, with start values; steps in time are set, too.
+
+        :param interpolate: the mechanism follows the operators' polynomials from step to step, to the last digits, as
+            a master can that steps operators first; False: for masters that step all at once, in steps a tenth as long.
+        """
         system = System(f"planned {self.problem.name}")
-        system.add(self.problem.name, self._fmu(), **self._values())
+        system.add(self.problem.name, self._fmu(), **self._values(interpolate=interpolate))
+        times = self._times()
+        step = float(times[1]) / (1 if interpolate else 10)
+        system.experiment = DefaultExperiment(0.0, float(times[-1]), step)
         return system
 
     def replay(self) -> Result:
@@ -134,7 +142,7 @@ class Plan:
         sizes: Any = {"n": self.goal.values["n"]} if issubclass(found, Chain) and "n" in self.goal.values else {}
         return fmu_path(self.goal.component, **sizes)
 
-    def _values(self) -> dict[str, Any]:
+    def _values(self, *, interpolate: bool = True) -> dict[str, Any]:
         """Start values of the mechanism, and an operator for what is moved."""
         problem, track = self.problem, self.solution.track
         begin = self.sigma(0.0)
@@ -143,7 +151,7 @@ class Plan:
         knots = self._knots()
         for name, columns in knots.items():
             arrays = dict(zip(("instant", "value", "rate", "acceleration"), columns, strict=True))
-            values[name] = operator("PlannedMotion", interpolate=problem.order > 0, **arrays)
+            values[name] = operator("PlannedMotion", interpolate=interpolate and problem.order > 0, **arrays)
         return values
 
     def _knots(self) -> dict[str, Array]:
