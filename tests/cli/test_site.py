@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -88,11 +89,10 @@ def test_getting_started_from_the_wheel(place: Place) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", NOTEBOOKS)
 def test_notebooks_from_the_wheel_in_an_empty_folder(page: str, place: Place) -> None:
-    pytest.importorskip("nbclient")
-    pytest.importorskip("ipykernel")
-    if "ecospy" in "".join(cells(page)):
-        pytest.importorskip("ecospy")
-        pytest.importorskip("libcosimpy")
+    masters = [module for module in ("ecospy", "libcosimpy") if module in "".join(cells(page))]
+    needed = ["nbclient", "ipykernel", *masters]
+    if missing := [module for module in needed if find_spec(module) is None]:
+        pytest.skip(f"not installed: {', '.join(missing)}")
     ours = f"import liaisons; assert {str(ROOT)!r} not in liaisons.__file__"
     (place.folder / "run.py").write_text(_RUN)
     (place.folder / "cells.json").write_text(json.dumps([ours, *cells(page)]))
