@@ -37,7 +37,7 @@ def archive(fmu: FmuPaths, tmp_path: Path) -> Archive:
         path = tmp_path / "foreign.ssp"
         with zipfile.ZipFile(path, "w") as target:
             target.writestr("SystemStructure.ssd", structure(system, version=version))
-            for name in ("Cubic", "Spring", "Mass", "Probe", "Faulty"):
+            for name in ("Cubic", "Spring", "Mass", "Probe", "Faulty", "Discrete"):
                 target.write(fmu(name), f"resources/{name}.fmu")
             for name, text in files.items():
                 target.writestr(f"resources/{name}", text)
@@ -160,7 +160,7 @@ def test_elements_that_will_not_do(archive: Archive, system: str, words: list[st
         ([connected("c.y", "p.v")], ["Probe.fmu has no variable 'v'"]),
         ([connected("c.y", "p.u"), connected("f.x", "p.u")], ["f.x", "p.u", "c.y feeds it already"]),
         ([connected("s.seen", "f.u")], ["s.seen [m]", "f.u [mm]", "factor 1000"]),
-        ([connected("p.count", "f.u")], ["p.count is Integer"]),
+        ([connected("d.late", "p.u")], ["d.late (Boolean)", "p.u (Real)"]),
         ([connected("c.y", "p.u", DOUBLED)], ["connection from c.y to p.u has a LinearTransformation"]),
         (['<Connection startElement="c" endElement="p" endConnector="u"/>'], ["a Connection without startConnector"]),
         ([connected("a", "b"), connected("b", "a"), connected("a", "p.u")], ["round in a circle"]),
@@ -168,7 +168,7 @@ def test_elements_that_will_not_do(archive: Archive, system: str, words: list[st
     ],
 )
 def test_connections_that_will_not_do(archive: Archive, links: list[str], words: list[str]) -> None:
-    parts = {"c": "Cubic", "p": "Probe", "f": "Faulty", "s": "Spring"}
+    parts = {"c": "Cubic", "p": "Probe", "f": "Faulty", "s": "Spring", "d": "Discrete"}
     inside = elements(*(component(name, fmu) for name, fmu in parts.items()))
     message = _message(archive(inside + connections(*links)), LiaisonsError)
     assert all(word in message for word in words), message
