@@ -37,7 +37,7 @@ def archive(fmu: FmuPaths, tmp_path: Path) -> Archive:
         path = tmp_path / "foreign.ssp"
         with zipfile.ZipFile(path, "w") as target:
             target.writestr("SystemStructure.ssd", structure(system, version=version))
-            for name in ("Cubic", "Spring", "Mass", "Probe", "Faulty"):
+            for name in ("Cubic", "Spring", "Mass", "Probe", "Faulty", "Discrete"):
                 target.write(fmu(name), f"resources/{name}.fmu")
             for name, text in files.items():
                 target.writestr(f"resources/{name}", text)
