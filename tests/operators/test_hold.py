@@ -69,6 +69,8 @@ def test_multipliers_of_the_pendulum_lie_on_the_root_locus() -> None:
 def test_a_pendulum_comes_back_within_bounds_and_survives_a_push() -> None:
     regulator = hold("Pendulum", **HELD["Pendulum"], bounds={"pivot_x_ddot": (-6, 6)})
     run = regulator.simulate(8.0, theta_0=np.pi + 0.2)
+    usual = regulator.system(theta_0=np.pi + 0.2).simulate(8.0, STEP, tolerance=1e-11)
+    np.testing.assert_array_equal(usual["Pendulum.theta"], run["Pendulum.theta"])  # whatever the coupling
     assert np.abs(regulator.deviation(run)[:, -1]).max() < 1e-6
     acceleration = run["Pendulum.pivot_x_ddot"]
     assert np.abs(acceleration).max() <= 6 + 1e-9
@@ -94,6 +96,9 @@ def test_wheels_take_the_momentum_that_a_torque_leaves() -> None:
         ("Satellite", {"at": {"wheel_1": 0.0}}, "cannot be held there: to first order wheel_1, .* cannot change q_x"),
         ("Pendulum", {"at": {"theta": 1.0}}, "no equilibrium: the rate of p_theta is -8.2"),
         ("Pendulum", {"bounds": {"pivot_x": (-1, 1)}}, "a regulator bounds accelerations, pivot_x_ddot"),
+        ("Pendulum", {"bounds": {"pivot_x_ddot": 3}}, r"bounds of pivot_x_ddot = 3: give \(low, high\)"),
+        ("Pendulum", {"at": {"theta": np.pi}, "moves": "pivot_z"}, "first order pivot_z cannot change theta"),
+        ("CartesianPendulum", {"at": {}, "moves": "rod"}, "has constraints"),
         ("Pendulum", {"weights": {"thetta": 1}}, "weights of 'thetta': the states are theta, p_theta"),
         ("Pendulum", {"step_size": 0.0}, "must be > 0"),
         ("Pendulum", {"moves": "theta"}, "is no active coordinate"),

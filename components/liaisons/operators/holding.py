@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are, svd
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.arguments import finite, listed, named
+from liaisons.arguments import finite, listed, named, shown
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.errors import LiaisonsError
@@ -226,6 +226,9 @@ def hold(
     for name in bounds:
         if name not in known:
             raise PlanError(f"bounds of {name!r}: a regulator bounds accelerations, {', '.join(known)}")
+        pair = bounds[name]
+        if not (isinstance(pair, (tuple, list)) and len(pair) == 2 and pair[0] < 0 < pair[1]):
+            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with low < 0 < high")
     reader = Reader(Goal(mechanism, names, at, {}, (), (step_size, step_size), "time", {}, values))
     return _Design(reader, dict(at), step_size).held(dict(weights or {}), effort, bounds)
 
