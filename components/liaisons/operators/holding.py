@@ -308,11 +308,11 @@ class _Design:
             others = svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still)]
             U = np.hstack([fixed, others])
             stays = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
-            target, w, missed = steady(A, B, D[[states.index(name) for name in free]], V, U)
+            target, missed = steady(A, D[[states.index(name) for name in free]], V, U)
             for j in range(U.shape[1]):
                 if not stays or (j >= len(still) and missed[j] > _RANK):
                     self._refuse(back.T @ U[:, j], states)
-            K -= (K @ V @ target + w) @ U.T
+            K -= K @ V @ target @ U.T
         values = np.concatenate(self.point)[rows]
         starts = {parameter: reader.k[parameter] for parameter in reader.starts.values()}
         starts |= dict(zip([*moves, *rates], np.concatenate(self.point[1:3]), strict=True))
@@ -391,12 +391,12 @@ def reachable(A: Array, B: Array) -> tuple[Array, Array]:
     return V, whole[:, V.shape[1] :]
 
 
-def steady(A: Array, B: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array, Array]:
-    """Where V has to go, and with what w, so that C x = 0 remains while each direction of U stays; what that misses."""
-    left = np.block([[V.T @ (np.eye(len(A)) - A) @ V, -V.T @ B], [C @ V, np.zeros((len(C), B.shape[1]))]])
+def steady(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
+    """Where V has to rest so that C x = 0 remains while each direction of U stays, and what that misses."""
+    left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
     right = np.vstack([V.T @ A @ U, -C @ U])
     found: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
-    return found[: V.shape[1]], found[V.shape[1] :], np.asarray(np.linalg.norm(left @ found - right, axis=0))
+    return found, np.asarray(np.linalg.norm(left @ found - right, axis=0))
 
 
 def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
