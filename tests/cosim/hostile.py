@@ -126,7 +126,10 @@ LAUGHS = (
 )
 SSP = "http://ssp-standard.org/SSP1/SystemStructure"
 SPACES = f'xmlns:v="{SSP}ParameterValues" xmlns:m="{SSP}ParameterMapping" xmlns:c="{SSP}Common"'
-UNITS = '<c:Unit name="mm"><c:BaseUnit m="1" factor="0.001"/></c:Unit><c:Unit name="K"><c:BaseUnit K="1"/></c:Unit>'
+UNITS = (
+    '<c:Unit name="mm"><c:BaseUnit m="1" factor="0.001"/></c:Unit>'
+    '<c:Unit name="degC"><c:BaseUnit K="1" offset="273.15"/></c:Unit>'
+)
 
 
 def many(count: int, item: Callable[[int], str]) -> str:

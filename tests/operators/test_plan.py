@@ -160,6 +160,11 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
     "unknown end": ("Pendulum", {"end": {"thetta": 0}, "duration": 1.0}, "did you mean 'theta'"),
     "unknown bound": ("Pendulum", {"bounds": {"lenght": (1, 2)}, "duration": 1.0}, "did you mean 'length'"),
     "unknown parameter": ("PlanarCat", CAT | {"arm1": 1.0}, "did you mean 'arm_1'"),
+    "code in a text": (
+        "Pendulum",
+        {"minimize": "().__class__", "duration": 1.0},
+        "at character 1: only numbers, names",
+    ),
     "unknown name in a text": ("Pendulum", {"minimize": "pivot_xddot**2", "duration": 1.0}, "'pivot_x_ddot'"),
     "moved and required": ("PlanarCat", CAT | {"psi_1": 1.0}, "psi_1 is moved"),
     "excluded by bounds": ("PlanarCat", CAT | {"end": {"psi_1": 4}, "bounds": LIMBS}, "lies outside of its bounds"),
