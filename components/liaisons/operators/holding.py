@@ -19,15 +19,16 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are, svd
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.arguments import finite, listed, named, shown
+from liaisons.arguments import finite, named, shown
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.errors import LiaisonsError
 from liaisons.interface import System
 from liaisons.language import Orientation
-from liaisons.library import Target
+from liaisons.library import Target, component
 from liaisons.models import Regulator
-from liaisons.operators.problems import Goal, PlanError, Reader
+from liaisons.operators.plans import Plan
+from liaisons.operators.problems import Goal, PlanError, Reader, move_names
 
 Array = NDArray[np.float64]
 
@@ -187,10 +188,10 @@ class Held:
 def hold(
     mechanism: Target,
     /,
-    at: Mapping[str, Any],
-    moves: str | Sequence[str],
+    at: Mapping[str, Any] | None = None,
+    moves: str | Sequence[str] | None = None,
     *,
-    step_size: float,
+    step_size: float | None = None,
     weights: Mapping[str, float] | None = None,
     effort: float = 0.01,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -209,19 +210,23 @@ def hold(
 
     :param mechanism: name, file or class of a mechanism.
     :param at: values of coordinates at the equilibrium, and of rates of what moves; the others as declared, at rest.
-    :param moves: active coordinates that the feedback moves.
-    :param step_size: distance of the communication points [s], which is the sampling period.
+    :param moves: active coordinates that the feedback moves; all unless given.
+    :param step_size: distance of the communication points [s], which is the sampling period; else the experiment's.
     :param weights: of states by name; coordinates have 1, momenta 0.
     :param effort: weight of the accelerations.
     :param bounds: (low, high) of accelerations, ``{"pivot_x_ddot": (-5, 5)}``: there the feedback saturates.
     :param values: parameters.
     :raises PlanError: if it is no equilibrium, or if what is to be held cannot be controlled, with what stays.
     """
+    if isinstance(mechanism, Plan) or at is None:
+        raise PlanError("hold keeps an equilibrium: give a mechanism and at={name: value, ...}, not a plan")
+    if step_size is None:
+        step_size = component(mechanism).experiment.step_size
     finite("step_size", step_size, PlanError)
     finite("effort", effort, PlanError)
     if step_size <= 0 or effort <= 0:
         raise PlanError(f"step_size = {step_size:g}, effort = {effort:g}: both must be > 0")
-    names, bounds = tuple(listed("moves", moves, PlanError)), named("bounds", bounds or {}, PlanError)
+    names, bounds = move_names(mechanism, moves), named("bounds", bounds or {}, PlanError)
     known = [f"{name}_ddot" for name in names]
     for name in bounds:
         if name not in known:

@@ -9,11 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from liaisons.arguments import finite, listed, named, shown, whole
-from liaisons.library import Target, component
+from liaisons.arguments import finite, named, shown, whole
+from liaisons.library import Target
 from liaisons.operators.guesses import guesses
 from liaisons.operators.plans import MOST_KNOTS, Plan
-from liaisons.operators.problems import Cost, Expression, Goal, PlanError, Problem, Value, closed_names, problem_of
+from liaisons.operators.problems import (
+    Cost,
+    Expression,
+    Goal,
+    PlanError,
+    Problem,
+    Value,
+    closed_names,
+    move_names,
+    problem_of,
+)
 from liaisons.operators.transcription import DEGREE, Arc, Array, Solution, Track, solve
 from liaisons.operators.verifying import hamiltonian_scale
 from liaisons.progress import progress_bar
@@ -77,7 +87,7 @@ def plan(
     :returns: the motion.  What IPOPT says is not enough: ``motion.verify()`` replays it through the FMUs.
     :raises PlanError: for an unknown name, with the nearest one; for what cannot be reached, with the obstacle.
     """
-    names = _moves(mechanism, moves)
+    names = move_names(mechanism, moves)
     goal = Goal(
         component=mechanism,
         moves=names,
@@ -109,16 +119,6 @@ def plan(
     if stopped:
         return Plan(goal, problem, replace(best, proved=False))
     return Plan(goal, problem, _refined(problem, best, np.inf if accuracy is None else accuracy, time_limit))
-
-
-def _moves(mechanism: Target, given: str | Sequence[str] | None) -> tuple[str, ...]:
-    if given is not None:
-        return tuple(listed("moves", given, PlanError))
-    found = component(mechanism)
-    actives = tuple(active.name for active in getattr(found, "actives", ()))
-    if not actives:
-        raise PlanError(f"{found.__name__} has no active coordinate: there is nothing that an operator could move")
-    return actives
 
 
 def _duration(given: Any) -> tuple[float, float]:

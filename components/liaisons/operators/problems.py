@@ -623,6 +623,17 @@ def _shown(row: _Row) -> str:
     return f"{row.low:g}" if row.low == row.high else f"({row.low:g}, {row.high:g})"
 
 
+def move_names(mechanism: Target, given: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Names of the active coordinates that move: all unless given."""
+    if given is not None:
+        return tuple(listed("moves", given, PlanError))
+    found = component(mechanism)
+    actives = tuple(active.name for active in getattr(found, "actives", ()))
+    if not actives:
+        raise PlanError(f"{found.__name__} has no active coordinate: there is nothing that an operator could move")
+    return actives
+
+
 def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
     """Names of what ends as it starts: True stands for what is moved."""
     if closed is True:
