@@ -20,7 +20,7 @@ from liaisons.fmu.documentation.mathml import LONGEST, Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import bibliography
 from liaisons.fmu.reference_results import trajectory
-from liaisons.language import Mechanism, Operator
+from liaisons.language import Mechanism, Operator, ParameterArray
 from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
 from liaisons.mechanics.printing import of_mechanism
@@ -218,7 +218,7 @@ def test_textbook_equations_agree_with_those_that_the_fmu_solves(component) -> N
 
 def test_operators_have_their_signal() -> None:
     for component in CATALOGUE:
-        if issubclass(component, Operator):
+        if issubclass(component, Operator) and not any(isinstance(p, ParameterArray) for p in component.parameters):
             assert assemble(component).equations[0].left == "y"
 
 

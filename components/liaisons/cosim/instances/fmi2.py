@@ -21,7 +21,7 @@ from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.carriers import Carrier
-from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
+from liaisons.cosim.instances.protocol import DISCARD, Instance, Numbers, Scalars
 from liaisons.errors import SimulationError
 
 _YES, _NO = c_int(1), c_int(0)
@@ -73,6 +73,8 @@ class Instance2(Instance):
         return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
 
     def _end(self) -> float | None:
+        if any(status >= DISCARD for status, _ in self._said):
+            return None  # it refuses, and says why: pythonfmu's wrapper discards no step without asking for the end
         said, ended, reached = self._said.copy(), c_int(), c_double()
         with suppress(SimulationError):  # these functions are missing from many an FMU
             self._call("fmi2GetBooleanStatus", _TERMINATED, byref(ended))
