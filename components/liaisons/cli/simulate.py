@@ -102,13 +102,15 @@ def simulate(
 
 def _taken_out(result: Result, wanted: Collection[str]) -> tuple[Result, list[str]]:
     """The result without mismatches that nobody wanted to see, and a line for each that is not 0."""
+    from liaisons.cli._subject import MISMATCH
+
     kept, lines = [], []
     for row, name in enumerate(result.names):
         base = split(name)[0]
-        if name in wanted or not base.endswith("_mismatch"):
+        if name in wanted or not base.endswith(MISMATCH):
             kept.append(row)
         elif (late := abs(result.values[row]).nonzero()[0]).size:
-            motion, unit = base.removesuffix("_mismatch"), result.units[name]
+            motion, unit = base.removesuffix(MISMATCH), result.units[name]
             largest, first = abs(result.values[row]).max(), result.time[late[0]]
             lines.append(
                 f"{motion}, {motion}_dot and {motion}_ddot contradict each other: {name} is up to {largest:.6g} {unit},"

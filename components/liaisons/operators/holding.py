@@ -262,7 +262,7 @@ class _Design:
         self.point[0] = point[0][self.places]
         self.slopes = [slopes[0][np.ix_(self.places, self.places)], *(slope[self.places] for slope in slopes[1:])]
         self.turns = {turn: axes for turn, axes in reader.turns.items() if set(axes) <= set(self.x_names)}
-        self.keeps = [m in at or reader._depends(reader.rates, reader.s[i]) for i, m in enumerate(moves)]  # noqa: SLF001
+        self.keeps = [m in at or reader.depends(reader.rates, reader.s[i]) for i, m in enumerate(moves)]
         still = dict(zip(self.x_names, rates.ravel()[self.places], strict=True))
         still |= {m: point[2][i] for i, m in enumerate(moves) if self.keeps[i]}
         worst = max(still, key=lambda name: abs(still[name]))
@@ -272,9 +272,7 @@ class _Design:
     def _coupled(self) -> list[int]:
         """Places of the states that what moves acts on, and of those on which they depend."""
         reader = self.reader
-        everything = ca.vertcat(reader.y, reader.s, reader.v)
-        slope = ca.jacobian(reader.rates, everything)
-        acts = np.any([np.abs(reader._at(ca.densify(slope), 0.3, seed)) > 1e-10 for seed in (1, 2, 3)], axis=0)  # noqa: SLF001
+        acts = reader.acts(reader.rates, ca.vertcat(reader.y, reader.s, reader.v))
         n = len(reader.x_names)
         among, found = acts[:, :n], acts[:, n:].any(axis=1)
         for _ in range(n):

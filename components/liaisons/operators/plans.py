@@ -148,12 +148,12 @@ class Plan:
         begin = self.sigma(0.0)
         controls = np.array([begin[name] for name in problem.controls])
         values: dict[str, Any] = dict(problem.fmu_starts(track.knots[:, 0], controls))
-        knots = self._knots()
-        for name, columns in knots.items():
+        for name, columns in self._knots.items():
             arrays = dict(zip(("instant", "value", "rate", "acceleration"), columns, strict=True))
             values[name] = operator("PlannedMotion", interpolate=interpolate and problem.order > 0, **arrays)
         return values
 
+    @cached_property
     def _knots(self) -> dict[str, Array]:
         """Knots of each operator, (4, 100); at the ends of arcs two."""
         track = self.solution.track
@@ -180,7 +180,7 @@ class Plan:
 
     def _times(self) -> Array:
         """Communication points: the knots, and an instant before each jump."""
-        knots = next(iter(self._knots().values()))[0]
+        knots = next(iter(self._knots.values()))[0]
         used = knots[: int(np.argmax(knots)) + 1]
         jumps = used[:-1][np.diff(used) == 0]
         return np.unique(np.concatenate([used, jumps - _INSTANT * self.duration]))

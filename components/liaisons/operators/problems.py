@@ -409,13 +409,17 @@ class Reader:
         function = ca.Function("at", [self.y, self.s, self.v, self.a], [expression])
         return np.atleast_2d(np.array(function(*points)))
 
-    def _depends(self, expression: ca.SX, symbols: ca.SX) -> bool:
-        """Whether it does so numerically: a rate that cancels still stands in the expression."""
+    def acts(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
+        """Which symbols enter which rows, numerically: a rate that cancels still stands in the expression."""
         slope = ca.jacobian(expression, symbols)
         if slope.nnz() == 0:
-            return False
-        size = [self._at(slope, 0.3, seed) for seed in range(1, 4)]
-        return bool(np.nanmax(np.abs(size)) > 1e-10)
+            return np.zeros(slope.shape, dtype=bool)
+        slope = ca.densify(slope)
+        return np.any([np.abs(self._at(slope, 0.3, seed)) > 1e-10 for seed in range(1, 4)], axis=0)
+
+    def depends(self, expression: ca.SX, symbols: ca.SX) -> bool:
+        """Whether any of the symbols enters."""
+        return bool(self.acts(expression, symbols).any())
 
     def problem(self) -> Problem:
         """The whole."""
@@ -502,10 +506,10 @@ class Reader:
         start = (row for row in asked.start if row.label not in declared)
         ends = ca.vertcat(*(row.expression for row in (*start, *asked.end)))
         way = ca.vertcat(self.rates, asked.cost, *(row.expression for row in asked.path))
-        curved = self._depends(ca.jacobian(self.rates, self.v), self.v)
-        if curved or self._depends(ca.vertcat(ends, way), self.a) or self._depends(ends, self.v):
+        curved = self.depends(ca.jacobian(self.rates, self.v), self.v)
+        if curved or self.depends(ca.vertcat(ends, way), self.a) or self.depends(ends, self.v):
             return 2
-        return int(bool(self.goal.closed) or self._depends(way, self.v) or self._depends(ends, self.s))
+        return int(bool(self.goal.closed) or self.depends(way, self.v) or self.depends(ends, self.s))
 
     def _closed(self, states: Iterable[str]) -> list[str]:
         known = set(states)
@@ -529,18 +533,18 @@ class Reader:
 
     def _vanishes(self, expression: ca.SX) -> bool:
         everything = ca.vertcat(self.s, self.v, self.a, self.y)
-        return not self._depends(expression, everything) and abs(self._at(expression, 0.3).item()) < 1e-12
+        return not self.depends(expression, everything) and abs(self._at(expression, 0.3).item()) < 1e-12
 
     def _needed(self, states: list[_State], asked: _Asked, closed: list[str]) -> set[str]:
         """Names of the states that what is asked for depends on."""
         wanted = ca.vertcat(asked.cost, *(row.expression for row in (*asked.end, *asked.path)))
-        waiting = [state for state in states if state.name in closed or self._depends(wanted, state.symbol)]
+        waiting = [state for state in states if state.name in closed or self.depends(wanted, state.symbol)]
         kept: set[str] = set()
         while waiting:
             state = waiting.pop()
             kept.add(state.name)
             more = (other for other in states if other.name not in kept and other not in waiting)
-            waiting += [other for other in more if self._depends(state.rate, other.symbol)]
+            waiting += [other for other in more if self.depends(state.rate, other.symbol)]
         if not kept:
             raise PlanError(f"{self.name}: nothing that {', '.join(self.goal.moves)} can change is asked for")
         return kept
