@@ -21,7 +21,7 @@ from fmpy.logging import addLoggerProxy
 
 from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.carriers import Carrier
-from liaisons.cosim.instances.protocol import DISCARD, Instance, Numbers, Scalars
+from liaisons.cosim.instances.protocol import DISCARD, Loaded, Numbers, Scalars
 from liaisons.errors import SimulationError
 
 _YES, _NO = c_int(1), c_int(0)
@@ -32,7 +32,7 @@ _instances: dict[int, Instance2] = {}
 
 
 @final
-class Instance2(Instance):
+class Instance2(Loaded):
     """An FMI 2.0 co-simulation instance."""
 
     prefix = "fmi2"

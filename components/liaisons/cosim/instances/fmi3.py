@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from liaisons.cosim.calls import STEP_3, TRANSFER_3, Action, Call
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.instances.carriers import Carrier, Transfer, buffered, carrier, carriers, counted
-from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
+from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
 from liaisons.cosim.messages import DISCARD
 from liaisons.cosim.trial import NUMBERS
 from liaisons.errors import SimulationError
@@ -36,7 +36,7 @@ class _Ended(c.Structure):
 
 
 @final
-class Instance3(Instance):
+class Instance3(Loaded):
     """An FMI 3.0 co-simulation instance.
 
     :param asks: it is to ask for inputs inside communication steps; see :meth:`guide`.

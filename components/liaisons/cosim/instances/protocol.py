@@ -34,12 +34,91 @@ _REMEMBERED = 20  # messages
 
 
 class Instance(ABC):
-    """A running co-simulation FMU; a context manager that terminates, frees and unloads it.
+    """A running co-simulation FMU; a context manager that ends it.
 
-    It is asked only for what its :class:`Fmu` says it can.  Its functions are called by ctypes and not by the classes
-    of FMPy: those declare argument types, which makes every call convert its arguments, and look a function up at each
-    call; a prepared call costs little more than the function.  Of FMPy stays what ctypes has not: the formatting of
-    FMI 2.0's variadic messages, and the release of a library.
+    It is asked only for what its :class:`Fmu` says it can.
+
+    :ivar name: name of the part, used as instance name and in messages.
+    """
+
+    name: str
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def initialize(
+        self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
+    ) -> None:
+        """Enter initialization with these start values; tolerance None: the FMU's own; times [s]."""
+
+    @abstractmethod
+    def exit_initialization(self) -> None:
+        """From here on it can be stepped."""
+
+    @abstractmethod
+    def begin_anew(self) -> None:
+        """Take note that the state is about to be one from before initialization."""
+
+    @abstractmethod
+    def getter(self, variables: Scalars, values: Numbers) -> Call:
+        """A call that reads these numbers into a buffer of as many values."""
+
+    @abstractmethod
+    def setter(self, variables: Scalars, values: Numbers) -> Call:
+        """A call that sets these numbers from a buffer of as many values."""
+
+    @abstractmethod
+    def stepper(self, time: c_double, size: c_double) -> Call:
+        """A call that steps by the size from the time that stand in the two buffers then [s]."""
+
+    @abstractmethod
+    def states(self) -> tuple[Call, Call]:
+        """Two calls, one that saves the state of the FMU, and one that brings this state back, as often as wanted."""
+
+    @abstractmethod
+    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+        """A call that calculates how the unknowns change with the knowns, which change like the seed."""
+
+    @abstractmethod
+    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
+        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
+
+    def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
+        """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values.
+
+        Where :attr:`Fmu.input_derivatives` says that it can.
+        """
+        raise NotImplementedError
+
+    def guide(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
+        """Let these inputs follow values inside each step; returns a call to make before it.
+
+        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
+
+        :param values: at the fifths of the step, shape (ASKED, len(variables)); may change from step to step.
+        """
+        raise NotImplementedError
+
+    @abstractmethod
+    def failure(self, action: Action, status: int, when: str) -> SimulationError:
+        """The error that says which prepared call failed and when, with the FMU's own words."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End and release it, as far as its state allows; safe to repeat."""
+
+
+class Loaded(Instance):
+    """One whose library this process has loaded.
+
+    Its functions are called by ctypes and not by the classes of FMPy: those declare argument types, which makes every
+    call convert its arguments, and look a function up at each call; a prepared call costs little more than the
+    function.  Of FMPy stays what ctypes has not: the formatting of FMI 2.0's variadic messages, and the release of a
+    library.
 
     :param name: name of the part, used as instance name and in messages.
     :param fmu: what was read from its file.
@@ -81,12 +160,6 @@ class Instance(ABC):
             words = (c_char_p * len(categories))(*categories)
             self._function(f"{self.prefix}SetDebugLogging")(self._pointer, self.flag(1), c_size_t(len(words)), words)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     @abstractmethod
     def _instantiated(self, library: CDLL, resources: Path) -> int | None:
         """Address of the instance; none if it is refused."""
@@ -94,7 +167,6 @@ class Instance(ABC):
     def initialize(
         self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
     ) -> None:
-        """Enter initialization with these start values; tolerance None: the FMU's own; times [s]."""
         span = c_double(start_time), self.flag(1), c_double(stop_time)
         experiment = self.flag(tolerance is not None), c_double(tolerance or 0.0), *span
         if self._fmu.version == 2:
@@ -127,11 +199,9 @@ class Instance(ABC):
         self._initialized = True
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that reads these numbers into a buffer of as many values."""
         return self._transfer("get", variables, values)
 
     def setter(self, variables: Scalars, values: Numbers) -> Call:
-        """A call that sets these numbers from a buffer of as many values."""
         return self._transfer("set", variables, values)
 
     def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
@@ -164,46 +234,15 @@ class Instance(ABC):
         """Makes the error of this function."""
         return lambda _, status, when: self._failure(function, status, when)
 
-    @abstractmethod
-    def stepper(self, time: c_double, size: c_double) -> Call:
-        """A call that steps by the size from the time that stand in the two buffers then [s]."""
-
     def states(self) -> tuple[Call, Call]:
-        """Two calls, one that saves the state of the FMU, and one that brings this state back, as often as wanted."""
         state = c_void_p()
         self._states.append(state)
         return self._prepared("save", byref(state)), self._prepared("restore", state)
 
     def begin_anew(self) -> None:
-        """Take note that the state is about to be one from before initialization."""
         self._initialized = False
 
-    @abstractmethod
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        """A call that calculates how the unknowns change with the knowns, which change like the seed."""
-
-    @abstractmethod
-    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
-
-    def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values.
-
-        Where :attr:`Fmu.input_derivatives` says that it can.
-        """
-        raise NotImplementedError
-
-    def guide(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
-        """Let these inputs follow values inside each step; returns a call to make before it.
-
-        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
-
-        :param values: at the fifths of the step, shape (ASKED, len(variables)); may change from step to step.
-        """
-        raise NotImplementedError
-
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
-        """The error that says which prepared call failed and when, with the FMU's own words."""
         end = self._end() if action == "step" and status == DISCARD else None
         if end is not None:
             return EndedError(f"{self.name} ends the simulation at t = {end:.10g} s", end)
@@ -214,7 +253,6 @@ class Instance(ABC):
         """To where it has come in the last step [s] if it asks to end the simulation; else None."""
 
     def close(self) -> None:
-        """Terminate, free and unload, as far as the state of the instance allows; safe to repeat."""
         library, self._library = self._library, None
         if library is None:
             return
@@ -232,7 +270,7 @@ class Instance(ABC):
         with suppress(OSError):
             fmpy.freeLibrary(library._handle)  # noqa: SLF001 - ctypes has no other way
 
-    def _forget(self, library: CDLL) -> None:  # noqa: B027 - most have nothing else to do
+    def _forget(self, library: CDLL) -> None:
         """What else there is to do when the instance goes."""
 
     def _note(self, status: int, message: bytes | None) -> None:
