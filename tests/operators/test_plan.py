@@ -108,6 +108,18 @@ def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     assert any("Θ-speed" in verdict.claim for verdict in found)
 
 
+def test_a_motion_whose_cost_knows_no_accelerations_is_smooth_and_replayed_to_the_last_digits() -> None:
+    """A bound on a force makes accelerations controls, which the cost, of the rates, does not know."""
+    bounds = {"psi_1": (-3, 3), "psi_2_force": (-5, 5)}
+    motion = plan("PlanarCat", end={"phi": -1.047}, bounds=bounds, **CAT)
+    found = motion.verify()
+    assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
+    breaks, gap = motion.solution.track.breaks[1:-1], 1e-9  # at the ends of intervals accelerations may jump
+    inside = breaks[np.abs(breaks[:, None] - motion.switches).min(axis=1) > gap]
+    before, after = (motion.sigma(inside + shift)["psi_1_ddot"] for shift in (-gap, gap))
+    assert np.max(np.abs(after - before)) < 1e-4 * np.ptp(after)
+
+
 def test_a_plan_is_the_guess_of_the_next() -> None:
     first = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, **CAT)
     second = plan("PlanarCat", end={"phi": -0.06}, bounds=LIMBS, guess=first, **CAT)

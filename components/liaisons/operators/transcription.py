@@ -164,6 +164,7 @@ def solve(
     for i in problem.closed:
         opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
     _anchor(opti, problem, program)
+    _smooth(opti, problem, guess.arcs, program)
     end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
     nothing: tuple[list[int], Any] = ([], None)
     given, reached = nothing if soft else _within(opti, problem.end, end)
@@ -324,6 +325,25 @@ def _anchor(opti: ca.Opti, problem: Problem, program: _Program) -> None:
     else:
         rates = program.knots[[problem.states.index(f"{name}_dot") for name in problem.moves], 0]
     opti.subject_to(ca.dot(mixture(len(problem.moves)), rates) == 0)
+
+
+def _smooth(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
+    """Where the cost knows states but no controls, these are polynomials of a degree less.
+
+    Else their integral is not unique: Legendre's polynomial of degree ``DEGREE`` vanishes at all points, and so much of
+    it as one likes, up and down in turn from interval to interval, costs nothing.
+    """
+    if [problem.cost.jac_sparsity(0, k).nnz() > 0 for k in (0, 1)] != [True, False]:
+        return
+    highest = np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))[-1]
+    first = 0
+    for arc in arcs:
+        inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
+        first += arc.intervals
+        held = [problem.path.labels[i] for i, _ in arc.held]
+        if set(held) <= set(problem.moves):  # else all may be needed to hold the row
+            for i in (i for i, name in enumerate(problem.moves) if name not in held):
+                opti.subject_to(highest[None, :] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0)
 
 
 def mixture(count: int) -> Array:
