@@ -3,6 +3,7 @@ from .check import Verdict as Verdict
 from .check import compare as compare
 from .check import crossings as crossings
 from .check import frequencies as frequencies
+from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
 from .check import slope as slope
 from .check import table as table

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from liaisons.check import crossings, frequencies, max_error, slope
+from liaisons.check import crossings, frequencies, hamiltonian_flow, max_error, slope
 from liaisons.errors import ValidityError
 
 STEPS = np.array([0.2, 0.1, 0.05, 0.025])
@@ -65,6 +65,27 @@ def test_frequencies_of_cosines_of_any_phase() -> None:
     assert frequencies(2 * np.cos(omega * t + omega), 0.1) == pytest.approx(omega[:, 0], rel=1e-12)
 
 
+def _circles(q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    return (p**2 + q**2) / 2
+
+
+def test_hamilton_s_equations_follow_from_the_hamiltonian() -> None:
+    t = np.linspace(0.0, 5.0, 20).reshape(4, 5)
+    q, p = hamiltonian_flow(_circles, [1.0, 0.5], t)
+    # 1e-13 a step, of which there are some twenty
+    assert q == pytest.approx(np.cos(t) + 0.5 * np.sin(t), abs=1e-12)
+    assert p == pytest.approx(0.5 * np.cos(t) - np.sin(t), abs=1e-12)
+    assert hamiltonian_flow(_circles, [1.0, 0.5], 5.0) == pytest.approx([q[-1, -1], p[-1, -1]], abs=0)
+
+
+def test_a_kepler_ellipse_closes() -> None:
+    start = [1.0, 0.0, 0.0, 1.2]  # semi-axis a = 1/(2 - 1.44): once round in 2π √a³
+    found = hamiltonian_flow(
+        lambda x, y, p, r: (p**2 + r**2) / 2 - (x**2 + y**2) ** -0.5, start, 2 * np.pi * 0.56**-1.5
+    )
+    assert found == pytest.approx(start, abs=1e-11)  # amplified by the period's dependence on the energy
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -72,6 +93,9 @@ def test_frequencies_of_cosines_of_any_phase() -> None:
         (lambda: crossings([0.0, 0.0], [1.0, 2.0], [1.0, 2.0]), "instants that increase"),
         (lambda: frequencies([1.0, 2.0], 0.1), "three values"),
         (lambda: frequencies([1.0, 2.0, 3.0], np.nan), "step = nan"),
+        (lambda: hamiltonian_flow(_circles, [1.0, 0.0, 0.0], 1.0), r"shape \(3,\); give as many p as q"),
+        (lambda: hamiltonian_flow(_circles, [1.0, 0.0], [1.0, 0.5]), "ascend"),
+        (lambda: hamiltonian_flow(lambda q, p: p**2 - q**4, [1.0, 1.0], 9.0), "stopped at t = "),
     ],
 )
 def test_what_is_no_motion(call: Callable[[], object], words: str) -> None:

@@ -1,6 +1,7 @@
 """Result and reference in, verdict out: errors, convergence orders, and tables of claims."""
 
 from liaisons.check.comparison import Comparison, Difference, compare
+from liaisons.check.flows import hamiltonian_flow
 from liaisons.check.measures import crossings, frequencies, max_error, slope
 from liaisons.check.verdicts import Verdict, table, verdict
 
@@ -11,6 +12,7 @@ __all__ = [
     "compare",
     "crossings",
     "frequencies",
+    "hamiltonian_flow",
     "max_error",
     "slope",
     "table",
