@@ -286,3 +286,20 @@ def test_the_best_half_swing_stands_up_at_the_lowest_point() -> None:
     assert -motion.cost / (1 - np.cos(0.5)) + 1 == pytest.approx(1.1**3, rel=1e-9)
     before, after = motion.sigma([motion.switches[0] - 1e-9, motion.switches[0]])["length"]
     assert (before, after) == pytest.approx((1.1, 1.0), abs=1e-9)
+
+
+def test_a_bound_that_the_start_lies_on_is_held_without_saying_it_twice() -> None:
+    """Stand still at l_max, accelerate by -A, by A, stand still at l_min: four arcs."""
+    motion = plan(
+        "Pendulum",
+        ["length"],
+        start={"theta": -0.5, "length": 1.1},
+        end={"p_theta": 0, "theta": (0.3, 2)},
+        duration=(0.5, 3),
+        minimize="-sin(theta)*theta_dot",
+        bounds={"length": (1.0, 1.1), "length_ddot": (-30, 30)},
+        intervals=15,
+    )
+    assert [arc.held for arc in motion.solution.track.arcs] == [((0, 1.1),), ((1, -30),), ((1, 30),), ((0, 1.0),)]
+    rise = motion.switches[2] - motion.switches[0]
+    assert rise == pytest.approx(2 * np.sqrt(0.1 / 30), rel=1e-9)

@@ -166,6 +166,9 @@ def _with_arcs(problem: Problem, solution: Solution, seconds: float) -> Solution
     arcs, durations = _arcs(problem, solution)
     if len(arcs) < 2 and not any(arc.held for arc in arcs):
         return solution
+    moved = {i for i, label in enumerate(problem.path.labels) if label in problem.moves and problem.order > 0}
+    if any(i in moved and dict(other.held).get(i, x) != x for one, other in pairwise(arcs) for i, x in one.held):
+        return solution  # from one bound to another takes time: the mesh is too coarse to show on which arc
     found = solve(problem, solution.track.on(arcs, durations), near=True, seconds=seconds)
     shortest = float(np.min(found.track.durations)) / float(durations.sum())
     alike = found.cost <= solution.cost + _ALIKE * max(abs(solution.cost), 1e-12)

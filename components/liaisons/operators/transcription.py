@@ -293,6 +293,8 @@ def _bound(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Progr
 
     A coordinate that is moved is held at its bound by its control: it comes there at the arc's begin, and stays.
     """
+    start = problem.start
+    given = {label for label, low, high in zip(start.labels, start.low, start.high, strict=True) if low == high}
     first = 0
     for arc in arcs:
         last = first + arc.intervals
@@ -301,9 +303,9 @@ def _bound(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Progr
         for i, label in enumerate(problem.path.labels):
             low, high = problem.path.low[i], problem.path.high[i]
             if i in held and label in problem.moves and problem.order > 0:
-                opti.subject_to(program.knots[problem.states.index(label), first] == held[i])
-                if problem.order == 2:
-                    opti.subject_to(program.knots[problem.states.index(f"{label}_dot"), first] == 0)
+                begin = {label: held[i], f"{label}_dot": 0.0} if problem.order == 2 else {label: held[i]}
+                for name in begin.keys() - (given if first == 0 else set()):
+                    opti.subject_to(program.knots[problem.states.index(name), first] == begin[name])
                 opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
                 continue
             row = ca.vec(program.path[i, inner])
