@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Literal, final
 
@@ -15,6 +17,9 @@ from liaisons.errors import ConnectError, SimulationError
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
+
+TIME_LIMIT = 60.0
+"""[s] that a call of an isolated FMU may take unless one says more."""
 
 Way = Literal["polynomial", "asked", "interpolate", "mean"]
 """How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
@@ -28,22 +33,29 @@ class Part:
     :param name: name in the system.
     :param fmu: what was read from the file.
     :param starts: start values that differ from those of the FMU.
+    :param isolated: it runs in a process of its own, where a call may take so long [s]; 0: in this one.
     """
 
     name: str
     fmu: Fmu
     starts: Mapping[str, Value]
+    isolated: float = 0.0
 
     @classmethod
-    def of(cls, name: str, path: Path | str, starts: Mapping[str, object]) -> Part:
+    def of(cls, name: str, path: Path | str, starts: Mapping[str, object], *, isolated: bool | float = False) -> Part:
         """Read an FMU and check the start values for it.
 
+        :param isolated: True: as long as :data:`TIME_LIMIT`.
         :raises SimulationError: if the file cannot be used here, or a start value does not fit.
         """
+        if not isinstance(isolated, Real) or not 0 <= isolated < math.inf:
+            words = "give True, or the seconds that a call may take"
+            raise SimulationError(f"{name}: isolated = {shown(isolated)}: {words}")
         fmu = read(as_path(f"{name}: fmu", path))
         if sizes := structural_sizes(name, fmu, starts):
             fmu = read(fmu.path, sizes)
-        return cls(name, fmu, start_values(name, fmu, starts))
+        limit = TIME_LIMIT if isolated is True else float(isolated)
+        return cls(name, fmu, start_values(name, fmu, starts), limit)
 
     def __getitem__(self, name: str) -> Port:
         """A variable, an array, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
