@@ -1,4 +1,4 @@
-"""FMUs in processes of their own: the same bits; whatever they do, the run ends in good order and no process is left."""
+"""FMUs in processes of their own: the same bits; whatever they do, the run ends in order and no process is left."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from making import FmuPaths, wired
 from liaisons.cosim import IncompleteError, instances, simulate
 from liaisons.cosim.instances import isolated
 from liaisons.errors import SimulationError
+from liaisons.sweeps import sweep
 
 pytestmark = pytest.mark.skipif(isolated.library() is None, reason="Linux and a C compiler")
 APART: dict[str, Any] = {"isolated": True}
@@ -69,26 +70,37 @@ def test_crash_of_one_of_which_nothing_is_read(fmu: FmuPaths) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "starts", "what"),
+    ("name", "when", "what"),
     [
-        ("Crashing", {}, r"its instantiation crashed \(SIGABRT\)"),
-        ("Crashing_at_once", {}, r"its instantiation crashed \(SIGSEGV\)"),
-        ("Crashing_later", {"when": 1}, r"fmi2ExitInitializationMode crashed \(SIGSEGV\)"),
+        ("Crashing", None, r"its instantiation crashed \(SIGABRT\)"),
+        ("Crashing_at_once", 0, r"its instantiation crashed \(SIGSEGV\)"),
+        ("Crashing_later", 1, r"fmi2ExitInitializationMode crashed \(SIGSEGV\)"),
     ],
 )
-def test_crash_at_the_begin(fmu: FmuPaths, name: str, starts: dict[str, int], what: str) -> None:
+def test_crash_at_the_begin(fmu: FmuPaths, name: str, when: int | None, what: str) -> None:
+    starts: dict[str, Any] = {} if when is None else {"when": when}
     with pytest.raises(SimulationError, match=f"^{name}: {what}$"):
         simulate(fmu(name), stop_time=1.0, step_size=0.1, isolated=True, **starts)
 
 
-def test_crash_while_steps_are_repeated(component: FmuPaths, fmu: FmuPaths) -> None:
+def test_crash_while_steps_are_repeated(fmu: FmuPaths) -> None:
     """In implicit coupling, where states are saved, and where step sizes are adapted."""
     system = wired("mass.q -> buffer.length", mass=(fmu("Cart"), APART | {"q_0": 1.0}), buffer=(fmu("Buffer"), APART))
     fragile = system.add("bad", fmu("Fragile"), last=30, **APART)
     system.connect(system.parts["mass"]["q"], fragile["u"])
-    for options in ({"coupling": "implicit"}, {"coupling": "jacobi", "error_tolerance": 1e-3}):
+    ways: list[dict[str, Any]] = [{"coupling": "implicit"}, {"coupling": "jacobi", "error_tolerance": 1e-3}]
+    for options in ways:
         with pytest.raises(IncompleteError, match=r"^bad: fmi2DoStep from t = .* crashed \(SIGSEGV\)$"):
             system.simulate(100.0, 0.1, **options)
+
+
+@pytest.mark.parametrize("how", [0, 2])
+def test_crash_in_a_sweep(fmu: FmuPaths, how: int) -> None:
+    table = sweep(fmu("Fragile"), {"last": [0, 5, 50]}, ["x"], starts={"how": how}, stop_time=1.0, step_size=0.1)
+    reason = {0: "SIGSEGV", 2: "exit status 3"}[how]
+    assert table.failures == {1: f"Fragile: fmi2DoStep from t = 0.4 s to t = 0.5 s crashed ({reason})"}
+    assert table.unfinished == (1,)
+    assert table["x"][[0, 2]].tolist() == [1.0, 1.0]
 
 
 # ---- the same as in this process -----------------------------------------------------------------------------------
@@ -133,7 +145,7 @@ def test_refusals_are_told_as_ever(fmu: FmuPaths, name: str, starts: dict[str, A
     def words(**where: Any) -> tuple[str, int]:
         with pytest.raises(SimulationError) as caught:
             simulate(fmu(name), stop_time=1.0, step_size=0.1, **starts, **where)
-        return str(caught.value), len(getattr(caught.value, "result", [None]).time) if hasattr(caught.value, "result") else 0
+        return str(caught.value), len(caught.value.result.time) if isinstance(caught.value, IncompleteError) else 0
 
     assert words() == words(isolated=True)
 
@@ -141,9 +153,7 @@ def test_refusals_are_told_as_ever(fmu: FmuPaths, name: str, starts: dict[str, A
 @pytest.mark.usefixtures("either_loop")
 @pytest.mark.parametrize("last", [0.6, 0.55])
 def test_end_that_an_fmu_asks_for(fmu: FmuPaths, last: float) -> None:
-    here, there = (
-        simulate(fmu("Finite"), stop_time=1.0, step_size=0.1, last=last, isolated=i) for i in (False, True)
-    )
+    here, there = (simulate(fmu("Finite"), stop_time=1.0, step_size=0.1, last=last, isolated=i) for i in (False, True))
     assert here.time.tolist() == there.time.tolist()
     assert np.array_equal(here.values, there.values)
 
@@ -168,8 +178,8 @@ def _gone(process: int) -> bool:
 def test_no_process_is_left_when_its_parent_ends(fmu: FmuPaths, tmp_path: Path, how: signal.Signals) -> None:
     """In a call that never returns: a second interrupt acts at once."""
     mark = tmp_path / "mark"
-    script = "import sys; from liaisons.cosim import simulate; simulate(sys.argv[1], stop_time=1.0, step_size=0.1, " \
-        "isolated=True, last=3, how=4)"
+    options = "stop_time=1.0, step_size=0.1, isolated=True, last=3, how=4"
+    script = f"import sys; from liaisons.cosim import simulate; simulate(sys.argv[1], {options})"
     parent = subprocess.Popen(
         [sys.executable, "-c", script, str(fmu("Fragile"))],
         env={**os.environ, "FRAGILE": str(mark)},

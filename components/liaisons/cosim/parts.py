@@ -14,12 +14,10 @@ from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values, structural_sizes
 from liaisons.cosim.variables import NUMBERS, Scalar
 from liaisons.errors import ConnectError, SimulationError
+from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
-
-TIME_LIMIT = 60.0
-"""[s] that a call of an isolated FMU may take unless one says more."""
 
 Way = Literal["polynomial", "asked", "interpolate", "mean"]
 """How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
@@ -48,13 +46,10 @@ class Part:
         :param isolated: True: as long as :data:`TIME_LIMIT`.
         :raises SimulationError: if the file cannot be used here, or a start value does not fit.
         """
-        if not isinstance(isolated, Real) or not 0 <= isolated < math.inf:
-            words = "give True, or the seconds that a call may take"
-            raise SimulationError(f"{name}: isolated = {shown(isolated)}: {words}")
+        limit = time_limit(f"{name}: isolated =", isolated)
         fmu = read(as_path(f"{name}: fmu", path))
         if sizes := structural_sizes(name, fmu, starts):
             fmu = read(fmu.path, sizes)
-        limit = TIME_LIMIT if isolated is True else float(isolated)
         return cls(name, fmu, start_values(name, fmu, starts), limit)
 
     def __getitem__(self, name: str) -> Port:
@@ -144,6 +139,10 @@ class Part:
         """The same, but that it interpolates its inputs."""
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
+    def apart(self, limit: float = TIME_LIMIT) -> Part:
+        """The same, isolated, unless it is so already."""
+        return self if self.isolated else replace(self, isolated=limit)
+
     def __repr__(self) -> str:
         starts = "".join(f", {name}={shown(value)}" for name, value in self.starts.items())
         return f"<{self.name}: {self.fmu.path.name}{starts}>"
@@ -224,3 +223,15 @@ class Port:
 
     def __str__(self) -> str:
         return f"{self.part.name}.{self.name}"
+
+
+def time_limit(what: str, isolated: object) -> float:
+    """How long a call of an isolated FMU may take [s]; 0 of one that is not isolated.
+
+    :param what: that it is given as.
+    :raises SimulationError: unless it is a truth value, or a number that is not negative.
+    """
+    seconds = TIME_LIMIT if isolated is True else float(isolated) if isinstance(isolated, Real) else math.nan
+    if not 0 <= seconds < math.inf:
+        raise SimulationError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
+    return seconds
