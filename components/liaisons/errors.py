@@ -48,6 +48,9 @@ class EndedError(SimulationError):
         super().__init__(message)
         self.time = time
 
+    def __reduce__(self) -> tuple[type[EndedError], tuple[str, float]]:
+        return type(self), (self.args[0], self.time)  # from one process to another
+
 
 class SweepError(LiaisonsError):
     """A sweep cannot be done as it was asked for; what goes wrong in one case is recorded in the table."""

@@ -77,13 +77,15 @@ class System(cosim.System):
     :param name: used in messages, results and figures.
     """
 
-    def add(self, name: str, fmu: Target, /, **starts: ArrayLike | cosim.OperatorFmu) -> cosim.Part:
+    def add(
+        self, name: str, fmu: Target, /, *, isolated: bool | float = False, **starts: ArrayLike | cosim.OperatorFmu
+    ) -> cosim.Part:
         """Put an FMU into the system, as :meth:`liaisons.cosim.System.add`.
 
         :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
         :raises ProjectError: if there is no such file or component.
         """
-        return super().add(name, fmu_file(fmu), **starts)
+        return super().add(name, fmu_file(fmu), isolated=isolated, **starts)
 
     @classmethod
     def from_ssp(cls, path: Path | str) -> Self:

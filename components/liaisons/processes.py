@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 
+TIME_LIMIT = 60.0
+"""[s] that a call of an FMU in a process of its own may take unless one says more."""
 _SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
 _SYNCHRONIZE, _INFINITE = 0x0010_0000, 0xFFFF_FFFF
 _PAUSE = 0.2  # [s] between two looks at the parent

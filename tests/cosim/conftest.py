@@ -124,6 +124,34 @@ HANGING = Source(
     "fclose(mark); for (;;) pause(); }",
 )
 
+# ends its process in this step, or does not come back from it, and says at the begin which process that is
+FRAGILE = Source(
+    (
+        V("u", "input", "", 0.0),
+        V("last", "parameter", start=0, kind="Integer"),
+        V("how", "parameter", start=0, kind="Integer"),
+        V("x", "output"),
+    ),
+    outputs="x = t;",
+    code="""#include <signal.h>
+#include <unistd.h>
+static void mark(void) {
+    const char *path = getenv("FRAGILE");
+    FILE *file = path ? fopen(path, "w") : NULL;
+    if (file) { fprintf(file, "%d", getpid()); fclose(file); }
+}
+static void perish(int how) {
+    if (how == 0) *(volatile int *)8 = 1;
+    if (how == 1) abort();
+    if (how == 2) exit(3);
+    if (how == 3) raise(SIGFPE);
+    mark();
+    for (;;) pause();
+}""",
+    step="if (++memory[0] == last) perish(how);",
+    options=GOES_BACK,
+)
+
 UNFED = Source((V("u", "input"), V("x", "output", needs=("u",))), outputs="x = u;")
 
 # an FMU of another make: what it is given, and what its last step began with

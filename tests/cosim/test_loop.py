@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import subprocess
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -15,7 +16,7 @@ import pytest
 from making import wired
 
 from liaisons import compiler
-from liaisons.cosim import Result, loop, simulate
+from liaisons.cosim import Result, compiled, loop, simulate
 from liaisons.cosim.schedule import Coupling
 from liaisons.errors import BuildError
 from liaisons.fmu import build
@@ -86,18 +87,22 @@ def test_functions_of_time_are_called_by_python(versions) -> None:
     assert set(instants) == {0.0, 0.25, 0.5, 0.75, 1.0}
 
 
-def test_its_source_is_clean() -> None:
+@pytest.mark.parametrize("source", ["loop.c", "instances/isolated.c"])
+def test_its_source_is_clean(source: str) -> None:
     cc = compiler.system_compiler() or compiler.zig_compiler() or []
     flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-fsyntax-only"]
-    subprocess.run([*cc, *flags, Path(loop.__file__).with_name("loop.c")], check=True)
+    subprocess.run([*cc, *flags, Path(loop.__file__).parent / source], check=True)
+
+
+_loaded = partial(compiled.loaded.__wrapped__, Path(loop.__file__).with_name("loop.c"), "steps are made by Python")
 
 
 def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path / "cache")
-    assert loop.compiled.__wrapped__() is not None
+    assert _loaded() is not None
     (library,) = (tmp_path / "cache").iterdir()
-    monkeypatch.setattr(loop, "compile_library", lambda *_: pytest.fail("compiled again"))
-    found = loop.compiled.__wrapped__()
+    monkeypatch.setattr(compiled, "compile_library", lambda *_: pytest.fail("compiled again"))
+    found = _loaded()
     assert found is not None
     assert Path(found._name) == library
 
@@ -105,7 +110,7 @@ def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
 def test_where_nothing_can_be_kept(monkeypatch, tmp_path) -> None:
     (tmp_path / "cache").write_text("a file, where a folder is wanted", encoding="utf-8")
     monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path / "cache")
-    assert loop.compiled.__wrapped__() is not None
+    assert _loaded() is not None
     assert [path.name for path in tmp_path.iterdir()] == ["cache"]
 
 
@@ -114,7 +119,7 @@ def test_without_a_compiler(monkeypatch, tmp_path, caplog) -> None:
         raise BuildError("no C compiler is found")
 
     monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path)
-    monkeypatch.setattr(loop, "compile_library", refuse)
+    monkeypatch.setattr(compiled, "compile_library", refuse)
     with caplog.at_level(logging.INFO, "liaisons.cosim"):
-        assert loop.compiled.__wrapped__() is None
+        assert _loaded() is None
     assert "made by Python: no C compiler is found" in caplog.text

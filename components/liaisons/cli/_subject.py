@@ -19,13 +19,19 @@ MISMATCH = "_mismatch"
 
 
 def simulation(
-    word: str, starts: Iterable[Any], *span: float | None, given: Iterable[str], record: list[str] | None = None
+    word: str,
+    starts: Iterable[Any],
+    *span: float | None,
+    given: Iterable[str],
+    record: list[str] | None = None,
+    isolated: float = 0.0,
 ) -> tuple[System, Simulation]:
     """What a word and the options of every simulation stand for; the files of an archive go with its system.
 
     :param span: --start, --stop, --step and --tolerance, None where they are not given.
     :param given: --input.
     :param record: signals besides :func:`mismatches`; outputs and inputs if None.
+    :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
     """
     path = Path(word)
     if single := path.suffix.lower() != ".ssp":
@@ -34,7 +40,8 @@ def simulation(
         system.experiment = system.add(path.stem.replace(".", "_"), path, **dict(starts)).fmu.experiment
     else:
         system = ssp.read(path, System, dict(starts))
-    parts, own = system.filled(), system.experiment
+    own = system.experiment
+    parts = {name: part.apart(isolated) if isolated else part for name, part in system.filled().items()}
     start, stop, step, tolerance = span
     begin = (own.start_time or 0.0) if start is None else start
     found = ssp.chosen(system, begin, stop, step)

@@ -26,18 +26,20 @@ from liaisons.cli._command import (
 )
 from liaisons.errors import SimulationError
 from liaisons.files import check_writable
+from liaisons.processes import TIME_LIMIT
 
 if TYPE_CHECKING:
     from liaisons.results import Result
 
 
 class _Command(TyperCommand):
-    """``--plot`` may stand without a file, which Typer does not know."""
+    """``--plot`` may stand without a file and ``--isolated`` without a number, which Typer does not know."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         bare = {place for place, word in enumerate([*args[1:], "-"]) if word.startswith("-")}
+        alone = {"--plot": "--plot=", "--isolated": f"--isolated={TIME_LIMIT}"}
         return super().parse_args(
-            ctx, [f"{word}=" if word == "--plot" and place in bare else word for place, word in enumerate(args)]
+            ctx, [alone.get(word, word) if place in bare else word for place, word in enumerate(args)]
         )
 
 
@@ -49,6 +51,7 @@ class _Command(TyperCommand):
     liaisons simulate Pendulum --input motion.csv --stop 5
     liaisons simulate system.ssp --set swing.theta_0=0.1 --step 0.01
     liaisons simulate my_component.py --step 0.1 --tolerance 1e-10
+    liaisons simulate of_another_make.fmu --isolated
     """,
     cls=_Command,
 )
@@ -66,14 +69,19 @@ def simulate(
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
     plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
+    isolated: Annotated[
+        float, option("[S]", "FMUs in processes of their own, where a call may take so long (default: 60 s)")
+    ] = 0.0,
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
     from liaisons.cli._subject import simulation
+    from liaisons.cosim.parts import time_limit
     from liaisons.cosim.run import performed
     from liaisons.results import IncompleteError, Interrupted
 
     wanted = record.split(",") if record else None
-    _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=wanted)
+    limit = time_limit("--isolated =", isolated)
+    _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=wanted, isolated=limit)
     figure = None if plot is None else Path(plot or f"{asked.title}.png")
     _check_writable(csv, parquet, figure)
 

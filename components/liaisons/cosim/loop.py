@@ -7,12 +7,10 @@ in part), or there is no C compiler, Python makes them.
 
 from __future__ import annotations
 
-import atexit
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from ctypes import CDLL, byref, c_size_t, c_ssize_t, c_void_p
-from functools import lru_cache, partial
-from hashlib import sha256
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import final
@@ -20,14 +18,10 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import cache
-from liaisons.compiler import FLAGS, compile_library, host
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call, Record
-from liaisons.cosim.messages import logger
-from liaisons.errors import BuildError, EndedError, SimulationError
-from liaisons.files import replacing
-from liaisons.folders import passing_folder
+from liaisons.cosim.compiled import loaded
+from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
 """Of a communication step."""
@@ -118,36 +112,6 @@ class Loop:
             raise
 
 
-@lru_cache(maxsize=1)
 def compiled() -> CDLL | None:
     """The library of ``loop.c``; None where it cannot be had."""
-    source = Path(__file__).with_name("loop.c").read_bytes()
-    try:
-        target = host()
-        key = sha256(repr((source, target, FLAGS)).encode()).hexdigest()[:16]
-        path = cache.folder() / f"loop-{key}{target.extension}"
-        if not path.exists():
-            path = _written(path, compile_library({"loop.c": source}, target))
-        return CDLL(str(path))
-    except (BuildError, OSError) as error:
-        logger.info("communication steps are made by Python: %s", error)
-        return None
-
-
-def _written(path: Path, content: bytes) -> Path:
-    """A file of this content: here, or where this cannot be written, in a folder that lasts as long as the process."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as part:
-            part.write_bytes(content)
-    except (OSError, SimulationError):
-        path = _passing() / path.name
-        path.write_bytes(content)
-    return path
-
-
-@lru_cache(maxsize=1)
-def _passing() -> Path:
-    stack = ExitStack()
-    atexit.register(stack.close)
-    return stack.enter_context(passing_folder())
+    return loaded(Path(__file__).with_name("loop.c"), "communication steps are made by Python")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Literal, final
 
@@ -12,6 +14,7 @@ from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values, structural_sizes
 from liaisons.cosim.variables import NUMBERS, Scalar
 from liaisons.errors import ConnectError, SimulationError
+from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
@@ -28,22 +31,26 @@ class Part:
     :param name: name in the system.
     :param fmu: what was read from the file.
     :param starts: start values that differ from those of the FMU.
+    :param isolated: it runs in a process of its own, where a call may take so long [s]; 0: in this one.
     """
 
     name: str
     fmu: Fmu
     starts: Mapping[str, Value]
+    isolated: float = 0.0
 
     @classmethod
-    def of(cls, name: str, path: Path | str, starts: Mapping[str, object]) -> Part:
+    def of(cls, name: str, path: Path | str, starts: Mapping[str, object], *, isolated: bool | float = False) -> Part:
         """Read an FMU and check the start values for it.
 
+        :param isolated: True: as long as :data:`TIME_LIMIT`.
         :raises SimulationError: if the file cannot be used here, or a start value does not fit.
         """
+        limit = time_limit(f"{name}: isolated =", isolated)
         fmu = read(as_path(f"{name}: fmu", path))
         if sizes := structural_sizes(name, fmu, starts):
             fmu = read(fmu.path, sizes)
-        return cls(name, fmu, start_values(name, fmu, starts))
+        return cls(name, fmu, start_values(name, fmu, starts), limit)
 
     def __getitem__(self, name: str) -> Port:
         """A variable, an array, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
@@ -132,6 +139,10 @@ class Part:
         """The same, but that it interpolates its inputs."""
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
+    def apart(self, limit: float = TIME_LIMIT) -> Part:
+        """The same, isolated, unless it is so already."""
+        return self if self.isolated else replace(self, isolated=limit)
+
     def __repr__(self) -> str:
         starts = "".join(f", {name}={shown(value)}" for name, value in self.starts.items())
         return f"<{self.name}: {self.fmu.path.name}{starts}>"
@@ -212,3 +223,15 @@ class Port:
 
     def __str__(self) -> str:
         return f"{self.part.name}.{self.name}"
+
+
+def time_limit(what: str, isolated: object) -> float:
+    """How long a call of an isolated FMU may take [s]; 0 of one that is not isolated.
+
+    :param what: that it is given as.
+    :raises SimulationError: unless it is a truth value, or a number that is not negative.
+    """
+    seconds = TIME_LIMIT if isolated is True else float(isolated) if isinstance(isolated, Real) else math.nan
+    if not 0 <= seconds < math.inf:
+        raise SimulationError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
+    return seconds

@@ -62,9 +62,10 @@ class Run:
                 folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
             for name, part in parts.items():
                 folder = folders[part.fmu.path]
-                try_to_start(part, folder, times)
-                asks = simulation.iterates and part.asks
-                self._instances[name] = stack.enter_context(make(name, part.fmu, folder, asks=asks))
+                asks, isolated = simulation.iterates and part.asks, part.isolated
+                if not isolated:
+                    try_to_start(part, folder, times)
+                self._instances[name] = stack.enter_context(make(name, part.fmu, folder, asks=asks, isolated=isolated))
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
             self._bus = Bus(order, simulation.feeds, also, simulation.recorded.values())

@@ -47,11 +47,16 @@ class System:
         self._connections: dict[Place, Connection] = {}
         self.experiment = DefaultExperiment()
 
-    def add(self, name: str, fmu: Path | str, /, **starts: ArrayLike | OperatorFmu) -> Part:
+    def add(
+        self, name: str, fmu: Path | str, /, *, isolated: bool | float = False, **starts: ArrayLike | OperatorFmu
+    ) -> Part:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
         :param fmu: path of the file.
+        :param isolated: in a process of its own: when it crashes, ends its process or hangs there, the run ends with
+            what there is, and says which call did it.  A number is for how long a call may take [s], True a minute.
+            On Linux; elsewhere it runs in this process, with a warning.
         :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or an
             :func:`operator`, which is added as ``name_port``, connected, and followed as it wants to be.
         :returns: a handle; ``handle["length"]`` is one of its ports, to be connected.
@@ -62,17 +67,18 @@ class System:
             raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
-        return self._added(name, fmu, starts)
+        return self._added(name, fmu, starts, isolated=isolated)
 
-    def _added(self, name: str, fmu: Path | str, starts: Mapping[str, object]) -> Part:
+    def _added(self, name: str, fmu: Path | str, starts: Mapping[str, object], *, isolated: bool | float) -> Part:
         operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
-        part = Part.of(name, fmu, {start: value for start, value in starts.items() if start not in operators})
+        own = {start: value for start, value in starts.items() if start not in operators}
+        part = Part.of(name, fmu, own, isolated=isolated)
         followed = part.reconstruction is not None and INPUT_RECONSTRUCTION not in starts
         if operators and followed and all(value.interpolate for value in operators.values()):
             part = part.interpolating()
         self._parts[name] = part
         for port, value in operators.items():
-            self.connect(self.add(f"{name}_{port}", value.fmu, **value.starts)["y"], part[port])
+            self.connect(self.add(f"{name}_{port}", value.fmu, isolated=False, **value.starts)["y"], part[port])
         return part
 
     def connect(self, source: Port, target: Port) -> None:
@@ -209,6 +215,7 @@ def simulate(
     tolerance: float | None = None,
     record: str | Iterable[str] | None = None,
     inputs: Mapping[str, Function] | None = None,
+    isolated: bool | float = False,
     **starts: ArrayLike | OperatorFmu,
 ) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates; what is not given its experiment says.
@@ -223,6 +230,7 @@ def simulate(
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
         return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
         from a connected source.
+    :param isolated: in a process of its own, as in :meth:`System.add`.
     :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or the
         :func:`operator` of a coordinate.
     :returns: signals under their own names, ``result["theta"]``.
@@ -230,7 +238,7 @@ def simulate(
     """
     path = as_path("fmu", fmu)
     system = System(path.stem or str(path))
-    system._added(path.stem, path, starts)  # noqa: SLF001 - it may have a dot in its name
+    system._added(path.stem, path, starts, isolated=isolated)  # noqa: SLF001 - it may have a dot in its name
     simulation = checked(
         path.stem,
         system.parts,

@@ -1,18 +1,22 @@
 """One case after the other in one process: FMUs are loaded and instantiated once, and what goes wrong is put in words.
 
-An FMU that cannot go back to its begin is instantiated anew for every case, and so is everything after a failure.
+An FMU that cannot go back to its begin is instantiated anew for every case, and so is everything after a failure.  A
+case over which a process has died is done with isolated FMUs, so that one that crashes is named.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
+from liaisons.cosim.parts import Part
 from liaisons.cosim.run import Run
 from liaisons.errors import LiaisonsError
+from liaisons.results import Result
 from liaisons.sweeps.kept import evaluate
 from liaisons.sweeps.outcome import Failure, Outcome, failure
 from liaisons.sweeps.study import Study
@@ -21,24 +25,32 @@ Task: TypeAlias = tuple[Study, Mapping[Path, Path], str]
 """What a process needs to know: the sweep, where each FMU lies extracted, and a folder for what it leaves behind."""
 
 
+class Simulate(Protocol):
+    """Simulates one case; with FMUs in processes of their own if they are ``suspect``."""
+
+    def __call__(self, case: int, /, *, suspect: bool = False) -> Outcome: ...
+
+
 @contextmanager
-def session(task: Task) -> Iterator[Callable[[int], Outcome]]:
+def session(task: Task) -> Iterator[Simulate]:
     """A function that simulates one case, in a process that has no other purpose and may be killed in its midst."""
     study, folders, tempfile.tempdir = task
     with ExitStack() as held:
         run: Run | None = None
 
-        def outcome(case: int) -> Outcome:
+        def outcome(case: int, /, *, suspect: bool = False) -> Outcome:
             nonlocal run
             try:
                 parts = study.starts(case)
             except LiaisonsError as error:  # a value that does not fit never will
                 return Failure(str(error), refused=True)
             try:
+                if suspect:
+                    isolated = replace(study.simulation, parts={name: part.apart() for name, part in parts.items()})
+                    with Run(isolated, folders) as alone:
+                        return evaluate(study.keep, _simulated(alone, parts))
                 run = run or held.enter_context(Run(study.simulation, folders, again=True))
-                run.start(parts)
-                run.finish()
-                result = run.result()
+                result = _simulated(run, parts)
                 if not run.repeats:
                     run = None
                     held.close()
@@ -49,3 +61,9 @@ def session(task: Task) -> Iterator[Callable[[int], Outcome]]:
                 return failure(error)
 
         yield outcome
+
+
+def _simulated(run: Run, parts: Mapping[str, Part]) -> Result:
+    run.start(parts)
+    run.finish()
+    return run.result()

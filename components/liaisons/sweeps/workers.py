@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.cosim import loop
-from liaisons.cosim.instances import extracted
+from liaisons.cosim.instances import extracted, isolated
 from liaisons.errors import SweepError
 from liaisons.folders import passing_folder
 from liaisons.processes import die_with_parent
@@ -50,13 +50,15 @@ def simulate(study: Study, cases: Iterable[int], count: int, deliver: Deliver, t
     """Simulate cases in processes of their own.
 
     A process that dies, by a crash of an FMU or by the hand of the user, is replaced, and what it had not reported is
-    done again, case by case; a case over which two processes have died is a failure, and so is one that takes too long.
+    done again, case by case, with isolated FMUs; a case over which two processes have died is a failure, and so is one
+    that takes too long.
 
     :param count: number of processes.
     :param deliver: takes what is finished, in whatever order.
     :param time_limit: of a case [s].
     """
-    loop.compiled()  # before there are processes, each of which would compile it
+    for compiled in (loop.compiled, isolated.library):
+        compiled()  # before there are processes, each of which would compile it
     with passing_folder() as folder:
         task: Task | bytes = study, extracted(study.fmus(), folder), str(folder)
         if sys.platform != "linux":  # elsewhere a fork is not safe
@@ -86,11 +88,11 @@ class _Worker:
         self.at[:] = math.inf, 0.0
         self.process, self.pipe = _interpreter(task, place) if isinstance(task, bytes) else _forked(task, self.at)
 
-    def give(self, cases: list[int]) -> None:
+    def give(self, cases: list[int], *, suspect: bool = False) -> None:
         """What to do next; none: it may release its FMUs, and end."""
         self.cases = cases
         with suppress(OSError):  # it has just died; its end of the pipe will tell
-            self.pipe.send(cases)
+            self.pipe.send((cases, suspect))
 
     def since(self) -> float:
         """How long it has been at its case [s]."""
@@ -178,15 +180,12 @@ class Pool:
         return worker
 
     def _go_on(self, worker: _Worker) -> None:
-        if self._waiting or self._suspects:
-            worker.give(self._next())
-
-    def _next(self) -> list[int]:
         if self._suspects:
-            return [self._suspects.popleft()]
-        # ever smaller portions: few reports, and yet all processes end together
-        size = min(_MOST, -(-len(self._waiting) // (4 * self._count)))
-        return [self._waiting.popleft() for _ in range(size)]
+            worker.give([self._suspects.popleft()], suspect=True)
+        elif self._waiting:
+            # ever smaller portions: few reports, and yet all processes end together
+            size = min(_MOST, -(-len(self._waiting) // (4 * self._count)))
+            worker.give([self._waiting.popleft() for _ in range(size)])
 
     def _receive(self, worker: _Worker) -> bool:
         """Take a report; False if the process died before its end."""
@@ -289,12 +288,13 @@ def _work(pipe: Connection, at: NDArray[np.float64], task: Task, parent: int) ->
         while True:
             outcomes: dict[int, Outcome] = {}
             reported = time.monotonic()
-            cases: list[int] = pipe.recv()
+            message: tuple[list[int], bool] = pipe.recv()
+            cases, suspect = message
             if not cases:
                 return
             for case in cases:
                 at[1], at[0] = case, time.monotonic()
-                outcomes[case] = outcome(case)
+                outcomes[case] = outcome(case, suspect=suspect)
                 at[0] = math.inf
                 if time.monotonic() - reported > _FLUSH:
                     pipe.send(outcomes)

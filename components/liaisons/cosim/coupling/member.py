@@ -198,8 +198,10 @@ class Member:
                 values.append(column)
                 pairs += [(i, k) for i in rows]
 
+        together = self._instance.together(calls)
+
         def calculated() -> Vector:
-            self._bus.perform(calls)
+            self._bus.perform(together)
             return np.concatenate(values) if values else np.empty(0)
 
         return pairs, calculated

@@ -9,7 +9,9 @@ from liaisons.cosim.archive import Archive
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.instances.fmi2 import Instance2
 from liaisons.cosim.instances.fmi3 import Instance3
+from liaisons.cosim.instances.isolated import Isolated, library
 from liaisons.cosim.instances.protocol import Instance
+from liaisons.cosim.messages import logger
 
 
 def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
@@ -26,9 +28,20 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     return found
 
 
-def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> Instance:
+def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False, isolated: float = 0.0) -> Instance:
     """An instance of an FMU; see :class:`Instance`.
 
     :param asks: it is to ask for inputs inside communication steps (FMI 3.0).
+    :param isolated: in a process of its own, where a call may take so long [s]; 0: in this one.
     """
-    return Instance2(name, fmu, directory) if fmu.version == 2 else Instance3(name, fmu, directory, asks=asks)
+
+    def here() -> Instance:
+        return Instance2(name, fmu, directory) if fmu.version == 2 else Instance3(name, fmu, directory, asks=asks)
+
+    if not isolated:
+        return here()
+    code = library()
+    if code is None:
+        logger.warning("%s: to be isolated takes Linux and a C compiler; it runs in this process", name)
+        return here()
+    return Isolated(name, fmu, here, code, isolated)

@@ -39,9 +39,11 @@ class Instance(ABC):
     It is asked only for what its :class:`Fmu` says it can.
 
     :ivar name: name of the part, used as instance name and in messages.
+    :ivar functions: what FMI calls the functions of prepared calls.
     """
 
     name: str
+    functions: ClassVar[Mapping[Action, str]]
 
     def __enter__(self) -> Self:
         return self
@@ -54,6 +56,10 @@ class Instance(ABC):
         self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
     ) -> None:
         """Enter initialization with these start values; tolerance None: the FMU's own; times [s]."""
+
+    @abstractmethod
+    def assign(self, name: str, value: Any) -> None:
+        """Set a start value as :func:`liaisons.cosim.starts.start_values` returned it."""
 
     @abstractmethod
     def exit_initialization(self) -> None:
@@ -82,6 +88,10 @@ class Instance(ABC):
     @abstractmethod
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         """A call that calculates how the unknowns change with the knowns, which change like the seed."""
+
+    def together(self, calls: Sequence[Call]) -> Sequence[Call]:
+        """What such calls do, in any order: none needs what another one has calculated."""
+        return calls
 
     @abstractmethod
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
@@ -127,7 +137,6 @@ class Loaded(Instance):
     """
 
     prefix: ClassVar[str]
-    functions: ClassVar[Mapping[Action, str]]
     types: ClassVar[Mapping[str, Any]]
     flag: ClassVar[Any]
     sized: ClassVar[bool]  # whether values are handed over with their number
@@ -184,7 +193,6 @@ class Loaded(Instance):
         self._call(f"{self.prefix}EnterInitializationMode", *experiment)
 
     def assign(self, name: str, value: Any) -> None:
-        """Set a start value as :func:`liaisons.cosim.starts.start_values` returned it."""
         entry = self._fmu.variables.entry(name)
         base, references = entry.like.base, entry.references
         values = value if isinstance(value, tuple) else (value,)
