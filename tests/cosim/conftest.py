@@ -62,6 +62,9 @@ CUBIC = Source(
     outputs="y = t * t * t; y_dot = 3 * t * t; y_ddot = 6 * t;",
 )
 
+# a smooth signal of which it gives the value only
+WAVE = Source((V("y", "output"),), outputs="y = sin(3 * t + 0.7);")
+
 # an active coordinate that says what it is given: length_force depends on it directly, seen is what a step began with
 SPRING = Source(
     (

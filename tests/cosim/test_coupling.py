@@ -94,6 +94,78 @@ def test_fmus_that_take_no_derivatives_of_inputs_interpolate_and_are_of_second_o
     assert slope(sizes, errors) == pytest.approx(2.0, abs=0.2)  # loads are straight lines
 
 
+# ---- signals into inputs, by default -------------------------------------------------------------------------------
+
+OMEGA, PHASE = 3.0, 0.7
+STEPS = (0.08, 0.04, 0.02, 0.01)
+
+
+def _pushed(component: FmuPaths, prefix: str, source: str, **starts: float) -> System:
+    """A mass on a spring, pushed by a signal."""
+    parts: dict[str, Any] = {"mass": (component(f"{prefix}Oscillator"), {"x_0": 0.3, **starts})}
+    if source == "port":
+        motor = component(f"{prefix}Sinusoid"), {"angular_frequency": OMEGA, "phase": PHASE}
+        return wired("motor.y -> mass.x_force", motor=motor, **parts)
+    if source == "output":
+        swing = component(f"{prefix}Pendulum"), {"theta_0": 0.7}
+        return wired("swing.pivot_x_force -> mass.x_force", swing=swing, **parts)
+    return wired(**parts)
+
+
+def _push(t: float) -> float:
+    return math.sin(OMEGA * t + PHASE)
+
+
+@pytest.mark.parametrize("prefix", ["", "fmi3/"])
+@pytest.mark.parametrize(("source", "order"), [("port", 6.0), ("output", 4.0), ("function", 4.0)])
+def test_smooth_signal_into_a_force_is_of_fourth_order_at_least(
+    component: FmuPaths, prefix: str, source: str, order: float
+) -> None:
+    """From value, rate and acceleration; from the slope that the FMU gives; from points alone."""
+    inputs = {"mass.x_force": _push} if source == "function" else None
+    system = _pushed(component, prefix, source)
+    steps = STEPS[1:] if source == "output" else STEPS[:3]  # one is too coarse, the other soon as good as the solver
+    found = [system.simulate(4.0, H, tolerance=1e-13, inputs=inputs)["mass.x"][-1] for H in (*steps, 0.0025)]
+    # the next term of the error is smaller by (rate · H)², rates up to 10 /s: some tenths of the slope
+    assert slope(steps, [abs(end - found[-1]) for end in found[:-1]]) == pytest.approx(order, abs=0.3)
+
+
+def test_smooth_output_of_another_make_is_of_fourth_order(fmu: FmuPaths, component: FmuPaths) -> None:
+    """Known by its values alone; the first steps, which have no past, are made in thirds."""
+
+    def end(H: float) -> float:
+        system = wired("wave.y -> mass.x_force", wave=fmu("Wave"), mass=(component("Oscillator"), {"x_0": 0.3}))
+        return system.simulate(4.0, H, tolerance=1e-13)["mass.x"][-1]
+
+    truth = _pushed(component, "", "port").simulate(4.0, 0.01, tolerance=1e-13)["mass.x"][-1]
+    assert slope(STEPS, [abs(end(H) - truth) for H in STEPS]) == pytest.approx(4.0, abs=0.3)
+
+
+@pytest.mark.parametrize("prefix", ["", "fmi3/"])
+def test_jump_at_a_communication_point_stays_one(component: FmuPaths, prefix: str) -> None:
+    result = _pushed(component, prefix, "function", x_0=0.0).simulate(
+        3.0, 0.1, tolerance=1e-12, inputs={"mass.x_force": lambda t: float(t > 0.95)}
+    )
+    late = np.maximum(result.time - 1.0, 0.0)
+    np.testing.assert_allclose(result["mass.x"], 1 - np.cos(late), rtol=0, atol=1e-10)  # mass 1 kg, stiffness 1 N/m
+
+
+def test_kink_at_a_communication_point_stays_one(component: FmuPaths) -> None:
+    ramp = component("Ramp"), {"start_time": 1.0}
+    system = wired("ramp.y -> mass.x_force", ramp=ramp, mass=(component("Oscillator"), {"x_0": 0.0}))
+    result = system.simulate(3.0, 0.1, tolerance=1e-12)
+    late = np.maximum(result.time - 1.0, 0.0)
+    np.testing.assert_allclose(result["mass.x"], late - np.sin(late), rtol=0, atol=1e-10)
+
+
+def test_what_inputs_do_can_be_left_to_the_fmu(component: FmuPaths) -> None:
+    held, named = (
+        _pushed(component, "", "port", **own).simulate(1.0, 0.1, tolerance=1e-12, coupling=coupling)["mass.x"]
+        for own, coupling in (({"input_reconstruction": 1}, None), ({}, "gauss-seidel"))
+    )
+    np.testing.assert_array_equal(held, named)
+
+
 # ---- stability and energy -------------------------------------------------------------------------------------------
 
 

@@ -20,15 +20,22 @@ ITERATING = {"implicit", "waveform"}
 """Couplings that repeat steps."""
 
 
-def coupling(parts: Mapping[str, Part], connections: Sequence[Connection], asked: Coupling | None) -> Coupling:
-    """The coupling that is asked for; else implicit where a cycle has a port that goes two ways, else Gauss-Seidel.
+def coupling(
+    parts: Mapping[str, Part], connections: Sequence[Connection], driven: Collection[Place], asked: Coupling | None
+) -> Coupling:
+    """The coupling that is asked for; else implicit where it gains something, else Gauss-Seidel.
+
+    That is where a cycle has a port that goes two ways, and where something that moves feeds, outside of cycles, an FMU
+    that can be told how.
 
     :raises SimulationError: if there is no such coupling, or an FMU that would have to repeat steps cannot.
     """
     if asked is not None:
         chosen("coupling", asked, get_args(Coupling))
     feeds = {connection.target.place: connection.source.place for connection in connections}
-    cycles = [group for group in schedule.groups(parts, feeds) if len(group) > 1]
+    groups = schedule.groups(parts, feeds)
+    cyclic = schedule.in_cycles(groups, feeds)
+    cycles = [group for group in groups if len(group) > 1]
     stuck = [name for group in cycles for name in group if not parts[name].fmu.restores]
     if asked in ITERATING:
         if stuck:
@@ -48,6 +55,8 @@ def coupling(parts: Mapping[str, Part], connections: Sequence[Connection], asked
             stuck[0],
             parts[stuck[0]].fmu.path.name,
         )
+    if asked is None and not cyclic and _gains(parts, connections, driven):
+        return "implicit"
     for group in cycles:
         logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
     for loop in _loops(parts, feeds):
@@ -58,6 +67,14 @@ def coupling(parts: Mapping[str, Part], connections: Sequence[Connection], asked
             loop,
         )
     return asked or "gauss-seidel"
+
+
+def _gains(parts: Mapping[str, Part], connections: Sequence[Connection], driven: Collection[Place]) -> bool:
+    """Whether an FMU of ours can be told how a smooth signal moves inside a step, and all signals are real."""
+    if any(connection.source.variable.type != "Real" for connection in connections):
+        return False
+    fed = {connection.target.place[0] for connection in connections if connection.source.variable.continuous}
+    return any(parts[name].follows for name in {*fed, *(owner for owner, _ in driven)})
 
 
 def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
@@ -83,9 +100,12 @@ def prepared(parts: Mapping[str, Part], feeds: Feeds, chosen: Coupling) -> Mappi
     if chosen not in ITERATING:
         return parts
     fed = {name for name, _ in feeds}
+    cyclic = schedule.in_cycles(schedule.groups(parts, feeds), feeds)
     ready = dict(parts)
     for name, part in parts.items():
         if name not in fed or part.reconstruction is None or part.way != "mean":
+            continue
+        if part.left_alone and name not in cyclic:
             continue
         if INPUT_RECONSTRUCTION in part.starts:
             raise SimulationError(

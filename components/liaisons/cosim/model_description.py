@@ -260,6 +260,7 @@ class Description:
             start=start,
             unit=typed.get("unit") or self._type_units.get(typed.get("declaredType", ""), ""),
             index=index,
+            continuous=kind == "Real" and attributes.get("variability", "continuous") == "continuous",
         )
 
     def _add(self, variable: Scalar) -> None:

@@ -112,6 +112,11 @@ class Part:
         return self.reconstruction == 2
 
     @property
+    def left_alone(self) -> bool:
+        """Whether the user has said that its inputs hold or extrapolate, which takes nothing from the end of a step."""
+        return INPUT_RECONSTRUCTION in self.starts and self.reconstruction in {0, 1}
+
+    @property
     def asks(self) -> bool:
         """Whether it asks how inputs move within a step: an FMI 3.0 FMU of ours; others may say so and never ask."""
         return self.reconstruction is not None and self.fmu.inside_inputs and not self.interpolates
@@ -120,6 +125,12 @@ class Part:
     def is_told(self) -> bool:
         """Whether it can know how inputs move within a step, so that derivatives of its outputs are right."""
         return self.asks or (self.fmu.input_derivatives and not self.interpolates)
+
+    @property
+    def follows(self) -> bool:
+        """Whether it is of ours and, unless the user wants it otherwise, follows what it is told inside a step."""
+        ours = self.reconstruction is not None and not self.interpolates
+        return ours and not self.left_alone and self.way in {"polynomial", "asked"}
 
     @property
     def takes_newest(self) -> bool:
@@ -135,9 +146,9 @@ class Part:
             return "asked"
         return "polynomial" if self.fmu.input_derivatives else "mean"
 
-    def interpolating(self) -> Part:
-        """The same, but that it interpolates its inputs."""
-        return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
+    def interpolating(self, yes: bool = True) -> Part:
+        """The same, but that it interpolates its inputs, else extrapolates them."""
+        return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2 if yes else 1})
 
     def apart(self, limit: float = TIME_LIMIT) -> Part:
         """The same, isolated, unless it is so already."""

@@ -53,6 +53,12 @@ def groups(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
     return _strong(targets)
 
 
+def in_cycles(groups: Iterable[Sequence[str]], feeds: Feeds) -> set[str]:
+    """Components that feed each other, or themselves."""
+    own = {target for (target, _), (source, _) in feeds.items() if target == source}
+    return {name for group in groups for name in group if len(group) > 1 or name in own}
+
+
 def _strong(edges: Mapping[_Node, list[_Node]]) -> list[list[_Node]]:
     """Nodes that lead to each other, grouped; groups before what they lead to, nodes as they are listed."""
     number = {node: k for k, node in enumerate(edges)}

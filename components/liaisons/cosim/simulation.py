@@ -140,11 +140,12 @@ def checked(
             if value <= 0:
                 raise SimulationError(f"{name} = {value!r}: must be > 0")
     feeds = _feeds(connections)
-    chosen = checks.coupling(parts, connections, coupling)
+    driven = [place for drive in driving for place in drive.inputs]
+    chosen = checks.coupling(parts, connections, driven, coupling)
     checks.signals(connections, chosen)
     parts = checks.prepared(parts, feeds, chosen)
     checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
-    checks.inputs(parts, feeds, [place for drive in driving for place in drive.inputs])
+    checks.inputs(parts, feeds, driven)
     return Simulation(title, parts, connections, driving, recorded, points, tolerance, chosen, error_tolerance)
 
 

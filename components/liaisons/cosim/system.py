@@ -74,8 +74,8 @@ class System:
         own = {start: value for start, value in starts.items() if start not in operators}
         part = Part.of(name, fmu, own, isolated=isolated)
         followed = part.reconstruction is not None and INPUT_RECONSTRUCTION not in starts
-        if operators and followed and all(value.interpolate for value in operators.values()):
-            part = part.interpolating()
+        if operators and followed:
+            part = part.interpolating(all(value.interpolate for value in operators.values()))
         self._parts[name] = part
         for port, value in operators.items():
             self.connect(self.add(f"{name}_{port}", value.fmu, isolated=False, **value.starts)["y"], part[port])
@@ -144,7 +144,7 @@ class System:
         :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
             error of first order in H where connections go round; ``"implicit"`` and ``"waveform"`` repeat each step
             until both of its ends fit, of fourth order between our FMUs.  None: implicit if a port goes two ways and
-            all FMUs in its cycle can go back, else Gauss-Seidel.
+            all FMUs in its cycle can go back, or if signals into FMUs of ours make no cycle; else Gauss-Seidel.
         :param error_tolerance: error that a communication step may have in what is connected or recorded, relative to
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
             has the points that were chosen.

@@ -32,6 +32,7 @@ class Scalar:
     :param base: the type in the names of FMI's functions: ``Real``, ``Float64``, ``UInt8``, ...
     :param settable: whether it can be set before and during initialization.
     :param index: place in the model description, from 0.
+    :param continuous: whether it may change at any time, and not only at events or never.
     :param position: place within an FMI 3.0 array, from 0, the last index running fastest.
     """
 
@@ -45,6 +46,7 @@ class Scalar:
     unit: str
     index: int = 0
     position: int = 0
+    continuous: bool = True
 
     @property
     def structural(self) -> bool:

@@ -1,4 +1,4 @@
-"""Coupling that goes back: a step is repeated until what the FMUs hand each other fits at its end.
+"""Coupling by curves: FMUs are told how inputs move; in a cycle a step is repeated until its end fits.
 
 Explicit coupling (:mod:`liaisons.cosim.schedule`) hands over what is known before a step.  Here the values at its end
 are unknowns x that solve x = F(x), where F takes every FMU back to the begin of the step, gives it polynomials
@@ -20,9 +20,14 @@ source                                     polynomial               error of the
 =========================================  =======================  ====================================
 port (q, q_dot, q_ddot)                    quintic Hermite          H⁶
 output whose derivative the FMU gives      cubic Hermite            H⁴ (two-derivative Lobatto quadrature)
-other output                               linear                   H²
+other output, of a cycle                   linear                   H²
+other output                               cubic through points     H⁴
 input of an FMU that holds its inputs      mean of both ends        H²
 =========================================  =======================  ====================================
+
+Outside of cycles the source has been stepped, so that both ends are known; where nobody gives derivatives, the points
+before t, at the begin those in the step or after it, take their place.  What its slopes contradict, or its past missed,
+or what is discrete, has jumped at the end of the step: until then it goes on as it was known at t.
 
 The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
 none; there it asks for its inputs at the fifths of a step, in intermediate update mode, and follows the quintic through

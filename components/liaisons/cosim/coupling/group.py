@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array, eye_array
 from scipy.sparse.linalg import splu
 
+from liaisons.cosim.coupling.handed import Others
 from liaisons.cosim.coupling.member import Member
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
 from liaisons.cosim.schedule import Depends
@@ -91,6 +92,15 @@ class Group:
 
         if self._iterate(evaluate, self._running, size, end) > _SLOW:
             self._solve = None
+
+    def advance_in_thirds(self, wanted: Indices, size: float) -> Others | None:
+        """The same for a source that can be stepped so; returns what some signals were on the way."""
+        source = self._members[0]
+        if self._cyclic or source.inputs or not source.part.fmu.variable_step:
+            return None
+        inside = source.step_in_thirds()
+        source.collect(self._signals.now)
+        return (size / 3, 2 * size / 3), inside[:, wanted - source.values.start]
 
     def _iterate(self, evaluate: Callable[[Member, int], None], newton: Factorize, size: float, time: float) -> int:
         """Solve x = F(x); returns how often F was evaluated."""

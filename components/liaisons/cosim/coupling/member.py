@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from ctypes import Array, c_double
+from itertools import pairwise
 from typing import final
 
 import numpy as np
@@ -27,10 +28,20 @@ _POWERS = np.array([_TIMES**order / math.factorial(order) for order in range(1, 
 class Member:
     """One FMU in a coupled step.
 
-    :param repeated: the step is to be made again.
+    :param cycle: those that it is solved together with, itself among them; empty if it is outside of cycles.
+    :param alone: it is not told how its inputs move.
     """
 
-    def __init__(self, part: Part, instance: Instance, bus: Bus, signals: Signals, *, repeated: bool) -> None:
+    def __init__(
+        self,
+        part: Part,
+        instance: Instance,
+        bus: Bus,
+        signals: Signals,
+        cycle: Collection[str],
+        *,
+        alone: bool = False,
+    ) -> None:
         self.name = part.name
         self.part = part
         self._instance = instance
@@ -39,7 +50,7 @@ class Member:
         inputs, outputs, variables = bus.inputs[self.name], bus.outputs(self.name, every=False), part.fmu.variables
         self.inputs = [variables[name] for _, name in inputs]
         self.outputs = [variables[name] for _, name in outputs]
-        self.curves = [signals.curve(place) for place in inputs]
+        self.curves = [signals.curve(place, cycle) for place in inputs]
         self.sources: Indices = np.array([c.data[c.order] for c in self.curves], dtype=np.intp)
         self.rates: Indices = np.array([c.rate for c in self.curves], dtype=np.intp)
         first = signals.index[outputs[0]] if outputs else 0
@@ -47,7 +58,8 @@ class Member:
         self.slopes = slice(signals.count + first, signals.count + first + len(outputs))
         self.sloped = bool(outputs) and self.name in signals.sloped
 
-        self._way: Way = part.way
+        self._way: Way | None = None if alone else part.way
+        self._roots: Indices = np.array([signals.root(place, cycle) for place in inputs], dtype=np.intp)
         self._set_values, self._set = _buffer(len(inputs), bus.buffer(inputs) if inputs else None)
         self._read, buffer = _buffer(len(outputs), bus.buffer(outputs) if outputs else None)
         self._get: list[Call] = [instance.getter(self.outputs, buffer)] if outputs else []
@@ -58,7 +70,7 @@ class Member:
         first_calls = [*self._before(), instance.stepper(bus.start, bus.size), *self._after()]
         self._first: list[Call] = first_calls
         self._again: list[Call] = []
-        if repeated:
+        if cycle:
             save, restore = instance.states()
             self._first = [save, *first_calls]
             self._again = [restore, *first_calls]
@@ -66,6 +78,8 @@ class Member:
     def _before(self) -> list[Call]:
         self._polynomials: Callable[[Vector, float], Vector] | None = None
         self._middle: Vector | None = None
+        if self._way is None:
+            return []
         if not self.inputs or self._way == "interpolate":
             return self._put
         if self._way == "mean":
@@ -73,6 +87,9 @@ class Member:
             return [self._instance.setter(self.inputs, buffer)]
         highest = 1 if self.part.reconstruction is None else HIGHEST
         which, self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
+        known = [(*self.curves[k].data[self.curves[k].order :], *[self._signals.zero] * HIGHEST) for k, _ in which]
+        self._begun: Indices = np.array([d[order] for d, (_, order) in zip(known, which, strict=True)], dtype=np.intp)
+        self._of: Indices = np.array([k for k, _ in which], dtype=np.intp)
         if self._way == "asked":
             self._inside = np.empty((ASKED, len(self.inputs)))
             return [self._instance.guide(self.inputs, self._inside)]
@@ -126,6 +143,8 @@ class Member:
     def order(self) -> int:
         """Order of the error in H that the motion of its inputs within a step leads to."""
         ours = self.part.reconstruction is not None
+        if self._way is None:
+            return 1
         if self._way == "interpolate":  # by itself: triples quintic, others linear
             return min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
         if self._way in {"polynomial", "asked"} and ours:
@@ -137,16 +156,32 @@ class Member:
         ends, size = self._signals.ends, self._bus.size.value
         if self.inputs:
             self._hand_over()
+            held = self._signals.held[self._roots]
             if self._polynomials is not None:
                 derivatives = self._polynomials(ends.reshape(-1), size)
+                if held.any():
+                    derivatives = np.where(held[self._of], ends[0, self._begun], derivatives)
                 if self._way == "polynomial":
                     self._derivatives[:] = derivatives
                 else:
                     rows = derivatives.reshape(-1, HIGHEST) * size**_ORDERS
                     self._inside[:] = ends[0, self.sources] + (rows @ _POWERS).T
             elif self._middle is not None:
-                self._middle[:] = (ends[0, self.sources] + ends[1, self.sources]) / 2
+                begin, end = ends[:, self.sources]
+                self._middle[:] = np.where(held, begin, (begin + end) / 2)
         self._bus.perform(self._again if again else self._first)
+
+    def step_in_thirds(self) -> Vector:
+        """The same where nothing feeds it; returns what its outputs were on the way, shape (2, outputs)."""
+        bus, found = self._bus, []
+        start, size, end = bus.start.value, bus.size.value, bus.end
+        points = [start, start + size / 3, start + 2 * size / 3, end]
+        for here, there in pairwise(points):
+            bus.turn(here, there)
+            bus.perform(self._first)
+            found.append(self._read.copy())
+        bus.turn(start, end)
+        return np.array(found[:2])
 
     def begin_anew(self) -> None:
         """Forget everything."""

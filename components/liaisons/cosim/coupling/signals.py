@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -68,16 +68,21 @@ class Curve:
 
 @final
 class Signals:
-    """Values of all outputs that go anywhere, and behind them their slopes, where FMUs give them.
+    """Values of all outputs that go anywhere, and behind them their slopes, where FMUs give them or they are made.
 
     Index i < n is a value, n + i its slope, 2n a zero that stands for what is not known.
 
     :param places: the outputs, those of one component side by side.
-    :param sloped: components that give derivatives of their outputs.
+    :param alone: components that are not told how their inputs move.
+    :ivar sloped: components that give derivatives of their outputs.
+    :ivar held: whether what a curve begins with goes on as it was known at t, to jump at t + H.
     """
 
-    def __init__(self, parts: Mapping[str, Part], feeds: Feeds, places: Sequence[Place]) -> None:
+    def __init__(
+        self, parts: Mapping[str, Part], feeds: Feeds, places: Sequence[Place], alone: Collection[str] = ()
+    ) -> None:
         self._parts = parts
+        self._alone = alone
         self._feeds = feeds
         self.count = len(places)
         self.places = places
@@ -88,6 +93,7 @@ class Signals:
         self.before, self.now = self.ends  # at t, and the present guess at t + H
         self.earlier = np.zeros(self.zero + 1)  # at the point before t
         self._since = 0.0  # how long ago that was; 0: there was none
+        self.held = np.zeros(self.zero + 1, dtype=bool)
         self._rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
         for place, k in self.index.items():
             self._rates[k] = self._rate(place)
@@ -102,14 +108,31 @@ class Signals:
         whole = place[0] == SIGNALS and len(curve(self._parts, self._feeds, place)[0]) == 3
         return self.count + self.index[place] if whole or place[0] in self.sloped else self.zero
 
-    def curve(self, input_: Place) -> Curve:
-        """What an input follows."""
+    def curve(self, input_: Place, cycle: Collection[str] = ()) -> Curve:
+        """What an input follows.
+
+        :param cycle: components that are solved together with it, whose slopes cannot be made.
+        """
         source = self._feeds[input_]
         triple, order = curve(self._parts, self._feeds, source)
         data = [self.index[place] for place in triple]
-        if len(data) == 1 and source[0] in self.sloped:
-            data.append(self.slope(source))
+        if len(data) == 1 and (source[0] in self.sloped or source[0] not in cycle):
+            data.append(self.count + data[0])
         return Curve(tuple(data), order, self._rate(source))
+
+    def root(self, input_: Place, cycle: Collection[str]) -> int:
+        """Index of what the curve of an input begins with; that of the zero if it comes from within its cycle."""
+        source = self._feeds[input_]
+        return self.zero if source[0] in cycle else self.index[curve(self._parts, self._feeds, source)[0][0]]
+
+    def makes(self, index: int) -> bool:
+        """Whether the slope of a value is one that nobody gives."""
+        return self.places[index][0] not in self.sloped
+
+    def continuous(self, index: int) -> bool:
+        """Whether a value may change at any time; a discrete one jumps."""
+        name, variable = self.places[index]
+        return name == SIGNALS or self._parts[name].fmu.variables[variable].continuous
 
     def triple(self, index: int) -> list[int]:
         """Value, rate and acceleration, if this is the index of an acceleration."""
@@ -127,7 +150,8 @@ class Signals:
             self.sloped = frozenset(found)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
-                if name in found and not (self._parts[name].is_told and self._rate(source) != self.zero):
+                told = self._parts[name].is_told and name not in self._alone
+                if name in found and not (told and self._rate(source) != self.zero):
                     found.discard(name)
             if len(found) == len(self.sloped):
                 return self.sloped
@@ -183,6 +207,7 @@ class Signals:
         """Forget everything."""
         self.rewind((np.zeros_like(self.ends), np.zeros_like(self.earlier), 0.0))
         self._sizes[:] = 0.0
+        self.held[:] = False
 
     def snapshot(self) -> Snapshot:
         """What :meth:`rewind` needs."""

@@ -1,0 +1,119 @@
+"""What a group hands on: known at both ends of a step when its targets make theirs, smooth or with a jump."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
+
+_CONTRADICTION = 1 / 4
+"""A value that is off the mean of its slopes by more than this part of the change in a step has jumped.
+
+Of a sine, so is what has less than four steps a period.
+"""
+_MISS = 1 / 2
+"""So has one that its past missed by more than this part; of a sine, what has less than nine."""
+_POINTS = 3
+"""Points before the end of a step that lie, with it, on one cubic."""
+
+Others = tuple[tuple[float, float], Vector]
+"""Two instants, from the begin of the step [s], and values there, shape (2, n)."""
+Flags = NDArray[np.bool_]
+State = tuple[Vector, tuple[float, float], Indices, Flags]
+
+
+@final
+class Handed:
+    """Signals that lead out of a group.
+
+    Where nobody gives their slopes, these are made: from the points before, else from two inside the step or after it.
+    A jump at the end of a step leaves the signal as it was known at its begin, and its past is forgotten.
+
+    :param curves: what the inputs outside follow.
+    :ivar made: the values whose slopes are made.
+    """
+
+    def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
+        self._signals = signals
+        ports = {curve.data[0]: curve.data for curve in curves}.values()
+        made = [data[0] for data in ports if len(data) == 2 and signals.makes(data[0])]
+        pairs = [(*pair, data[0]) for data in ports if data[0] not in made for pair in pairwise(data)]
+        self.made: Indices = np.array(made, dtype=np.intp)
+        self._stairs: Flags = np.array([not signals.continuous(index) for index in made], dtype=bool)
+        self._slopes: Indices = self.made + signals.count
+        self._given: list[Indices] = [np.array([pair[k] for pair in pairs], dtype=np.intp) for k in range(3)]
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Forget everything."""
+        n = self.made.size
+        self._state: State = np.zeros((2, n)), (1.0, 1.0), np.ones(n, dtype=np.intp), self._stairs
+
+    @property
+    def fresh(self) -> bool:
+        """Whether other points are wanted, since a signal has too short a past."""
+        return bool(np.any(self._state[2] < _POINTS))
+
+    def shape(self, size: float, others: Others | None = None) -> None:
+        """Make slopes, and find what jumps, once both ends of a step are known.
+
+        :param others: what is made, at two more instants, where there is no past.
+        """
+        signals = self._signals
+        values, slopes, roots = self._given
+        if values.size:
+            change = signals.now[values] - signals.before[values]
+            rises = size * signals.ends[:, slopes]
+            largest = np.maximum(np.abs(change), np.abs(rises).max(axis=0))
+            signals.held[roots] = False
+            signals.held[roots[np.abs(change - rises.sum(axis=0) / 2) > _CONTRADICTION * largest]] = True
+        if self.made.size:
+            past, (last, first), depth, jumped = self._state
+            ends, jumps = self._cubic(size, ((-last, -last - first), past), depth)
+            jumps = np.where(depth == 1, jumped, jumps)
+            if others is not None:
+                ends_too, jumps_too = self._cubic(size, others, np.full_like(depth, _POINTS))
+                better = (depth < _POINTS) & ~jumps_too
+                ends, jumps = np.where(better, ends_too, ends), jumps & ~better
+            jumps |= self._stairs
+            signals.held[self.made] = jumps
+            signals.ends[:, self._slopes] = np.where(jumps, 0.0, ends)
+
+    def _cubic(self, size: float, others: Others, depth: Indices) -> tuple[Vector, Flags]:
+        """Slopes at both ends of the cubic through these and two more points, and whether one is off that of the rest.
+
+        :param depth: 2 for a parabola through the first of the two, 1 for a straight line.
+        """
+        (a, b), (at_a, at_b) = others
+        before, now = self._signals.ends[:, self.made]
+        gap = (max(a, b, size) - min(a, b, 0.0)) / 3
+        rates = np.array([(now - before) / size, (now - at_a) / (size - a), (at_a - at_b) / (a - b)])
+        rates[1] = np.where(depth > 1, rates[1], rates[0])
+        bend = (rates[1] - rates[0]) / a
+        rates[2] = np.where(depth > 2, rates[2], rates[1] + bend * (b - size))
+        twist = ((rates[2] - rates[1]) / (b - size) - bend) / b
+        off = np.where(depth > 2, 6 * gap**2 * np.abs(twist), 2 * gap * np.abs(bend))
+        ends = rates[0] + size * np.array([a * twist - bend, (size - a) * twist + bend])
+        return ends, off > _MISS * np.abs(rates).max(axis=0)
+
+    def accept(self, size: float) -> None:
+        """Go on from the end of the step; to be called while the signals still show it."""
+        if not self.made.size:
+            return
+        (earlier, _), (last, _), depth, _ = self._state
+        jumps = self._signals.held[self.made] & (depth > 1)
+        depth = np.where(jumps, 1, np.minimum(depth + 1, _POINTS))
+        self._state = np.array([self._signals.before[self.made], earlier]), (size, last), depth, jumps
+
+    def snapshot(self) -> State:
+        """What :meth:`rewind` needs."""
+        return self._state
+
+    def rewind(self, state: State) -> None:
+        """Forget what was since the snapshot."""
+        self._state = state
