@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from liaisons.arguments import shown
 from liaisons.cosim import System
+from liaisons.cosim.model_description import SAME
 from liaisons.errors import SimulationError
 from liaisons.library import catalogue, model
 from liaisons.project import fmus_directory
@@ -56,6 +57,8 @@ def flatten(
     if not isinstance(system, System):
         raise SimulationError(f"{shown(system)} is no system; give a System")
     parts = system.filled()
+    if converted := [connection for connection in system.connections if connection.conversion != SAME]:
+        raise SimulationError(f"{system.name}: {converted[0]} converts values, which is not flattened; use one unit")
     known = catalogue() | dict(components or {})
     models = {name: _model(part, known) for name, part in parts.items()}
     starts = {

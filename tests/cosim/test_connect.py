@@ -66,7 +66,6 @@ def test_single_variables(system: System) -> None:
     ("link", "words"),
     [
         ("spring.seen mass.q_force", ["spring.seen [m]", "mass.q_force [N]", "different kinds"]),
-        ("spring.seen faulty.u", ["spring.seen [m]", "faulty.u [mm]", "factor 1000"]),
         ("spring.seen mass.q", ["spring.seen (output)", "mass.q (output)", "an output, the other an input"]),
         ("spring.seen mass.mass", ["mass.mass (parameter)", "set where its component is added"]),
         ("cubic.y discrete.level", ["cubic.y (Real)", "discrete.level (Integer)", "of one type"]),

@@ -6,8 +6,10 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hostile import (
+    UNITS,
     binding,
     bound,
     component,
@@ -22,6 +24,7 @@ from hostile import (
     structure,
 )
 from making import FmuPaths
+from numpy.typing import NDArray
 
 from liaisons import System
 from liaisons.errors import LiaisonsError, SimulationError
@@ -33,10 +36,10 @@ Archive = Callable[..., Path]
 def archive(fmu: FmuPaths, tmp_path: Path) -> Archive:
     """An archive with this system, all test FMUs, and further files."""
 
-    def make(system: str, version: str = "1.0", **files: str) -> Path:
+    def make(system: str, version: str = "1.0", more: str = "", **files: str) -> Path:
         path = tmp_path / "foreign.ssp"
         with zipfile.ZipFile(path, "w") as target:
-            target.writestr("SystemStructure.ssd", structure(system, version=version))
+            target.writestr("SystemStructure.ssd", structure(system, more, version=version))
             for name in ("Cubic", "Spring", "Mass", "Probe", "Faulty", "Discrete"):
                 target.write(fmu(name), f"resources/{name}.fmu")
             for name, text in files.items():
@@ -126,8 +129,9 @@ def test_percent_encoded_sources_and_empty_element_names(archive: Archive, fmu: 
     assert _joined(path) == {"c.y -> p.u"}
 
 
-ENUMERATION = '<v:Parameter name="x"><v:Enumeration value="on"/></v:Parameter>'
+ENUMERATION = '<v:Parameter name="status"><v:Enumeration value="on"/></v:Parameter>'
 ELSEWHERE = f"<ParameterBindings>{binding('', source='resources/a.ssv')}</ParameterBindings>"
+KINDS = '<Connectors><Connector name="{}" kind="{}"/></Connectors>'
 DOUBLED = '<c:LinearTransformation factor="2"/>'
 
 
@@ -142,7 +146,7 @@ DOUBLED = '<c:LinearTransformation factor="2"/>'
         ('<Component source="resources/Cubic.fmu"/>', ["a Component without name"]),
         (component("a", "Cubic") * 2, ["two elements are called a"]),
         (component("a", "Spring", bound(real("stiffness", "much"))), ["stiffness = 'much'", "no Real"]),
-        (component("a", "Spring", bound(ENUMERATION)), ["parameter x is of type Enumeration"]),
+        (component("a", "Faulty", bound(ENUMERATION)), ["a.status = 'on': expected an integer"]),
         (component("a", "Spring", bound(real("seen", 1))), ["a.seen = 1.0", "calculated"]),
         (component("a", "Spring", ELSEWHERE), ["the parameter set of a", "resources/a.ssv", "lacks that file"]),
         ('<SignalDictionaryReference name="r" dictionary="d"/>', ["signal dictionary 'd'"]),
@@ -156,14 +160,16 @@ def test_elements_that_will_not_do(archive: Archive, system: str, words: list[st
 @pytest.mark.parametrize(
     ("links", "words"),
     [
-        ([connected("c.y", "q.u")], ["q.u", "no element 'q'"]),
-        ([connected("c.y", "p.v")], ["Probe.fmu has no variable 'v'"]),
+        ([connected("c.y", "q.u")], ["from c.y to q.u", "no element 'q'"]),
+        ([connected("c.y", "p.v")], ["from c.y to p.v", "Probe.fmu has no variable 'v'"]),
         ([connected("c.y", "p.u"), connected("f.x", "p.u")], ["f.x", "p.u", "c.y feeds it already"]),
-        ([connected("s.seen", "f.u")], ["s.seen [m]", "f.u [mm]", "factor 1000"]),
+        ([connected("s.seen_dot", "f.u")], ["connection from s.seen_dot to f.u", "units of different kinds"]),
         ([connected("d.late", "p.u")], ["d.late (Boolean)", "p.u (Real)"]),
-        ([connected("c.y", "p.u", DOUBLED)], ["connection from c.y to p.u has a LinearTransformation"]),
+        ([connected("d.count", "p.u", DOUBLED)], ["d.count (Integer)", "p.u (Real)", "a factor of 2", "only reals"]),
+        ([connected("c.y", "p.u", '<c:LinearTransformation factor="nan"/>')], ["from c.y to p.u", "no finite number"]),
+        ([connected("c.y", "p.u", "<c:BooleanMappingTransformation/>")], ["from c.y to p.u", "a BooleanMapping"]),
         (['<Connection startElement="c" endElement="p" endConnector="u"/>'], ["a Connection without startConnector"]),
-        ([connected("a", "b"), connected("b", "a"), connected("a", "p.u")], ["round in a circle"]),
+        ([connected("a", "b"), connected("b", "a"), connected("a", "p.u")], ["from a to b goes round in a circle"]),
         ([connected("c.y", "a"), connected("f.x", "a"), connected("a", "p.u")], ["a has several sources: c.y, f.x"]),
     ],
 )
@@ -172,6 +178,126 @@ def test_connections_that_will_not_do(archive: Archive, links: list[str], words:
     inside = elements(*(component(name, fmu) for name, fmu in parts.items()))
     message = _message(archive(inside + connections(*links)), LiaisonsError)
     assert all(word in message for word in words), message
+
+
+TRANSFORMED = '<c:LinearTransformation factor="{}" offset="{}"/>'
+UNITS_OF_THE_SYSTEM = f"<Units>{UNITS}</Units>"
+
+
+def _ran(path: Path, name: str) -> NDArray[np.float64]:
+    result = System.from_ssp(path).simulate(1.0, 0.25)
+    return result[name]
+
+
+@pytest.mark.usefixtures("either_loop")
+def test_connections_with_factor_and_offset(archive: Archive) -> None:
+    inner = nested(
+        "inner",
+        connectors(**{"in": "input"}),
+        elements(component("p", "Probe")),
+        connections(connected("in", "p.u", TRANSFORMED.format(-2, 1))),
+    )
+    links = connections(connected("c.y", "inner.in", TRANSFORMED.format(10, 3)))
+    path = archive(elements(component("c", "Cubic"), inner) + links)
+    t = np.linspace(0, 1, 5)
+    np.testing.assert_array_equal(_ran(path, "inner_p.u"), -2 * (10 * t**3 + 3) + 1)
+    assert _joined(path) == {"-20 * c.y + -5 -> inner_p.u"}
+
+
+@pytest.mark.usefixtures("either_loop")
+@pytest.mark.parametrize(
+    ("more", "factor"),
+    [({}, 1000.0), ({"suppressUnitConversion": "true"}, 1.0)],
+)
+def test_units_of_connections_are_converted_unless_suppressed(
+    archive: Archive, more: dict[str, str], factor: float
+) -> None:
+    parts = elements(component("spring", "Spring", bound(real("length", 0.25))), component("faulty", "Faulty"))
+    path = archive(parts + connections(connected("spring.seen", "faulty.u", **more)))
+    np.testing.assert_array_equal(_ran(path, "faulty.u")[1:], 0.25 * factor)
+
+
+def test_the_unit_of_a_system_connector_lies_between(archive: Archive) -> None:
+    """0.25 m become 250 mm, and 1 more, and 0.251 m."""
+    shown = '<Connectors><Connector name="out" kind="output"><c:Real unit="mm"/></Connector></Connectors>'
+    inside = elements(component("spring", "Spring", bound(real("length", 0.25))))
+    inner = nested("inner", shown, inside, connections(connected("spring.seen", "out", TRANSFORMED.format(1, 1))))
+    links = connections(connected("inner.out", "other.length"))
+    path = archive(elements(inner, component("other", "Spring")) + links, more=UNITS_OF_THE_SYSTEM)
+    np.testing.assert_allclose(_ran(path, "other.length")[1:], 0.251, rtol=1e-15)
+
+
+def test_either_end_may_be_called_the_start(archive: Archive) -> None:
+    inner = nested(
+        "inner",
+        connectors(out="output", **{"in": "input"}),
+        elements(component("c", "Cubic", KINDS.format("y", "output")), component("p", "Probe")),
+        connections(connected("out", "c.y"), connected("p.u", "in")),
+    )
+    probe = component("q", "Probe", KINDS.format("u", "input"))
+    path = archive(elements(inner, probe) + connections(connected("q.u", "inner.out")))
+    assert _joined(path) == {"inner_c.y -> q.u"}
+
+
+def test_factor_and_offset_come_back(archive: Archive, tmp_path: Path) -> None:
+    parts = elements(
+        component("c", "Cubic"), component("p", "Probe"), component("s", "Spring"), component("f", "Faulty")
+    )
+    links = connected("c.y", "p.u", TRANSFORMED.format(0.1, 1 / 3)), connected("s.seen", "f.u")
+    system = System.from_ssp(archive(parts + connections(*links)))
+    for form in ("portable", "full"):
+        system.write_ssp(tmp_path / "again.ssp", form=form)
+        again = System.from_ssp(tmp_path / "again.ssp")
+        assert {c.target.place: c.conversion for c in again.connections} == {
+            ("p", "u"): (0.1, 1 / 3),
+            ("f", "u"): (1000.0, 0.0),
+        }
+
+
+def test_a_converted_connection_is_not_iterated(archive: Archive) -> None:
+    parts = elements(component("c", "Cubic"), component("p", "Probe"))
+    system = System.from_ssp(archive(parts + connections(connected("c.y", "p.u", DOUBLED))))
+    with pytest.raises(SimulationError, match=r"'implicit' carries values as they are, but 2 \* c\.y -> p\.u converts"):
+        system.simulate(1.0, 0.25, coupling="implicit")
+
+
+def test_a_prefix_that_is_not_declared(archive: Archive, caplog: pytest.LogCaptureFixture) -> None:
+    step = '<Annotations><c:Annotation type="t"><osp:FixedStepAlgorithm baseStepSize="0.25"/><my:own my:way="1"/>'
+    experiment = f'<DefaultExperiment stopTime="2">{step}</c:Annotation></Annotations></DefaultExperiment>'
+    path = archive(elements(component("c", "Cubic")), more=experiment)
+    system = System.from_ssp(path)
+    assert (system.experiment.stop_time, system.experiment.step_size) == (2.0, 0.25)
+    assert f"{path}: SystemStructure.ssd does not declare the prefix my, osp" in caplog.text
+
+
+def test_items_of_an_enumeration_go_by_name(archive: Archive, fmu: FmuPaths, tmp_path: Path) -> None:
+    """Which number an item has is said by the FMU; a mapping may rename items."""
+    entry = '<m:MappingEntry source="status" target="a.status"><c:EnumerationMappingTransformation>{}</c:E{}>'
+    rename = entry.format('<c:MapEntry source="on" target="severe"/>', "numerationMappingTransformation")
+    given = bound(ENUMERATION, entries=rename + "</m:MappingEntry>")
+    path = archive(given + elements(component("a", "Typed")))
+    with zipfile.ZipFile(fmu("Faulty")) as old, zipfile.ZipFile(tmp_path / "Typed.fmu", "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                items = b'<Item name="mild" value="2"/><Item name="severe" value="3"/>'
+                types = b'<TypeDefinitions><SimpleType name="S"><Enumeration>%b</Enumeration></SimpleType>' % items
+                content = content.replace(b"<ModelVariables>", types + b"</TypeDefinitions><ModelVariables>")
+                content = content.replace(b'<Integer start="2"/>', b'<Enumeration declaredType="S" start="2"/>')
+            new.writestr(name, content)
+    with zipfile.ZipFile(path, "a") as target:
+        target.write(tmp_path / "Typed.fmu", "resources/Typed.fmu")
+    assert System.from_ssp(path).parts["a"].starts == {"status": 3}
+    plain = archive(elements(component("a", "Typed", bound(ENUMERATION))))
+    with zipfile.ZipFile(plain, "a") as target:
+        target.write(tmp_path / "Typed.fmu", "resources/Typed.fmu")
+    assert "a.status = 'on': it is one of mild, severe" in _message(plain)
+
+
+def test_parameters_are_not_converted_by_connections(archive: Archive) -> None:
+    spring = elements(component("spring", "Spring")) + connections(connected("k", "spring.stiffness", DOUBLED))
+    path = archive(elements(nested("inner", connectors(k="parameter"), spring)) + bound(real("inner.k", 2)))
+    assert "from inner.k to inner.spring.stiffness converts a parameter" in _message(path)
 
 
 def test_connection_that_keeps_values_is_none_that_changes_them(archive: Archive) -> None:

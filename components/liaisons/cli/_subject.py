@@ -11,11 +11,13 @@ from liaisons.array_names import split
 from liaisons.cli._inputs import drives
 from liaisons.cosim import System
 from liaisons.cosim.description import Fmu
+from liaisons.cosim.messages import logger
 from liaisons.cosim.simulation import Simulation, checked
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError
 
 MISMATCH = "_mismatch"
+_SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs
 
 
 def simulation(
@@ -45,8 +47,16 @@ def simulation(
     start, stop, step, tolerance = span
     begin = (own.start_time or 0.0) if start is None else start
     found = ssp.chosen(system, begin, stop, step)
-    if found.stop_time is None or found.step_size is None:
-        raise ProjectError(f"{path.name} does not say when to end, or by which steps; add --stop and --step")
+    end, size = found.stop_time, found.step_size
+    if end is None or size is None:
+        if single:
+            raise ProjectError(f"{path.name} does not say when to end, or by which steps; add --stop and --step")
+        end = begin + _SPAN if end is None else end
+        size = (end - begin) / _STEPS if size is None else size
+        words = (
+            "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
+        )
+        logger.warning(words, path.name, end, size)
     watched = [name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatches(part.fmu)]
     asked = checked(
         system.name,
@@ -54,12 +64,12 @@ def simulation(
         system.connections,
         single=single,
         start_time=begin,
-        stop_time=found.stop_time,
-        step_size=found.step_size,
+        stop_time=end,
+        step_size=size,
         tolerance=own.tolerance if tolerance is None else tolerance,
         record=record,
         also=watched,
-        inputs=drives(system, given, begin, found.stop_time, single=single),
+        inputs=drives(system, given, begin, end, single=single),
     )
     return system, asked
 

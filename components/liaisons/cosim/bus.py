@@ -5,15 +5,16 @@ The values lie in one array, so that a row of a recording is one copy of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from ctypes import Array, c_double
+from collections.abc import Iterable, Mapping, Sequence
+from ctypes import Array, addressof, c_double
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import COPY, Action, Call
+from liaisons.cosim.calls import CONVERT, COPY, Action, Call
 from liaisons.cosim.messages import WARNING
+from liaisons.cosim.model_description import Conversion
 from liaisons.cosim.schedule import Feeds, Place
 
 
@@ -25,13 +26,22 @@ class Bus:
     :param feeds: input -> output.
     :param watched: outputs that are read as if they were connected.
     :param recorded: further variables that are wanted.
+    :param conversions: of inputs that are not what feeds them.
     :ivar start: begin and ``size`` of the step [s] as foreign functions see them, ``end`` as Python does.
     """
 
-    def __init__(self, order: Sequence[str], feeds: Feeds, watched: Iterable[Place], recorded: Iterable[Place]) -> None:
+    def __init__(
+        self,
+        order: Sequence[str],
+        feeds: Feeds,
+        watched: Iterable[Place],
+        recorded: Iterable[Place],
+        conversions: Mapping[Place, Conversion],
+    ) -> None:
         sources = dict.fromkeys([*feeds.values(), *watched])
         self.order = order
         self._feeds = feeds
+        self._conversions = conversions
         self._connected = _by_component(order, sources)
         self._others = _by_component(order, [p for p in dict.fromkeys(recorded) if p not in feeds and p not in sources])
         self.inputs = _by_component(order, feeds)
@@ -84,20 +94,34 @@ class Bus:
         return (c_double * len(places)).from_buffer(self.view(places).data)
 
     def copies(self, inputs: Sequence[Place]) -> list[Call]:
-        """Calls that copy to inputs what feeds them, neighbours at once."""
+        """Calls that copy to inputs what feeds them, neighbours at once, or convert it."""
         runs: list[tuple[int, int, int]] = []
+        converted: list[Call] = []
         for place in inputs:
             target, source = self.index[place], self.index[self._feeds[place]]
-            if runs and (target, source) == (runs[-1][0] + runs[-1][2], runs[-1][1] + runs[-1][2]):
+            if place in self._conversions:
+                converted.append(self._convert(target, source, self._conversions[place]))
+            elif runs and (target, source) == (runs[-1][0] + runs[-1][2], runs[-1][1] + runs[-1][2]):
                 runs[-1] = (*runs[-1][:2], runs[-1][2] + 1)
             else:
                 runs.append((target, source, 1))
-        return [self._copy(target, source, count) for target, source, count in runs]
+        return [*(self._copy(target, source, count) for target, source, count in runs), *converted]
 
     def _copy(self, target: int, source: int, count: int) -> Call:
         bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
         call = Call(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
         return call.recorded(COPY, given=address + source * size, count=count, values=address + target * size)
+
+    def _convert(self, target: int, source: int, conversion: Conversion) -> Call:
+        bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
+        numbers = (c_double * 2)(*conversion)
+        call = Call(_converted, bus, target, source, conversion, numbers)
+        given, values = address + source * size, address + target * size
+        return call.recorded(CONVERT, given=given, instance=addressof(numbers), values=values)
+
+
+def _converted(bus: memoryview[float], target: int, source: int, conversion: Conversion, _: Array[c_double]) -> None:
+    bus[target] = conversion.of(bus[source])
 
 
 def _by_component(names: Iterable[str], places: Iterable[Place]) -> dict[str, list[Place]]:

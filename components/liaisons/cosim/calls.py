@@ -15,7 +15,7 @@ Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "sha
 Failure = Callable[[Action, int, str], SimulationError]
 """Makes the error of a call: what it was to do, the status that it returned, and when that was."""
 
-COPY, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3 = range(5)
+COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3 = range(6)
 """Kinds of calls, as ``loop.c`` numbers them."""
 
 

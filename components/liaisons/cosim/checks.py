@@ -12,6 +12,7 @@ from liaisons.arguments import chosen
 from liaisons.cosim import schedule
 from liaisons.cosim.connections import Connection
 from liaisons.cosim.messages import logger
+from liaisons.cosim.model_description import SAME
 from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
 from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.errors import SimulationError
@@ -45,15 +46,16 @@ def coupling(
             )
         return asked
     two_ways = [connection for connection in connections if connection.back]
-    if asked is None and two_ways and not stuck:
+    hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
+    hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
+    if asked is None and two_ways and not hurdles:
         return "implicit"
     if asked is None and two_ways:
         logger.warning(
-            "%s would be coupled implicitly, but %s (%s) cannot go back (canGetAndSetFMUstate is false): coupled by "
-            "'gauss-seidel', an error of first order, unstable where effective masses are large",
+            "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order, unstable "
+            "where effective masses are large",
             two_ways[0].source,
-            stuck[0],
-            parts[stuck[0]].fmu.path.name,
+            hurdles[0],
         )
     if asked is None and not cyclic and _gains(parts, connections, driven):
         return "implicit"
@@ -70,15 +72,15 @@ def coupling(
 
 
 def _gains(parts: Mapping[str, Part], connections: Sequence[Connection], driven: Collection[Place]) -> bool:
-    """Whether an FMU of ours can be told how a smooth signal moves inside a step, and all signals are real."""
-    if any(connection.source.variable.type != "Real" for connection in connections):
+    """Whether an FMU of ours can be told how a smooth signal moves inside a step, and iterations carry all signals."""
+    if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
         return False
     fed = {connection.target.place[0] for connection in connections if connection.source.variable.continuous}
     return any(parts[name].follows for name in {*fed, *(owner for owner, _ in driven)})
 
 
 def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
-    """Whether the coupling can carry what is connected: iterations follow curves, which only reals have.
+    """Whether the coupling can carry what is connected: iterations follow the curves of reals as they are.
 
     :raises SimulationError: naming a connection that it cannot.
     """
@@ -87,6 +89,11 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
             raise SimulationError(
                 f"coupling={chosen!r} carries reals only, but {connection.source} -> {connection.target} is of type "
                 f"{connection.source.variable.type}: choose coupling='gauss-seidel'"
+            )
+        if connection.conversion != SAME:
+            raise SimulationError(
+                f"coupling={chosen!r} carries values as they are, but {connection} converts them: choose "
+                "coupling='gauss-seidel'"
             )
 
 

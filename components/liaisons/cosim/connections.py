@@ -12,10 +12,10 @@ load; what is moved is an active coordinate ``s``.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import final
 
+from liaisons.cosim.model_description import SAME, Conversion
 from liaisons.cosim.parts import Port
 from liaisons.cosim.starts import RANGES
 from liaisons.cosim.variables import NUMBERS, Scalar
@@ -25,10 +25,11 @@ from liaisons.errors import ConnectError
 @final
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """One scalar connection: an output feeds an input."""
+    """One scalar connection: an output feeds an input, which is factor * output + offset."""
 
     source: Port
     target: Port
+    conversion: Conversion = SAME
 
     @property
     def back(self) -> bool:
@@ -36,9 +37,16 @@ class Connection:
         moved, mover = self.source.without("_force"), self.target.without("_load")
         return moved is not None and mover is not None and bool(moved.triple() and mover.triple())
 
+    def __str__(self) -> str:
+        factor, offset = (f"{number:.10g}" for number in self.conversion)
+        times, plus = ("" if factor == "1" else f"{factor} * "), ("" if offset == "0" else f" + {offset}")
+        return f"{times}{self.source}{plus} -> {self.target}"
+
 
 def connect(first: Port, second: Port) -> list[Connection]:
     """The scalar connections that join two ports; their order does not matter, causality decides.
+
+    Where both ends have units of one kind, values are converted.
 
     :raises ConnectError: if they do not fit; the message names both.
     """
@@ -46,16 +54,20 @@ def connect(first: Port, second: Port) -> list[Connection]:
         return _point_connections(first, second)
     if first.is_array or second.is_array:
         return _array_connections(first, second)
-    if (first.variable.causality, second.variable.causality) == ("input", "output"):
-        first, second = second, first
+    first, second = _ordered(first, second)
     source, target = first.triple(), second.triple()
     if source is None or target is None:
-        return [_connection(first, second)]
-    joined = [_connection(output, input_) for output, input_ in zip(source, target, strict=True)]
+        return [connect_scalars(first, second)]
+    joined = [connect_scalars(output, input_) for output, input_ in zip(source, target, strict=True)]
     load, force = first.beside("_load"), second.beside("_force")
     if load is not None and force is not None:
-        joined.append(_connection(force, load))
+        joined.append(connect_scalars(force, load))
     return joined
+
+
+def _ordered(first: Port, second: Port) -> tuple[Port, Port]:
+    turned = (first.variable.causality, second.variable.causality) == ("input", "output")
+    return (second, first) if turned else (first, second)
 
 
 def _array_connections(first: Port, second: Port) -> list[Connection]:
@@ -82,7 +94,13 @@ def _listed(axes: dict[str, Port]) -> str:
     return ", ".join(axes) or "none"
 
 
-def _connection(source: Port, target: Port) -> Connection:
+def connect_scalars(first: Port, second: Port, conversion: Conversion | None = None) -> Connection:
+    """The connection of two scalars.
+
+    :param conversion: from output to input; if None, that of their units.
+    :raises ConnectError: if they do not fit; the message names both.
+    """
+    source, target = _ordered(first, second)
     causalities = source.variable.causality, target.variable.causality
     if causalities != ("output", "input"):
         hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
@@ -96,8 +114,13 @@ def _connection(source: Port, target: Port) -> Connection:
             f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of one type; "
             "of integers, the input may have the wider range, or be a real"
         )
-    _check_units(source, target)
-    return Connection(source, target)
+    conversion = _of_units(source, target) if conversion is None else conversion
+    if conversion != SAME and {source.variable.type, target.variable.type} != {"Real"}:
+        raise ConnectError(
+            f"{source} ({source.variable.base}) and {target} ({target.variable.base}) cannot be connected with a "
+            f"factor of {conversion.factor:g} and an offset of {conversion.offset:g}: only reals can"
+        )
+    return Connection(source, target, conversion)
 
 
 def _fits(source: Scalar, target: Scalar) -> bool:
@@ -109,15 +132,11 @@ def _fits(source: Scalar, target: Scalar) -> bool:
     return same or (source.type, target.type) == ("Integer", "Real")
 
 
-def _check_units(source: Port, target: Port) -> None:
+def _of_units(source: Port, target: Port) -> Conversion:
     one, other = (port.part.fmu.units.get(port.variable.unit) for port in (source, target))
     if one is None or other is None:  # no unit fits any; one without a definition cannot be checked
-        return
-    words = f"{source} [{source.variable.unit}] and {target} [{target.variable.unit}] cannot be connected: "
+        return SAME
     if one.exponents != other.exponents:
-        raise ConnectError(f"{words}their units are of different kinds")
-    if not math.isclose(one.factor, other.factor) or one.offset != other.offset:
-        raise ConnectError(
-            f"{words}their units differ by the factor {one.factor / other.factor:g} or an offset; "
-            "export one of the FMUs with the unit of the other"
-        )
+        units = (f"{port} [{port.variable.unit}]" for port in (source, target))
+        raise ConnectError(f"{' and '.join(units)} cannot be connected: their units are of different kinds")
+    return one.to(other)

@@ -102,7 +102,7 @@ def _arrow(wires: list[Connection], corners: Mapping[str, tuple[int, int]]) -> s
     lines = names[:_LINES] + ([f"and {len(names) - _LINES} more"] if len(names) > _LINES else [])
     words = "".join(_text(middle[0], middle[1] - 6 - 13 * k, line) for k, line in enumerate(reversed(lines)))
     both = ' marker-start="url(#liaisons-head)"' if len(forth) < len(wires) else ""
-    variables = escape("\n".join(f"{connection.source} -> {connection.target}" for connection in wires))
+    variables = escape("\n".join(map(str, wires)))
     return f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/>{words}</g>'
 
 

@@ -13,7 +13,7 @@
 #endif
 
 enum { OK, WARNING, DISCARD };
-enum { COPY, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3 };
+enum { COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3 };
 
 typedef int Transfer2(void *instance, const unsigned references[], size_t n, double values[]);
 typedef int Transfer3(void *instance, const unsigned references[], size_t n, double values[], size_t n_values);
@@ -29,7 +29,7 @@ typedef struct {
 typedef struct {
     int kind;
     void (*function)(void);
-    void *instance;
+    void *instance;    /* of an FMU; factor and offset, to convert one double */
     const void *given; /* value references; where to copy from; for a step in FMI 3.0, whether there is no return */
     size_t count;      /* of references; of doubles to copy */
     void *values;      /* to get, to set, to copy to; for a step in FMI 3.0, how it Ended */
@@ -44,9 +44,16 @@ static int step_3(const Call *call, double time, double size) {
     return (ended->terminate || ended->early) && status < DISCARD ? DISCARD : status;
 }
 
+static int convert(const Call *call) {
+    const double *numbers = call->instance, *given = call->given;
+    *(double *)call->values = numbers[0] * *given + numbers[1];
+    return OK;
+}
+
 static int perform(const Call *call, double time, double size) {
     switch (call->kind) {
     case COPY: memmove(call->values, call->given, call->count * sizeof(double)); return OK;
+    case CONVERT: return convert(call);
     case TRANSFER_2: return ((Transfer2 *)call->function)(call->instance, call->given, call->count, call->values);
     case TRANSFER_3:
         return ((Transfer3 *)call->function)(call->instance, call->given, call->count, call->values, call->size);

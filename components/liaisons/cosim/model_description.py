@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
-from typing import IO, final
+from typing import IO, NamedTuple, final
 
 from liaisons.array_names import Shape, complete, split
 from liaisons.cosim import documents
@@ -54,6 +54,31 @@ class UnitDefinition:
         if factor == 0 or not (math.isfinite(factor) and math.isfinite(offset)):
             raise ValueError(f"the unit {name!r} has the factor {factor!r} and the offset {offset!r}")
         return cls(tuple(int(attributes.get(base, 0)) for base in BASE_UNITS), factor, offset)
+
+    def to(self, other: UnitDefinition) -> Conversion:
+        """From a value in this unit to that in another one of its kind."""
+        if math.isclose(self.factor, other.factor) and self.offset == other.offset:
+            return SAME
+        return Conversion(self.factor / other.factor, (self.offset - other.offset) / other.factor)
+
+
+class Conversion(NamedTuple):
+    """factor * value + offset."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def of(self, value: float) -> float:
+        """The converted value."""
+        return self.factor * value + self.offset
+
+    def then(self, other: Conversion) -> Conversion:
+        """Another one after this."""
+        return Conversion(other.factor * self.factor, other.factor * self.offset + other.offset)
+
+
+SAME = Conversion()
+"""Values stay as they are."""
 
 
 Table = dict[int, frozenset[int] | None]

@@ -68,7 +68,8 @@ class Run:
                 self._instances[name] = stack.enter_context(make(name, part.fmu, folder, asks=asks, isolated=isolated))
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
-            self._bus = Bus(order, simulation.feeds, also, simulation.recorded.values())
+            recorded = simulation.recorded.values()
+            self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
             self._loop = Loop(self._step, self._bus, times)

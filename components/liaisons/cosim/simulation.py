@@ -16,6 +16,7 @@ from liaisons.cosim import checks
 from liaisons.cosim.connections import Connection
 from liaisons.cosim.drives import Drive, Function, drives
 from liaisons.cosim.memory import check_memory
+from liaisons.cosim.model_description import SAME, Conversion
 from liaisons.cosim.parts import Part
 from liaisons.cosim.scenes import FmuScene
 from liaisons.cosim.schedule import Coupling, Feeds, Place
@@ -55,6 +56,11 @@ class Simulation:
         driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.places, strict=True)}
         return driven | _feeds(self.connections)
 
+    @cached_property
+    def conversions(self) -> dict[Place, Conversion]:
+        """Input -> how it follows from the output that feeds it, where it is not the same."""
+        return {c.target.place: c.conversion for c in self.connections if c.conversion != SAME}
+
     @property
     def scene(self) -> FmuScene:
         """What it looks like."""
@@ -76,7 +82,7 @@ class Simulation:
         """Name in the result -> unit; if the variable has none, that of what it is connected with."""
         near: dict[Place, str] = {}
         for c in self.connections:
-            for port, other in ((c.source, c.target), (c.target, c.source)):
+            for port, other in ((c.source, c.target), (c.target, c.source)) if c.conversion == SAME else ():
                 near[port.place] = near.get(port.place) or other.variable.unit
         own = {place: self.parts[place[0]].fmu.variables[place[1]].unit for place in self.recorded.values()}
         return {name: own[place] or near.get(place, "") for name, place in self.recorded.items()}

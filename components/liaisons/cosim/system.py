@@ -87,7 +87,7 @@ class System:
         * a signal or free coordinate with an active coordinate: value, rate and acceleration; from a free coordinate
           or point the force goes back as its load, both directions at once;
         * a named point with another (``upper["bob"]``, ``lower["pivot"]``): all their axes;
-        * else an output with an input.
+        * else an output with an input; where their units differ by a factor or offset, values are converted.
 
         Which port gives and which takes follows from causality, so their order does not matter.  Nothing is connected
         unless everything fits.
@@ -197,7 +197,7 @@ class System:
     def __repr__(self) -> str:
         lines = [f"System {self.name!r}"]
         lines += [f"  {part}" for part in self._parts.values()]
-        lines += [f"  {connection.source} -> {connection.target}" for connection in self._connections.values()]
+        lines += [f"  {connection}" for connection in self._connections.values()]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:

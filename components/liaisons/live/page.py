@@ -58,7 +58,10 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     picture = together({prefix: picture_of(part) for prefix, part in parts.items()})
     plan = {
         "components": components,
-        "connections": [[place[s[0]], s[1], place[t[0]], t[1]] for t, s in feeds.items()],
+        "connections": [
+            [place[c.source.part.name], c.source.name, place[c.target.part.name], c.target.name, *c.conversion]
+            for c in connections
+        ],
         "modules": [_module(path) for path in paths],
         "step_size": speed / (2 * _FRAMES),
         "tolerance": min((part.fmu.experiment.tolerance or 1e-8 for part in parts.values()), default=1e-8),

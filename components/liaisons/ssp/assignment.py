@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from liaisons.cosim.archive import Archive
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.model_description import UnitDefinition
+from liaisons.cosim.documents import tree
+from liaisons.cosim.model_description import SAME, UnitDefinition
 from liaisons.cosim.variables import Array
 from liaisons.errors import SimulationError
-from liaisons.ssp.xml import path, tag
+from liaisons.ssp.xml import path, tag, units
 
 Number = float | int | bool | str
 
@@ -25,9 +27,9 @@ def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
 
     :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
     """
-    units = _units(parameter_set)
+    known = units(parameter_set, "ssv:Units")
     return [
-        (name, (_values(name, element), units.get(element.get("unit", ""))))
+        (name, (_values(name, element), known.get(element.get("unit", ""))))
         for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
@@ -56,6 +58,8 @@ def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
     like, (values, unit) = entry.like, quantity
     if like.type == "Real":
         values = tuple(_converted(f"{owner}.{variable}", v, unit, fmu.units.get(like.unit)) for v in values)
+    elif like.type == "Enumeration" and any(isinstance(v, str) for v in values):
+        values = tuple(_item(f"{owner}.{variable}", v, _items(fmu, like.name)) for v in values)
     elif like.type in {"Integer", "Enumeration"}:
         values = tuple(int(v) if isinstance(v, float) and v.is_integer() else v for v in values)
     if isinstance(entry, Array) and len(values) == entry.size:
@@ -74,9 +78,26 @@ def _values(name: str, element: Element) -> tuple[Number, ...]:
             return tuple({"true": True, "1": True, "false": False, "0": False}[word] for word in text.split())
     except (KeyError, ValueError):
         raise SimulationError(f"parameter {name} = {text!r}: that is no {kind}") from None
-    if kind == "String":
+    if kind in {"String", "Enumeration"}:  # of an enumeration, the name of an item of the variable's type
         return (text,)
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
+
+
+def _item(label: str, value: Number, items: Mapping[str, int]) -> Number:
+    if isinstance(value, str) and value not in items:
+        raise SimulationError(f"{label} = {value!r}: it is one of {', '.join(items) or 'no items that have names'}")
+    return items[value] if isinstance(value, str) else value
+
+
+def _items(fmu: Fmu, variable: str) -> dict[str, int]:
+    """The items of a variable's enumeration."""
+    with Archive(fmu.path) as archive, archive.open("modelDescription.xml") as file:
+        root = tree(file)
+    typed = [*root.iterfind("ModelVariables/Enumeration"), *root.iterfind("ModelVariables/ScalarVariable")]
+    kind = next((v if fmu.version == 3 else v[0]).get("declaredType") for v in typed if v.get("name") == variable)
+    types = [*root.iterfind("TypeDefinitions/EnumerationType"), *root.iterfind("TypeDefinitions/SimpleType")]
+    items = (item for defined in types if defined.get("name") == kind for item in defined.iter("Item"))
+    return {item.get("name", ""): int(item.get("value", 0)) for item in items}
 
 
 def _transformed(name: str, value: Number, entry: Element) -> Number:
@@ -84,15 +105,20 @@ def _transformed(name: str, value: Number, entry: Element) -> Number:
         kind = child.tag.rpartition("}")[2]
         if kind == "LinearTransformation" and not isinstance(value, str):
             value = value * float(child.get("factor", 1)) + float(child.get("offset", 0))
-        elif kind in {"BooleanMappingTransformation", "IntegerMappingTransformation"}:
+        elif kind in _MAPPINGS:
             table = {item.get("source", ""): item.get("target", "") for item in child}
-            word = str(value).lower()
-            if word not in table:
-                raise SimulationError(f"parameter {name} = {value!r}: its {kind} has no entry for it")
-            value = table[word] == "true" if kind.startswith("Boolean") else int(table[word])
+            word = value if isinstance(value, str) else str(value).lower()
+            value = _MAPPINGS[kind](table[word]) if word in table else value  # a table may have gaps
         elif kind.endswith("Transformation"):
             raise SimulationError(f"parameter {name} has an {kind}, which is not done here; give the number instead")
     return value
+
+
+_MAPPINGS: Mapping[str, Callable[[str], Number]] = {
+    "BooleanMappingTransformation": lambda word: word in {"true", "1"},
+    "IntegerMappingTransformation": int,
+    "EnumerationMappingTransformation": str,
+}
 
 
 def _converted(label: str, value: Number, given: UnitDefinition | None, wanted: UnitDefinition | None) -> Number:
@@ -100,16 +126,4 @@ def _converted(label: str, value: Number, given: UnitDefinition | None, wanted: 
         return value
     if given.exponents != wanted.exponents:
         raise SimulationError(f"{label} = {value!r}: the unit of the parameter is of another kind than the variable's")
-    if (given.factor, given.offset) == (wanted.factor, wanted.offset):
-        return value
-    return (value * given.factor + given.offset - wanted.offset) / wanted.factor
-
-
-def _units(parameter_set: Element) -> Mapping[str, UnitDefinition]:
-    found: dict[str, UnitDefinition] = {}
-    for unit in parameter_set.iterfind(path("ssv:Units", "ssc:Unit")):
-        base = unit.find(tag("ssc:BaseUnit"))
-        if base is not None:
-            name = unit.get("name", "")
-            found[name] = UnitDefinition.of(name, base.attrib)
-    return found
+    return value if (conversion := given.to(wanted)) == SAME else conversion.of(value)

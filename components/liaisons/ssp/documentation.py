@@ -45,8 +45,7 @@ def page(name: str, parts: Iterable[Part], connections: Iterable[Connection], ex
             _row(c.name, f"{c.fmu.model_name} (FMI {c.fmu.version}.0)", ", ".join(_starts(c))) for c in parts
         ),
         connections="\n".join(
-            _row(str(connection.source), str(connection.target), connection.source.variable.unit)
-            for connection in connections
+            _row(*str(connection).split(" -> "), connection.source.variable.unit) for connection in connections
         ),
     )
 

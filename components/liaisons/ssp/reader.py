@@ -5,6 +5,7 @@ Not by ``pyssp_standard``, which reads of connections neither indices nor transf
 
 from __future__ import annotations
 
+import io
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
@@ -16,11 +17,12 @@ from xml.etree.ElementTree import Element
 from liaisons.arguments import as_path
 from liaisons.cosim import System
 from liaisons.cosim.archive import Archive, too_big, unpacked_limit
-from liaisons.cosim.connections import Connection, connect
+from liaisons.cosim.connections import Connection, connect_scalars
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.description import read as read_fmu
 from liaisons.cosim.documents import tree
 from liaisons.cosim.messages import logger
+from liaisons.cosim.model_description import UnitDefinition
 from liaisons.cosim.parts import Part, Port
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.folders import passing_folder
@@ -28,7 +30,7 @@ from liaisons.ssp.assignment import Quantity, fitted, mapped, parameters
 from liaisons.ssp.experiment import read_experiment
 from liaisons.ssp.structure import Path as Place
 from liaisons.ssp.structure import Pin, Structure, read_structure
-from liaisons.ssp.xml import STRUCTURE, path, tag
+from liaisons.ssp.xml import STRUCTURE, declared, path, tag
 
 _VERSIONS = ("1.0", "2.0")
 
@@ -75,11 +77,21 @@ def _name_of(archive: Archive, source: str, owner: str) -> str:
 
 def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
     """An XML file with this root."""
-    with archive.open(_name_of(archive, source, owner)) as file:
-        try:
-            element = tree(file)
-        except ValueError as error:
-            raise SimulationError(f"{source} cannot be read: {error}") from None
+    name = _name_of(archive, source, owner)
+    try:
+        with archive.open(name) as file:
+            try:
+                element = tree(file)
+            except ValueError as error:
+                if "unbound prefix" not in str(error):
+                    raise
+                with archive.open(name) as again:
+                    text, prefixes = declared(again.read())
+                element = tree(io.BytesIO(text))
+                words = f"{archive.path}: {source} does not declare the prefix {', '.join(prefixes)}"
+                logger.warning("%s; taken for what it stands for in SSP, elsewhere for nothing", words)
+    except ValueError as error:
+        raise SimulationError(f"{source} cannot be read: {error}") from None
     if element.tag != tag(root):
         raise SimulationError(f"{source} has the root {element.tag!r}, expected {root}")
     return element
@@ -177,11 +189,21 @@ def _bound(archive: Archive, element: Place, binding: Element) -> Iterable[tuple
 
 def _connections(structure: Structure, parts: dict[Place, Part]) -> list[Connection]:
     """The scalar connections."""
-    return [
-        connect(*pair)[0]  # what else two ports have in common has connections of its own
-        for start, end in structure.connections()
-        for pair in _matched(start, _ends(start, parts), end, _ends(end, parts))
-    ]
+    found: list[Connection] = []
+    for way in structure.connections():
+        start, end = way[0].start, way[-1].end
+        try:
+            pairs = _matched(start, _ends(start, parts), end, _ends(end, parts))
+            found += [connect_scalars(*pair, structure.conversion(way, *map(_unit, pair))) for pair in pairs]
+        except ConnectError as error:
+            if str(start) in str(error) and str(end) in str(error):
+                raise
+            raise ConnectError(f"{error}; that is the connection from {start} to {end}") from error
+    return found
+
+
+def _unit(port: Port) -> UnitDefinition | None:
+    return port.part.fmu.units.get(port.variable.unit)
 
 
 def _ends(node: Pin, parts: dict[Place, Part]) -> list[Port]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,8 +10,9 @@ from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
 from liaisons.array_names import Shape
-from liaisons.errors import SimulationError
-from liaisons.ssp.xml import path, tag
+from liaisons.cosim.model_description import SAME, Conversion, UnitDefinition
+from liaisons.errors import ConnectError, SimulationError, suggestion
+from liaisons.ssp.xml import path, tag, units
 
 Path = tuple[str, ...]
 """Names of elements from the outermost system, which is (), inwards."""
@@ -30,6 +32,22 @@ class Pin(NamedTuple):
         return ".".join((*self.element, self.connector))
 
 
+class Edge(NamedTuple):
+    """A connection as it is written, in the direction in which values go.
+
+    :param conversion: what is written with it, after the conversion of units.
+    :param as_is: units are not converted.
+    """
+
+    start: Pin
+    end: Pin
+    conversion: Conversion = SAME
+    as_is: bool = False
+
+    def __str__(self) -> str:
+        return f"the connection from {self.start} to {self.end}"
+
+
 @final
 @dataclass(frozen=True)
 class Structure:
@@ -37,47 +55,67 @@ class Structure:
 
     :param sources: component -> where its FMU lies in the archive.
     :param bindings: parameter bindings of components and systems, those that count more behind the others.
-    :param edges: connections as they are written.
-    :param shown: connectors of systems.
+    :param shown: connectors of systems, with their units if these are said.
     """
 
     name: str
     sources: dict[Path, str] = field(default_factory=dict)
     bindings: list[tuple[Path, Element]] = field(default_factory=list)
-    edges: list[tuple[Pin, Pin]] = field(default_factory=list)
-    shown: set[tuple[Path, str]] = field(default_factory=set)
+    edges: list[Edge] = field(default_factory=list)
+    shown: dict[tuple[Path, str], UnitDefinition | None] = field(default_factory=dict)
 
-    def connections(self) -> Iterator[tuple[Pin, Pin]]:
-        """From component to component, whatever lies between.
+    def connections(self) -> Iterator[list[Edge]]:
+        """The ways from component to component, whatever lies between.
 
         :raises SimulationError: if an input has several sources, or connections go round without a component.
         """
-        into: dict[tuple[Path, str], list[tuple[Pin, Pin]]] = {}
-        for start, end in self.edges:
-            into.setdefault((end.element, end.connector), []).append((start, end))
-        for start, end in self.edges:
-            if end.element in self.sources:
-                source = self._origin(start, into)
-                if source is not None:
-                    yield source, end
+        into: dict[tuple[Path, str], list[Edge]] = {}
+        for edge in self.edges:
+            into.setdefault((edge.end.element, edge.end.connector), []).append(edge)
+        for edge in self.edges:
+            if edge.end.element in self.sources:
+                way = self._way(edge, into)
+                if way is not None:
+                    yield way
 
-    def _origin(self, node: Pin, into: dict[tuple[Path, str], list[tuple[Pin, Pin]]]) -> Pin | None:
-        """The output of a component that a connector shows; None if nothing is connected with it."""
+    def _way(self, last: Edge, into: dict[tuple[Path, str], list[Edge]]) -> list[Edge] | None:
+        """From the output of a component to the end of an edge; None if nothing is connected with its start."""
+        way, node = [last], last.start
         seen = {node}
         while node.element not in self.sources:
-            edges = [e for e in into.get((node.element, node.connector), ()) if e[1].indices in {(), node.indices}]
+            edges = [e for e in into.get((node.element, node.connector), ()) if e.end.indices in {(), node.indices}]
             if not edges:
                 return None
             if len(edges) > 1:
-                raise SimulationError(f"{node} has several sources: {', '.join(str(start) for start, _ in edges)}")
-            start, end = edges[0]
-            node = start if end.indices or start.indices else start._replace(indices=node.indices)
-            if node in seen:
-                raise SimulationError(f"the connections of {node} go round in a circle without a component")
+                raise SimulationError(f"{node} has several sources: {', '.join(str(e.start) for e in edges)}")
+            (edge,) = edges
+            if not edge.end.indices and not edge.start.indices:
+                edge = edge._replace(start=edge.start._replace(indices=node.indices))
+            if edge.start in seen:
+                raise SimulationError(f"{edge} goes round in a circle without a component")
             if len(seen) > _LONGEST_WAY:
                 raise SimulationError(f"the connections to {node} lead through more than {_LONGEST_WAY} connectors")
+            node = edge.start
             seen.add(node)
-        return node
+            way.append(edge)
+        return way[::-1]
+
+    def conversion(self, way: list[Edge], unit: UnitDefinition | None, last: UnitDefinition | None) -> Conversion:
+        """From the output at the begin of a way to the input at its end.
+
+        :param unit: of the output; ``last`` of the input; None if it is not defined.
+        :raises ConnectError: if units on the way are of different kinds.
+        """
+        found = SAME
+        for edge in way:
+            there = last if edge is way[-1] else self.shown.get((edge.end.element, edge.end.connector))
+            if not edge.as_is and unit is not None and there is not None:
+                if unit.exponents != there.exponents:
+                    raise ConnectError(f"{edge} joins units of different kinds")
+                found = found.then(unit.to(there))
+            found = found.then(edge.conversion)
+            unit = unit if there is None and not edge.as_is and edge.conversion == SAME else there
+        return found
 
     def meant(self, system: Path, name: str) -> list[tuple[Path, str]]:
         """Components and variables that a parameter of an element stands for; none if it fits nothing."""
@@ -92,7 +130,11 @@ class Structure:
             if place[0] in self.sources:
                 found[place] = None
             elif place in self.shown:
-                waiting += [(end.element, end.connector) for end in reversed(self._shows[place])]
+                edges = self._shows[place]
+                if converting := [edge for edge in edges if edge.conversion != SAME]:
+                    end = converting[0].end
+                    raise SimulationError(f"{converting[0]} converts a parameter, which is not done here: give {end}")
+                waiting += [(edge.end.element, edge.end.connector) for edge in reversed(edges)]
             else:
                 waiting += self._inside(*place)
         return list(found)
@@ -107,11 +149,11 @@ class Structure:
         return []
 
     @cached_property
-    def _shows(self) -> Mapping[tuple[Path, str], list[Pin]]:
+    def _shows(self) -> Mapping[tuple[Path, str], list[Edge]]:
         """What the connectors of systems are connected with."""
-        found: dict[tuple[Path, str], list[Pin]] = {place: [] for place in self.shown}
-        for start, end in self.edges:
-            found.get((start.element, start.connector), []).append(end)
+        found: dict[tuple[Path, str], list[Edge]] = {place: [] for place in self.shown}
+        for edge in self.edges:
+            found.get((edge.start.element, edge.start.connector), []).append(edge)
         return found
 
     @cached_property
@@ -129,40 +171,87 @@ def read_structure(root: Element) -> Structure:
     if system is None:
         raise SimulationError("its structure has no System")
     structure = Structure(root.get("name") or system.get("name") or "system")
-    _read_system(system, (), structure, {})
+    reader = _Reader(structure, units(root, "ssd:Units"))
+    reader.read(system, (), {})
     structure.bindings.sort(key=lambda binding: -len(binding[0]))  # what is bound further out counts more
     return structure
 
 
-def _read_system(system: Element, here: Path, structure: Structure, dictionaries: dict[str, Path]) -> None:
-    structure.bindings.extend((here, binding) for binding in _bindings(system))
-    structure.shown.update((here, name) for name in _connectors(system))
-    own = {d.get("name", ""): (*here, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
-    dictionaries = dictionaries | own
-    inside: dict[str, Path] = {}
-    for element in system.iterfind(path("ssd:Elements") + "/*"):
-        name = _required(element, "name")
-        if name in inside:
-            raise SimulationError(f"two elements are called {'.'.join(inside[name])}; a name stands for one")
-        inside[name] = (*here, name)
-        if element.tag == tag("ssd:Component"):
-            structure.sources[inside[name]] = _source(element, inside[name])
-            if len(structure.sources) > _MOST_COMPONENTS:
-                raise SimulationError(f"its structure has more than {_MOST_COMPONENTS} components; divide it")
-            structure.bindings.extend((inside[name], binding) for binding in _bindings(element))
-        elif element.tag == tag("ssd:System"):
-            _read_system(element, inside[name], structure, dictionaries)
-        elif element.tag == tag("ssd:SignalDictionaryReference"):  # all references of a dictionary are one element
-            wanted = element.get("dictionary", "")
-            if wanted not in dictionaries:
-                raise SimulationError(f"{name} refers to a signal dictionary {wanted!r}, which is not there")
-            inside[name] = dictionaries[wanted]
-    for connection in system.iterfind(path("ssd:Connections", "ssd:Connection")):
+@final
+@dataclass(frozen=True)
+class _Reader:
+    """Puts systems into a structure.
+
+    :param kinds: of connectors, where these are said.
+    """
+
+    structure: Structure
+    units: Mapping[str, UnitDefinition]
+    kinds: dict[tuple[Path, str], str] = field(default_factory=dict)
+
+    def read(self, system: Element, here: Path, dictionaries: dict[str, Path]) -> None:
+        """A system and those in it."""
+        structure = self.structure
+        structure.bindings.extend((here, binding) for binding in _bindings(system))
+        structure.shown.update({(here, name): self.units.get(unit) for name, unit in self._connectors(system, here)})
+        own = {d.get("name", ""): (*here, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
+        dictionaries = dictionaries | own
+        inside: dict[str, Path] = {}
+        for element in system.iterfind(path("ssd:Elements") + "/*"):
+            name = _required(element, "name")
+            if name in inside:
+                raise SimulationError(f"two elements are called {'.'.join(inside[name])}; a name stands for one")
+            inside[name] = (*here, name)
+            if element.tag == tag("ssd:Component"):
+                structure.sources[inside[name]] = _source(element, inside[name])
+                if len(structure.sources) > _MOST_COMPONENTS:
+                    raise SimulationError(f"its structure has more than {_MOST_COMPONENTS} components; divide it")
+                structure.bindings.extend((inside[name], binding) for binding in _bindings(element))
+                self._connectors(element, inside[name])
+            elif element.tag == tag("ssd:System"):
+                self.read(element, inside[name], dictionaries)
+            elif element.tag == tag("ssd:SignalDictionaryReference"):  # all references of a dictionary are one element
+                wanted = element.get("dictionary", "")
+                if wanted not in dictionaries:
+                    raise SimulationError(f"{name} refers to a signal dictionary {wanted!r}, which is not there")
+                inside[name] = dictionaries[wanted]
+        for connection in system.iterfind(path("ssd:Connections", "ssd:Connection")):
+            structure.edges.append(self._edge(connection, here, inside))
+
+    def _connectors(self, element: Element, here: Path) -> list[tuple[str, str]]:
+        """Names and units of connectors, whose kinds are noted."""
+        found = []
+        for connector in element.iterfind(path("ssd:Connectors", "ssd:Connector")):
+            name = _required(connector, "name")
+            self.kinds[here, name] = connector.get("kind", "")
+            found.append((name, next((unit for child in connector if (unit := child.get("unit"))), "")))
+        return found
+
+    def _edge(self, connection: Element, here: Path, inside: dict[str, Path]) -> Edge:
         start, end = (_end(connection, role, here, inside) for role in ("start", "end"))
-        _check_plain(connection, start, end)
-        structure.edges.append((start, end))
+        if (self._gives(start, here), self._gives(end, here)) in {(False, True), (False, None), (None, True)}:
+            start, end = end, start  # either end may be called the start
+        conversion = SAME
+        for child in connection:
+            kind = child.tag.rpartition("}")[2]
+            if kind == "LinearTransformation":
+                conversion = Conversion(float(child.get("factor", 1)), float(child.get("offset", 0)))
+            elif kind.endswith("Transformation"):
+                raise SimulationError(f"{Edge(start, end)} has a {kind}, which is not done here: let an FMU convert")
+        if not all(map(math.isfinite, conversion)):
+            raise SimulationError(f"{Edge(start, end)} has a factor or an offset that is no finite number")
+        return Edge(start, end, conversion, connection.get("suppressUnitConversion") in {"true", "1"})
+
+    def _gives(self, pin: Pin, here: Path) -> bool | None:
+        """Whether values come out of a connector, seen from inside the system; None if nothing says so."""
+        kind = self.kinds.get((pin.element, pin.connector))
+        if kind not in {*_INWARDS, *_OUTWARDS}:
+            return None
+        return (kind in _INWARDS) == (pin.element == here)
 
 
+_INWARDS = ("input", "parameter", "structuralParameter")
+_OUTWARDS = ("output", "calculatedParameter")
 _DICTIONARIES = path("ssd:SignalDictionaries", "ssd:SignalDictionary")
 
 
@@ -184,26 +273,14 @@ def _end(connection: Element, role: str, here: Path, inside: dict[str, Path]) ->
     if not element:  # some tools write an empty name for the system itself
         return Pin(here, connector, index)
     if element not in inside:
-        raise SimulationError(f"a connection names {element}.{connector}, but there is no element {element!r}")
+        ends = (".".join(filter(None, map(connection.get, (f"{r}Element", f"{r}Connector")))) for r in ("start", "end"))
+        words = suggestion(element, inside) or f"; there are {', '.join(inside) or 'none'}"
+        raise SimulationError(f"the connection from {' to '.join(ends)}: there is no element {element!r}{words}")
     return Pin(inside[element], connector, index)
-
-
-def _check_plain(connection: Element, start: Pin, end: Pin) -> None:
-    for child in connection:
-        kind = child.tag.rpartition("}")[2]
-        identity = float(child.get("factor", 1)) == 1.0 and float(child.get("offset", 0)) == 0.0
-        if kind.endswith("Transformation") and not (kind == "LinearTransformation" and identity):
-            raise SimulationError(
-                f"the connection from {start} to {end} has a {kind}, which is not done here: let an FMU convert"
-            )
 
 
 def _bindings(element: Element) -> list[Element]:
     return element.findall(path("ssd:ParameterBindings", "ssd:ParameterBinding"))
-
-
-def _connectors(element: Element) -> list[str]:
-    return [_required(c, "name") for c in element.iterfind(path("ssd:Connectors", "ssd:Connector"))]
 
 
 def _required(element: Element, attribute: str) -> str:

@@ -19,6 +19,7 @@ from liaisons.arguments import as_path
 from liaisons.arguments import chosen as one_of
 from liaisons.cosim import System
 from liaisons.cosim.connections import Connection
+from liaisons.cosim.model_description import SAME
 from liaisons.cosim.parts import Part
 from liaisons.cosim.variables import Entry
 from liaisons.errors import SimulationError
@@ -131,7 +132,12 @@ def _add_connections(system: Element, connections: Iterable[Connection], shown: 
             attributes |= {f"{role}Element": end.part.name, f"{role}Connector": found.like.name}
             if index:
                 attributes[f"{role}Indices"] = " ".join(map(str, index))
-        SubElement(group, tag("ssd:Connection"), attributes)
+        if connection.conversion == SAME:
+            SubElement(group, tag("ssd:Connection"), attributes)
+        else:  # of units, too: there are importers that know transformations only
+            element = SubElement(group, tag("ssd:Connection"), {**attributes, "suppressUnitConversion": "true"})
+            numbers = {name: repr(number) for name, number in connection.conversion._asdict().items()}
+            SubElement(element, tag("ssc:LinearTransformation"), numbers)
     for (part, variable), found in shown.items():
         inside = {"startElement": part, "startConnector": variable}
         if found.like.causality == "output":

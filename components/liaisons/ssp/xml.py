@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
+
+from liaisons.cosim.model_description import UnitDefinition
 
 STRUCTURE = "SystemStructure.ssd"
 
@@ -36,3 +40,25 @@ def document(root: Element) -> bytes:
     """The file."""
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+
+
+def units(root: Element, group: str) -> Mapping[str, UnitDefinition]:
+    """The units that a file defines.
+
+    :param group: the element that lists them.
+    """
+    return {
+        name: UnitDefinition.of(name, base.attrib)
+        for unit in root.iterfind(path(group, "ssc:Unit"))
+        for name, base in [(unit.get("name", ""), unit.find(tag("ssc:BaseUnit")))]
+        if base is not None
+    }
+
+
+def declared(text: bytes) -> tuple[bytes, list[str]]:
+    """A file with declarations of the prefixes that it uses without any, and these prefixes."""
+    used = {*re.findall(rb"</?([A-Za-z_][\w.-]*):", text), *re.findall(rb"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=", text)}
+    missing = sorted(used - {b"xml", b"xmlns", *re.findall(rb"xmlns:([\w.-]+)\s*=", text)})
+    names = [prefix.decode() for prefix in missing]
+    added = "".join(f' xmlns:{name}="{_NAMESPACES.get(name, f"undeclared:{name}")}"' for name in names).encode()
+    return re.sub(rb"<[A-Za-z_][^\s/>]*", lambda root: root[0] + added, text, count=1), names

@@ -74,7 +74,7 @@ class Study:
         for name, part in self.simulation.parts.items():
             add(name, contents[part.fmu.path], sorted(part.starts.items()))
         run = self.simulation
-        add(sorted((connection.source.place, connection.target.place) for connection in run.connections))
+        add(sorted((c.source.place, c.target.place, *c.conversion) for c in run.connections))
         add(tuple(run.times), run.tolerance, run.coupling, list(self.varied), sorted(run.recorded))
         for name, measure in self.keep.items():
             add(name, identity(measure))

@@ -10,8 +10,8 @@ export class Machine {
   constructor(plan, modules) {
     this.plan = plan;
     this.parts = plan.components.map((component) => this.#part(component, modules[component.module]));
-    this.wires = plan.connections.map(([source, from, target, to]) => ({
-      source: this.parts[source], from, target: this.parts[target], to,
+    this.wires = plan.connections.map(([source, from, target, to, factor, offset]) => ({
+      source: this.parts[source], from, target: this.parts[target], to, factor, offset,
     }));
     this.signals = this.parts.flatMap((part) => part.read.map((variable) => part.prefix + variable.name));
     this.told = this.parts.flatMap((part) => part.read.filter((v) => !v.drawn).map((v) => part.prefix + v.name));
@@ -101,8 +101,10 @@ export class Machine {
   }
 
   #feed(part) {
-    for (const { source, from, target, to } of this.wires) {
-      if (target === part) part.fmu.set([part.reference[to]], source.fmu.get([source.reference[from]]));
+    for (const { source, from, target, to, factor, offset } of this.wires) {
+      if (target !== part) continue;
+      const [value] = source.fmu.get([source.reference[from]]);
+      part.fmu.set([part.reference[to]], [factor * value + offset]);
     }
   }
 
