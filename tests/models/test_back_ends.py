@@ -57,7 +57,7 @@ def test_outputs_at_the_start_are_the_derived_equations(component, backend: str,
 
 @pytest.mark.parametrize("component", MECHANISMS, ids=lambda component: component.__name__)
 def test_native_and_python_back_end_move_alike(component, fmu) -> None:
-    start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates}
+    start: dict[str, Any] = {f"{q.name}_dot_0": 1.0 for q in component.coordinates} | {"input_reconstruction": 2}
     inputs = {
         s.name: lambda t, s=s: (s.start + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t), -0.4 * np.sin(2 * t))
         for s in component.actives
