@@ -22,10 +22,10 @@ SPHERE: Any = {"J_xx": 1.1, "J_yy": 1.1, "J_zz": 1.1, "J_wheel": 0.1}
 HALF_TURN = {"attitude": (0, 0, 0, 1)} | {f"wheel_{k}_dot": 0 for k in AXES}
 
 
-def fastest(intervals: int) -> Plan:
+def fastest(**mesh: Any) -> Plan:
     bounds = {f"wheel_{k}_force": (-1, 1) for k in AXES}
     goal: Any = {"end": HALF_TURN, "bounds": bounds, "minimize": "time", "duration": (1, 6)}
-    return plan("Satellite", intervals=intervals, **goal, **SPHERE)
+    return plan("Satellite", **goal, **SPHERE, **mesh)
 
 
 def hamiltonian(torque: NDArray, *z: Any) -> Any:
@@ -50,7 +50,7 @@ def main(claim: Claims) -> None:
     motors, turning = panels(
         ("five switches", "t [s]", "torque [N m]"), ("the satellite turns about all axes", "t [s]", "ω [rad/s]")
     )
-    motion, finer = fastest(12), fastest(18)
+    motion, finer = fastest(intervals=12), fastest(intervals=18)
     edges = np.array([0.0, *motion.switches, motion.duration])
     arcs = motion.sigma((edges[1:] + edges[:-1]) / 2)
     torques = -np.sign([arcs[f"wheel_{k}_ddot"] for k in AXES]).T
