@@ -105,8 +105,10 @@ def _draw_orders(path: Path) -> None:
         reference = problem.reference(motions[-1])
         ax.loglog(MESHES, [abs(motion.cost / reference - 1) + 1e-16 for motion in motions], ".-", label=problem.name)
     ax.loglog(MESHES, 1e-4 * (np.array(MESHES) / MESHES[0]) ** -10.0, "k:", label="order 10")
-    ax.set(xlabel="intervals", ylabel="relative error of the least cost", ylim=(1e-17, None))
-    ax.legend()
+    ax.set(xlabel="intervals", ylabel="relative error of the least cost", ylim=(1e-15, None))
+    ax.set_xticks(MESHES, [f"{n}" for n in MESHES])
+    ax.minorticks_off()
+    ax.legend(fontsize="small")
     figure.savefig(path, dpi=70)
     plt.close(figure)
 
