@@ -30,6 +30,7 @@ ORDER = (
     "ensembles",
     "rewriting",
     "iftomm",
+    "plans",
 )
 QUIET = 0.2  # cores that others may keep busy
 
