@@ -313,19 +313,19 @@ FMUS: dict[str, tuple[str, Write]] = {
     "NUL in XML": ("invalid token", text(GOOD.replace('"y"', '"y\0"'))),
     "empty XML": ("no element found", text("")),
     "half of the XML": ("unclosed token", text(GOOD[:-30])),
-    "model exchange": ("made for model exchange only", text(GOOD.replace("CoSimulation", "ModelExchange"))),
     "scheduled execution": (
-        "made for model exchange and scheduled execution only; export it for co-simulation",
-        text(three("").replace("CoSimulation", "ModelExchange").replace("<ModelV", "<ScheduledExecution/><ModelV")),
+        "made for scheduled execution only; export it for co-simulation or model exchange",
+        text(three("").replace("CoSimulation", "ScheduledExecution")),
     ),
+    "no kind": ("made for no kind of simulation", text(GOOD.replace("CoSimulation", "Simulation"))),
     "FMI 1.0": (
-        "FMI 1.0; only co-simulation FMUs of FMI 2.0 and 3.0",
+        "FMI 1.0; only FMUs of FMI 2.0 and 3.0",
         text(
             '<fmiModelDescription fmiVersion="1.0"><ModelVariables><ScalarVariable name="x"><Real start="1"/>'
             "</ScalarVariable></ModelVariables></fmiModelDescription>"
         ),
     ),
-    "FMI 4.0": ("FMI 4.0; only co-simulation FMUs of FMI 2.0 and 3.0", text(GOOD.replace("2.0", "4.0"))),
+    "FMI 4.0": ("FMI 4.0; only FMUs of FMI 2.0 and 3.0", text(GOOD.replace("2.0", "4.0"))),
     "no guid": ("xml cannot be read: fmiModelDescription has no 'guid'", text(GOOD.replace(" guid=", " id="))),
     "no token": ("fmiModelDescription has no 'instantiationToken'", text(three("").replace(" inst", " x"))),
     "no name": ("no attribute 'name'", text(three(array('start="1"')).replace('name="a"', ""))),

@@ -13,7 +13,7 @@ from making import packed
 
 from liaisons.cosim import IncompleteError, System, simulate
 from liaisons.cosim.description import read
-from liaisons.cosim.instances.fmi3 import Instance3
+from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.cosim.variables import Scalar
 from liaisons.errors import ConnectError, SimulationError
 from liaisons.sweeps import sweep
@@ -33,10 +33,10 @@ def _numbers(*values: float) -> Array[c_double]:
 
 
 @pytest.fixture
-def instance(row: Path, tmp_path: Path) -> Iterator[Instance3]:
+def instance(row: Path, tmp_path: Path) -> Iterator[CoSimulation3]:
     fmu = read(row)
     fmpy.extract(row, tmp_path)
-    with Instance3("row", fmu, tmp_path) as made:
+    with CoSimulation3("row", fmu, tmp_path) as made:
         made.initialize({}, 1e-6, 0.0, 1.0)
         made.exit_initialization()
         yield made
@@ -78,14 +78,14 @@ def test_description(row: Path) -> None:
     assert not fmu.depends("s[2]", "u[2]", initially=True)  # it has a start value of its own
 
 
-def test_whole_arrays_go_through_as_they_are(instance: Instance3, row: Path) -> None:
+def test_whole_arrays_go_through_as_they_are(instance: CoSimulation3, row: Path) -> None:
     given, seen = _numbers(1, 2, 3), _numbers(*[0] * 4)
     assert instance.setter(_variables(row, "u[1]", "u[2]", "u[3]"), given)() == 0
     assert instance.getter(_variables(row, "y[1]", "y[2]", "y[3]", "calls"), seen)() == 0
     assert list(seen) == [1, 4, 9, 1]
 
 
-def test_elements_in_any_order_and_single_precision(instance: Instance3, row: Path) -> None:
+def test_elements_in_any_order_and_single_precision(instance: CoSimulation3, row: Path) -> None:
     set_two = instance.setter(_variables(row, "u[3]", "u[1]"), given := _numbers(5, 7))
     seen = _numbers(0, 0, 0, 0)
     get = instance.getter(_variables(row, "y[3]", "single", "u[2]", "y[1]"), seen)
@@ -100,7 +100,7 @@ def test_elements_in_any_order_and_single_precision(instance: Instance3, row: Pa
     assert list(seen) == [3, 3.5, 11, 7]  # what is not named keeps its value
 
 
-def test_roll_back(instance: Instance3, row: Path) -> None:
+def test_roll_back(instance: CoSimulation3, row: Path) -> None:
     save, restore = instance.states()
     instance.setter(_variables(row, "u[1]"), _numbers(2))()
     step, seen = instance.stepper(c_double(0), c_double(0.5)), _numbers(0)
@@ -109,7 +109,7 @@ def test_roll_back(instance: Instance3, row: Path) -> None:
     assert list(seen) == [1]
 
 
-def test_derivatives(instance: Instance3, row: Path) -> None:
+def test_derivatives(instance: CoSimulation3, row: Path) -> None:
     seed, product = _numbers(10, 1), _numbers(0, 0)
     unknowns, knowns = _variables(row, "y[3]", "y[2]"), _variables(row, "u[2]", "u[3]")
     assert instance.directional(unknowns, knowns, seed, product)() == 0

@@ -38,9 +38,12 @@ class DefaultExperiment:
 @final
 @dataclass(frozen=True, eq=False)
 class Fmu:
-    """An FMI 2.0 or 3.0 co-simulation FMU, read but not run; made by :func:`read`.
+    """An FMI 2.0 or 3.0 FMU, read but not run; made by :func:`read`.
 
     :param version: 2 or 3.
+    :param exchanges: whether it is run in Model Exchange, solved here: only where it has no Co-Simulation.
+    :param states: number of continuous states, and ``indicators`` of events, where FMI 2.0 says so in the file.
+    :param completes: whether it wants to know of completed steps in Model Exchange.
     :param guid: GUID, or instantiation token.
     :param binary: where the library for this platform lies in the archive.
     :param variable_step: whether communication steps may differ in length.
@@ -55,6 +58,10 @@ class Fmu:
 
     path: Path
     version: int
+    exchanges: bool
+    states: int
+    indicators: int
+    completes: bool
     model_name: str
     identifier: str
     guid: str
@@ -154,34 +161,38 @@ def _read(path: Path, sizes: tuple[tuple[str, int], ...], *_identity: int) -> Fm
 
 
 def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
-    root, kind = description.root, description.co_simulation
+    root, kinds = description.root, description.kinds
     version = root["fmiVersion"]
     if version[:2] not in {"2.", "3."}:
-        raise SimulationError(f"{path}: FMI {version}; only co-simulation FMUs of FMI 2.0 and 3.0 can be simulated")
-    if kind is None:
-        others = " and ".join(description.other_kinds)
-        words = f"made for {others} only" if others else "not made for co-simulation"
-        raise SimulationError(f"{path}: {words}; export it for co-simulation")
-    two = version.startswith("2.")
+        raise SimulationError(f"{path}: FMI {version}; only FMUs of FMI 2.0 and 3.0 can be simulated")
+    name = next((name for name in ("CoSimulation", "ModelExchange") if name in kinds), None)
+    if name is None:
+        words = "made for scheduled execution only" if kinds else "made for no kind of simulation"
+        raise SimulationError(f"{path}: {words}; export it for co-simulation or model exchange")
+    kind, exchanges, two = kinds[name], name == "ModelExchange", version.startswith("2.")
     needed = ("modelName", "guid" if two else "instantiationToken")
-    for name in needed:
-        if name not in root:
-            raise ValueError(f"fmiModelDescription has no {name!r}")
+    for attribute in needed:
+        if attribute not in root:
+            raise ValueError(f"fmiModelDescription has no {attribute!r}")
     if "modelIdentifier" not in kind:
-        raise ValueError("CoSimulation has no 'modelIdentifier'")
+        raise ValueError(f"{name} has no 'modelIdentifier'")
     initial = description.outputs | description.initial_unknowns
     initial |= dict.fromkeys(description.exact, frozenset[int]())
     return Fmu(
         path=path,
         version=2 if two else 3,
+        exchanges=exchanges,
+        states=description.states,
+        indicators=int(root.get("numberOfEventIndicators") or 0),
+        completes=_true(kind, "completedIntegratorStepNotNeeded" if two else "needsCompletedIntegratorStep") != two,
         model_name=root["modelName"],
         identifier=kind["modelIdentifier"],
         guid=root[needed[1]],
         binary=_binary(path, archive, kind["modelIdentifier"], two=two),
-        variable_step=_true(kind, "canHandleVariableCommunicationStepSize"),
+        variable_step=exchanges or _true(kind, "canHandleVariableCommunicationStepSize"),
         restores=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
         differentiates=_true(kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"),
-        input_derivatives=two and _true(kind, "canInterpolateInputs"),
+        input_derivatives=exchanges or (two and _true(kind, "canInterpolateInputs")),
         inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
         output_derivative_order=int(kind.get("maxOutputDerivativeOrder", 0)),
         only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),

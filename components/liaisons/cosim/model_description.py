@@ -23,6 +23,9 @@ _MOST_MEMORY = 2**28  # bytes
 _BYTES_OF_TAG, _BYTES_OF_VARIABLE, _BYTES_OF_INDEX = 20, 400, 150  # as measured, about
 _MOST_REFERENCE = 2**32 - 1
 
+KINDS = ("CoSimulation", "ModelExchange", "ScheduledExecution")
+"""What an FMU can be made for, as its elements are named."""
+
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _BOTH: dict[str, VariableType] = {"Enumeration": "Enumeration", "Boolean": "Boolean", "String": "String"}
 _FMI_2: dict[str, VariableType] = {"Real": "Real", "Integer": "Integer", **_BOTH}
@@ -141,8 +144,8 @@ class _Elements:
 class Description:
     """What the file says; it looks at start tags only, since the order of the sections is fixed.
 
-    :ivar co_simulation: None where the FMU is made for something else only.
-    :ivar other_kinds: what else it is made for.
+    :ivar kinds: what the FMU is made for, and what it says of that.
+    :ivar states: number of continuous states (FMI 2.0).
     :ivar exact: outputs with a start value of their own.
     :ivar fixed_inputs: those that cannot be set within a communication step.
     """
@@ -150,8 +153,8 @@ class Description:
     def __init__(self, sizes: Mapping[str, int]) -> None:
         self._sizes = sizes
         self.root: Attributes = {}
-        self.co_simulation: Attributes | None = None
-        self.other_kinds: list[str] = []
+        self.kinds: dict[str, Attributes] = {}
+        self.states = 0
         self.experiment: Attributes = {}
         self.log_categories: list[str] = []
         self.units: dict[str, UnitDefinition] = {}
@@ -164,6 +167,7 @@ class Description:
         self._type: Attributes = {}
         self._type_units: dict[str, str] = {}
         self._table: Table | None = None
+        self._derivatives: Table = {}
         self._entries: dict[str, Scalar | _Elements | _Pending] = {}
         self._scalar: Attributes | None = None  # FMI 2.0: waits for the child with its type
         self._pending: _Pending | None = None  # FMI 3.0: waits for its dimensions
@@ -174,9 +178,7 @@ class Description:
         self._memory = 0
         self._handlers: dict[str, Callable[[Attributes], None]] = {
             "fmiModelDescription": self._root,
-            "CoSimulation": partial(setattr, self, "co_simulation"),
-            "ModelExchange": lambda _: self.other_kinds.append("model exchange"),
-            "ScheduledExecution": lambda _: self.other_kinds.append("scheduled execution"),
+            **{kind: partial(self.kinds.__setitem__, kind) for kind in KINDS},
             "Category": lambda a: self.log_categories.append(a["name"]),
             "DefaultExperiment": partial(setattr, self, "experiment"),
             "Unit": partial(setattr, self, "_unit"),
@@ -201,6 +203,7 @@ class Description:
     def finished(self) -> Description:
         """Everything, after the last tag."""
         self._close_variables({})
+        self.states = len(self._derivatives)
         if not self.root:
             raise ValueError("its root is not fmiModelDescription")
         return self
@@ -340,7 +343,8 @@ class Description:
             self._handlers.pop(tag, None)
         self._handlers |= {
             "Outputs": partial(self._choose, outputs),
-            **dict.fromkeys(("Derivatives", "DiscreteStates"), partial(self._choose, None)),
+            "Derivatives": partial(self._choose, self._derivatives),
+            "DiscreteStates": partial(self._choose, None),
             "InitialUnknowns": partial(self._choose, initial),
             "Unknown": lambda a: self._unknown(self._table, int(a["index"]) - 1, a),
             "Output": lambda a: self._unknown(outputs, self._index.get(int(a["valueReference"]), -1), a),
@@ -389,5 +393,5 @@ def _size(name: str, start: str | None, reference: str | None, sizes: Mapping[in
     return size
 
 
-_KIND = attrgetter("base", "type", "causality", "settable", "unit")
+_KIND = attrgetter("base", "type", "causality", "settable", "continuous", "unit")
 """What elements of an array have in common."""

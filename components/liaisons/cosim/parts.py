@@ -97,9 +97,12 @@ class Part:
 
     @property
     def reconstruction(self) -> int | None:
-        """What its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate; None for an FMU of another make."""
+        """What its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate; None for an FMU of another make.
+
+        In Model Exchange, what they do is not up to the FMU.
+        """
         variable = self.fmu.variables.get(INPUT_RECONSTRUCTION)
-        if variable is None or variable.type != "Integer":
+        if variable is None or variable.type != "Integer" or self.fmu.exchanges:
             return None
         try:
             return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
@@ -128,14 +131,19 @@ class Part:
 
     @property
     def follows(self) -> bool:
-        """Whether it is of ours and, unless the user wants it otherwise, follows what it is told inside a step."""
-        ours = self.reconstruction is not None and not self.interpolates
-        return ours and not self.left_alone and self.way in {"polynomial", "asked"}
+        """Whether it follows what it is told inside a step, unless the user wants it otherwise."""
+        known = self.takes_curves and not self.interpolates
+        return known and not self.left_alone and self.way in {"polynomial", "asked"}
 
     @property
     def takes_newest(self) -> bool:
         """Whether it is to be given the newest inputs before a step: it interpolates, or it is of another make."""
         return self.reconstruction in {None, 2}
+
+    @property
+    def takes_curves(self) -> bool:
+        """Whether derivatives of inputs do of every order: of ours, or where its equations are solved here."""
+        return self.reconstruction is not None or self.fmu.exchanges
 
     @property
     def way(self) -> Way:

@@ -52,7 +52,7 @@ def try_to_start(part: Part, directory: Path, times: Sequence[float]) -> None:
         _known.add(fmu)
         return
     words = part.name, fmu.guid, place
-    task = os.getpid(), fmu.version, str(library), words, starts, times[0], times[1] - times[0]
+    task = os.getpid(), fmu.version, fmu.exchanges, str(library), words, starts, (times[0], times[1] - times[0])
     script = Path(__file__).with_name("trial.py").read_text(encoding="utf-8")  # no file: its folder would be a path
     done = subprocess.run(
         [sys.executable, "-P", "-c", script],  # -P: what lies beside the library is no module

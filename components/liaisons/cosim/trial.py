@@ -28,17 +28,18 @@ _RELEASE = c.CFUNCTYPE(None, c.c_void_p)
 
 
 def main() -> None:
-    """Load, instantiate, initialize, step once.
+    """Load, instantiate, initialize, step once; in Model Exchange, the event iteration is the step.
 
-    Stdin is a list: the parent's id, version of FMI, library; name, GUID, resources (a URI for FMI 2.0, a path for FMI
-    3.0); start values as types, references, values, whether they are structural; begin and size of the step [s].
+    Stdin is a list: the parent's id, version of FMI, whether it is for Model Exchange, library; name, GUID, resources
+    (a URI for FMI 2.0, a path for FMI 3.0); start values as types, references, values, whether they are structural;
+    begin and size of the step [s].
     """
-    parent, version, library, words, *rest = json.load(sys.stdin)
+    parent, version, exchanges, library, words, *rest = json.load(sys.stdin)
     die_with_parent(parent)
     _say("loaded")
     functions = c.CDLL(library)
     _say("instantiated")
-    (_start_2 if version == 2 else _start_3)(functions, [word.encode() for word in words], *rest)
+    (_start_2 if version == 2 else _start_3)(functions, exchanges, [word.encode() for word in words], *rest)
     os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
 
 
@@ -50,7 +51,7 @@ def _say(stage: str) -> None:
 Starts = list[tuple[str, list[int], list[Any], bool]]
 
 
-def _start_2(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: float, step_size: float) -> None:
+def _start_2(functions: c.CDLL, exchanges: bool, words: list[bytes], starts: Starts, step: list[float]) -> None:
     library = c.CDLL(None if os.name == "posix" else "msvcrt")
     library.calloc.restype, library.calloc.argtypes = c.c_void_p, [c.c_size_t, c.c_size_t]
     library.free.restype, library.free.argtypes = None, [c.c_void_p]
@@ -59,26 +60,34 @@ def _start_2(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: 
     callbacks = (c.c_void_p * 5)(*functions_and_environment)  # fmi2CallbackFunctions
     functions.fmi2Instantiate.restype = c.c_void_p
     name, guid, resources = words
-    made = functions.fmi2Instantiate(name, 1, guid, resources, c.byref(callbacks), 0, 0)
+    made = functions.fmi2Instantiate(name, int(not exchanges), guid, resources, c.byref(callbacks), 0, 0)
     if not made:
         return
     _say("initialized")
     pointer = c.c_void_p(made)
-    functions.fmi2SetupExperiment(pointer, 0, c.c_double(0), c.c_double(start_time), 0, c.c_double(0))
+    begin, size = map(c.c_double, step)
+    functions.fmi2SetupExperiment(pointer, 0, c.c_double(0), begin, 0, c.c_double(0))
     for kind, references, values, _ in starts:
         buffer = _buffer(kind, values, c.c_int)
         functions[f"fmi2Set{kind}"](pointer, (c.c_uint * len(references))(*references), c.c_size_t(len(values)), buffer)
     if functions.fmi2EnterInitializationMode(pointer) > 1 or functions.fmi2ExitInitializationMode(pointer) > 1:
         return
     _say("stepped")
-    functions.fmi2DoStep(pointer, c.c_double(start_time), c.c_double(step_size), 1)
+    if exchanges:
+        functions.fmi2NewDiscreteStates(pointer, c.byref((c.c_double * 8)()))  # room for fmi2EventInfo
+        return
+    functions.fmi2DoStep(pointer, begin, size, 1)
 
 
-def _start_3(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: float, step_size: float) -> None:
+def _start_3(functions: c.CDLL, exchanges: bool, words: list[bytes], starts: Starts, step: list[float]) -> None:
     log, no = _LOG_3(lambda *_: None), c.c_bool(False)
-    functions.fmi3InstantiateCoSimulation.restype = c.c_void_p
-    nothing = (None, c.c_size_t(0), None)
-    made = functions.fmi3InstantiateCoSimulation(*words, no, no, no, no, *nothing, log, None)
+    if exchanges:
+        functions.fmi3InstantiateModelExchange.restype = c.c_void_p
+        made = functions.fmi3InstantiateModelExchange(*words, no, no, None, log)
+    else:
+        functions.fmi3InstantiateCoSimulation.restype = c.c_void_p
+        nothing = (None, c.c_size_t(0), None)
+        made = functions.fmi3InstantiateCoSimulation(*words, no, no, no, no, *nothing, log, None)
     if not made:
         return
     _say("initialized")
@@ -95,13 +104,16 @@ def _start_3(functions: c.CDLL, words: list[bytes], starts: Starts, start_time: 
         assign(structural=True)
         functions.fmi3ExitConfigurationMode(pointer)
     assign(structural=False)
-    begin, size, zero = (c.c_double(value) for value in (start_time, step_size, 0.0))
+    begin, size, zero = map(c.c_double, (*step, 0.0))
     if functions.fmi3EnterInitializationMode(pointer, no, zero, begin, no, zero) > 1:
         return
     if functions.fmi3ExitInitializationMode(pointer) > 1:
         return
     _say("stepped")
     flags, last = [c.byref(c.c_bool()) for _ in range(3)], c.byref(c.c_double())
+    if exchanges:
+        functions.fmi3UpdateDiscreteStates(pointer, *(c.byref(c.c_bool()) for _ in range(5)), last)
+        return
     functions.fmi3DoStep(pointer, begin, size, c.c_bool(True), *flags, last)
 
 

@@ -85,7 +85,7 @@ class Member:
         if self._way == "mean":
             self._middle, buffer = _buffer(len(self.inputs))
             return [self._instance.setter(self.inputs, buffer)]
-        highest = 1 if self.part.reconstruction is None else HIGHEST
+        highest = HIGHEST if self.part.takes_curves else 1
         which, self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
         known = [(*self.curves[k].data[self.curves[k].order :], *[self._signals.zero] * HIGHEST) for k, _ in which]
         self._begun: Indices = np.array([d[order] for d, (_, order) in zip(known, which, strict=True)], dtype=np.intp)
@@ -142,12 +142,11 @@ class Member:
     @property
     def order(self) -> int:
         """Order of the error in H that the motion of its inputs within a step leads to."""
-        ours = self.part.reconstruction is not None
         if self._way is None:
             return 1
         if self._way == "interpolate":  # by itself: triples quintic, others linear
             return min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
-        if self._way in {"polynomial", "asked"} and ours:
+        if self._way in {"polynomial", "asked"} and self.part.takes_curves:
             return min((2 * len(curve.data) for curve in self.curves), default=6)
         return 2 if self.inputs else 6
 

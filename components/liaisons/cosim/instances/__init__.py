@@ -7,9 +7,10 @@ from pathlib import Path
 
 from liaisons.cosim.archive import Archive
 from liaisons.cosim.description import Fmu
-from liaisons.cosim.instances.fmi2 import Instance2
-from liaisons.cosim.instances.fmi3 import Instance3
+from liaisons.cosim.instances.fmi2 import CoSimulation2
+from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.cosim.instances.isolated import Isolated, library
+from liaisons.cosim.instances.model_exchange import ModelExchange2, ModelExchange3
 from liaisons.cosim.instances.protocol import Instance
 from liaisons.cosim.messages import logger
 
@@ -36,7 +37,10 @@ def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False, isolated: 
     """
 
     def here() -> Instance:
-        return Instance2(name, fmu, directory) if fmu.version == 2 else Instance3(name, fmu, directory, asks=asks)
+        two, there = fmu.version == 2, (name, fmu, directory)
+        if fmu.exchanges:
+            return (ModelExchange2 if two else ModelExchange3)(*there)
+        return CoSimulation2(*there) if two else CoSimulation3(*there, asks=asks)
 
     if not isolated:
         return here()

@@ -1,7 +1,8 @@
-"""A running FMU of FMI 2.0."""
+"""Running FMUs of FMI 2.0."""
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Sequence
 from contextlib import suppress
 from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
@@ -25,15 +26,18 @@ from liaisons.cosim.instances.protocol import DISCARD, Loaded, Numbers, Scalars
 from liaisons.errors import SimulationError
 
 _YES, _NO = c_int(1), c_int(0)
-_CO_SIMULATION = 1
 _LAST_SUCCESSFUL_TIME, _TERMINATED = c_int(2), c_int(3)  # what can be asked about a step that was discarded
 _handles = count(1)
 _instances: dict[int, Instance2] = {}
 
 
-@final
-class Instance2(Loaded):
-    """An FMI 2.0 co-simulation instance."""
+class Instance2(Loaded, ABC):
+    """An FMI 2.0 instance.
+
+    :cvar kind: that of ``fmi2Type``.
+    """
+
+    kind: ClassVar[int]
 
     prefix = "fmi2"
     functions: ClassVar = {
@@ -56,33 +60,11 @@ class Instance2(Loaded):
         self._callbacks = _callbacks(self._handle)
         instantiate = library["fmi2Instantiate"]
         instantiate.restype = c_void_p
-        words = self.name.encode(), _CO_SIMULATION, self._fmu.guid.encode(), resources.as_uri().encode()
+        words = self.name.encode(), self.kind, self._fmu.guid.encode(), resources.as_uri().encode()
         return instantiate(*words, byref(self._callbacks), _NO, _YES)
-
-    def stepper(self, time: c_double, size: c_double) -> Call:
-        call = self._prepared("step", time, size, _YES)
-        return call.recorded(STEP_2, function=call.func, instance=self._pointer.value)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         return self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
-
-    def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._prepared("shape", *_references(variables), (c_int * len(orders))(*orders), values)
-
-    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
-
-    def _end(self) -> float | None:
-        if any(status >= DISCARD for status, _ in self._said):
-            return None  # it refuses, and says why: pythonfmu's wrapper discards no step without asking for the end
-        said, ended, reached = self._said.copy(), c_int(), c_double()
-        with suppress(SimulationError):  # these functions are missing from many an FMU
-            self._call("fmi2GetBooleanStatus", _TERMINATED, byref(ended))
-            if ended.value:
-                self._call("fmi2GetRealStatus", _LAST_SUCCESSFUL_TIME, byref(reached))
-                return reached.value
-        self._said = said
-        return None
 
     def _forget(self, library: CDLL) -> None:
         _instances.pop(self._handle, None)
@@ -104,6 +86,35 @@ class Instance2(Loaded):
             count=len(carrier.references),
             values=addressof(values),
         )
+
+
+@final
+class CoSimulation2(Instance2):
+    """An FMI 2.0 co-simulation instance."""
+
+    kind = 1
+
+    def stepper(self, time: c_double, size: c_double) -> Call:
+        call = self._prepared("step", time, size, _YES)
+        return call.recorded(STEP_2, function=call.func, instance=self._pointer.value)
+
+    def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
+        return self._prepared("shape", *_references(variables), (c_int * len(orders))(*orders), values)
+
+    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
+        return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
+
+    def _end(self) -> float | None:
+        if any(status >= DISCARD for status, _ in self._said):
+            return None  # it refuses, and says why: pythonfmu's wrapper discards no step without asking for the end
+        said, ended, reached = self._said.copy(), c_int(), c_double()
+        with suppress(SimulationError):  # these functions are missing from many an FMU
+            self._call("fmi2GetBooleanStatus", _TERMINATED, byref(ended))
+            if ended.value:
+                self._call("fmi2GetRealStatus", _LAST_SUCCESSFUL_TIME, byref(reached))
+                return reached.value
+        self._said = said
+        return None
 
 
 def _references(variables: Scalars) -> tuple[Array[c_uint], c_size_t]:

@@ -1,4 +1,4 @@
-"""A running FMU of FMI 3.0.
+"""Running FMUs of FMI 3.0.
 
 FMI 3.0 reads and sets arrays as a whole, while the run of a system knows scalars only.  Where the scalars of a call are
 whole arrays in their order, which is the rule, the buffer is handed over as it is; else elements are picked, and set
@@ -8,6 +8,7 @@ within what the FMU holds.
 from __future__ import annotations
 
 import ctypes as c
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -35,12 +36,8 @@ class _Ended(c.Structure):
     _fields_ = [("terminate", c.c_bool), ("early", c.c_bool), ("last_time", c.c_double)]
 
 
-@final
-class Instance3(Loaded):
-    """An FMI 3.0 co-simulation instance.
-
-    :param asks: it is to ask for inputs inside communication steps; see :meth:`guide`.
-    """
+class Instance3(Loaded, ABC):
+    """An FMI 3.0 instance."""
 
     prefix = "fmi3"
     functions: ClassVar = {
@@ -56,8 +53,54 @@ class Instance3(Loaded):
     flag = c.c_bool
     sized = True
 
-    def __init__(self, name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> None:
+    def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
         self._log = _LOG(lambda _, status, __, message: self._note(status, message))
+        super().__init__(name, fmu, directory)
+
+    def _instantiated(self, library: c.CDLL, resources: Path) -> int | None:
+        own, last = self._particulars()
+        instantiate = library[f"fmi3Instantiate{'ModelExchange' if self._fmu.exchanges else 'CoSimulation'}"]
+        instantiate.restype = c.c_void_p
+        words = self.name.encode(), self._fmu.guid.encode(), f"{resources}/".encode()
+        visible, logging = c.c_bool(False), c.c_bool(True)
+        return instantiate(*words, visible, logging, *own, None, self._log, *last)
+
+    @abstractmethod
+    def _particulars(self) -> tuple[Sequence[object], Sequence[object]]:
+        """Arguments of its kind alone: after whether it logs, and at the end."""
+
+    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
+        rows, columns = (carrier(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
+        references = *counted(rows.references), *counted(columns.references)
+        multiply = self._prepared("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
+        read = partial(rows.taken, multiply, np.ctypeslib.as_array(values))
+        return Call(columns.given, read, np.ctypeslib.as_array(seed)).of("derive", self.failure)
+
+    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
+        values = carrier.buffer if values is None else values
+        given = (c.c_uint32 * len(carrier.references))(*carrier.references)
+        name = self._transferring(action, carrier)
+        function = self._function(name)
+        call = Call(function, self._pointer, *buffered(given), *buffered(values)).of(action, self._failing(name))
+        return call.recorded(
+            TRANSFER_3,
+            function=function,
+            instance=self._pointer.value,
+            given=c.addressof(given),
+            count=len(given),
+            values=c.addressof(values),
+            size=len(values),
+        )
+
+
+@final
+class CoSimulation3(Instance3):
+    """An FMI 3.0 co-simulation instance.
+
+    :param asks: it is to ask for inputs inside communication steps; see :meth:`guide`.
+    """
+
+    def __init__(self, name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> None:
         self._update = _UPDATE(lambda *_: self._answer())
         self._asked = fmu.references_of("input") if asks else []
         self._answers: list[list[Transfer]] = []
@@ -67,23 +110,9 @@ class Instance3(Loaded):
         self._final = c.c_bool(True)  # no state from before the step will be set after it
         super().__init__(name, fmu, directory)
 
-    def _instantiated(self, library: c.CDLL, resources: Path) -> int | None:
-        instantiate = library["fmi3InstantiateCoSimulation"]
-        instantiate.restype = c.c_void_p
-        return instantiate(
-            self.name.encode(),
-            self._fmu.guid.encode(),
-            f"{resources}/".encode(),
-            c.c_bool(False),  # visible
-            c.c_bool(True),  # logging
-            c.c_bool(False),  # event mode
-            c.c_bool(False),  # early return
-            (c.c_uint32 * len(self._asked))(*self._asked),
-            c.c_size_t(len(self._asked)),
-            None,
-            self._log,
-            self._update if self._asked else None,
-        )
+    def _particulars(self) -> tuple[Sequence[object], Sequence[object]]:
+        event_mode, early_return, asked = c.c_bool(False), c.c_bool(False), counted(self._asked)
+        return (event_mode, early_return, *asked), (self._update if self._asked else None,)
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
         """As :meth:`Instance.stepper`; it returns Discard, too, where the FMU wants to end the simulation."""
@@ -122,13 +151,6 @@ class Instance3(Loaded):
         self._final.value = False
         return super().states()
 
-    def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        rows, columns = (carrier(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
-        references = *counted(rows.references), *counted(columns.references)
-        multiply = self._prepared("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
-        read = partial(rows.taken, multiply, np.ctypeslib.as_array(values))
-        return Call(columns.given, read, np.ctypeslib.as_array(seed)).of("derive", self.failure)
-
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         reads = []
         for order in sorted(set(orders)):
@@ -150,19 +172,3 @@ class Instance3(Loaded):
         if self._count < len(self._answers):
             self._worst_answer = max(self._worst_answer, *(answer() for answer in self._answers[self._count]))
         self._count += 1
-
-    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
-        values = carrier.buffer if values is None else values
-        given = (c.c_uint32 * len(carrier.references))(*carrier.references)
-        name = self._transferring(action, carrier)
-        function = self._function(name)
-        call = Call(function, self._pointer, *buffered(given), *buffered(values)).of(action, self._failing(name))
-        return call.recorded(
-            TRANSFER_3,
-            function=function,
-            instance=self._pointer.value,
-            given=c.addressof(given),
-            count=len(given),
-            values=c.addressof(values),
-            size=len(values),
-        )

@@ -34,7 +34,7 @@ _REMEMBERED = 20  # messages
 
 
 class Instance(ABC):
-    """A running co-simulation FMU; a context manager that ends it.
+    """A running FMU; a context manager that ends it.
 
     It is asked only for what its :class:`Fmu` says it can.
 
