@@ -16,6 +16,7 @@ from .interface import operator as operator
 from .interface import show as show
 from .interface import simulate as simulate
 from .interface import sweep as sweep
+from .interface import tabulated as tabulated
 from .language import ActiveCoordinate as ActiveCoordinate
 from .language import Ball as Ball
 from .language import Box as Box

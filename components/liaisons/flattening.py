@@ -21,6 +21,7 @@ from liaisons.cosim.model_description import SAME
 from liaisons.errors import SimulationError
 from liaisons.library import catalogue, model
 from liaisons.project import fmus_directory
+from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
     from liaisons.cosim import Part
@@ -80,6 +81,10 @@ def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
     from liaisons.language import Chain
 
     fmu = part.fmu
+    if has_table(fmu.path):
+        raise SimulationError(
+            f"{part.name}: {fmu.path.name} has its motion in a file, which no other FMU can take over"
+        )
     if fmu.model_name not in known:
         raise SimulationError(
             f"{part.name}: {fmu.path.name} is a {fmu.model_name!r}, which the catalogue does not have; "

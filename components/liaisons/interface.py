@@ -5,17 +5,27 @@ Below this storey there are FMU files only.
 
 from __future__ import annotations
 
+import atexit
+import hashlib
 import inspect
 from collections.abc import Callable
-from functools import wraps
+from contextlib import ExitStack
+from functools import lru_cache, wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast, final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons import cosim, live, ssp, sweeps
+from liaisons import cache, cosim, live, ssp, sweeps
+from liaisons.cosim.knots import knots
 from liaisons.flattening import flatten
+from liaisons.folders import passing_folder
 from liaisons.library import Target, fmu_file
+
+MOST_KNOTS = 100
+"""As many as the parameters of a PlannedMotion hold; more are in a file."""
+_KNOT = ("instant", "value", "rate", "acceleration")
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -55,6 +65,47 @@ def operator(fmu: Target, /, *, interpolate: bool = True, **starts: ArrayLike) -
     :raises ProjectError: if there is no such file or component.
     """
     return cosim.OperatorFmu(fmu_file(fmu), starts, interpolate)
+
+
+def tabulated(
+    times: ArrayLike,
+    values: ArrayLike,
+    rates: ArrayLike | None = None,
+    accelerations: ArrayLike | None = None,
+    *,
+    interpolate: bool | None = None,
+) -> cosim.OperatorFmu:
+    """A table as the value of a coordinate: ``simulate("Pendulum", length=tabulated(t, length))``.
+
+    It is a ``PlannedMotion``, one polynomial of degree five from time to time.  What is not given of rates and
+    accelerations is that of the quintic spline through what is.  Where a time stands twice is a jump, which has to be a
+    communication point.
+
+    :param times: [s], ascending, shape (n,), n >= 2.
+    :param interpolate: as in :func:`operator`; None: where the values do not jump.
+    :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
+    """
+    table, fmu = knots(times, values, rates, accelerations), fmu_file("PlannedMotion")
+    if interpolate is None:
+        jumps = np.diff(table[0]) == 0
+        interpolate = not np.diff(table[1])[jumps].any()
+    if (missing := MOST_KNOTS - table.shape[1]) >= 0:
+        padded = np.pad(table, ((0, 0), (0, missing)), mode="edge")
+        return cosim.OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)), interpolate)
+    copy = _copies() / hashlib.sha256(table.tobytes()).hexdigest()[:16] / fmu.name
+    if not copy.exists():
+        copy.parent.mkdir()
+        copy.write_bytes(ssp.with_table(fmu, table))
+        cache.remember(cache.digest(copy))
+    return cosim.OperatorFmu(copy, {}, interpolate)
+
+
+@lru_cache(maxsize=1)
+def _copies() -> Path:
+    """Where FMUs with tables are kept as long as this process lasts."""
+    stack = ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(passing_folder())
 
 
 @final

@@ -2,12 +2,14 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from liaisons.cli._expressions import FormulaError, expression
-from liaisons.cli._inputs import curve, read_table
+from liaisons.cli._inputs import read_table
+from liaisons.cosim.knots import curve, knots
 from liaisons.errors import SimulationError
 
 
@@ -131,33 +133,56 @@ TIMES = np.sort(np.random.default_rng(12).uniform(0, 2, 30))
 @pytest.mark.parametrize("accelerations", [False, True])
 def test_a_table_of_a_quintic_gives_the_quintic(rates: bool, accelerations: bool) -> None:
     x = np.polynomial.Polynomial([1.0, -2.0, 0.5, 3.0, -1.0, 0.25])
-    function = curve(
-        TIMES,
-        x(TIMES),
-        x.deriv()(TIMES) if rates else None,
-        x.deriv(2)(TIMES) if accelerations else None,
-    )
-    for t in np.linspace(TIMES[0], TIMES[-1], 101):
+    given = x.deriv()(TIMES) if rates else None, x.deriv(2)(TIMES) if accelerations else None
+    motion = curve(knots(TIMES, x(TIMES), *given))
+    t = np.linspace(TIMES[0], TIMES[-1], 101)
+    for order in range(3):
         # second derivatives of splines lose two steps' worth of digits, 1e-16/0.01²
-        np.testing.assert_allclose(function(t), (x(t), x.deriv()(t), x.deriv(2)(t)), rtol=0, atol=1e-8)
+        np.testing.assert_allclose(motion(t, order), x.deriv(order)(t), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("n", [2, 3, 4, 5])
 def test_short_tables(n: int) -> None:
     times = np.linspace(0.0, 1.0, n)
-    assert curve(times, 2 * times)(0.4) == pytest.approx((0.8, 2.0, 0.0), abs=1e-12)
+    motion = curve(knots(times, 2 * times))
+    assert [motion(0.4, order) for order in range(3)] == pytest.approx((0.8, 2.0, 0.0), abs=1e-12)
+
+
+def test_a_jump_is_no_slope() -> None:
+    """Two parabolas, of which a spline through all points would know nothing."""
+    times = np.array([0.0, 0.5, 1.0, 1.0, 1.5, 2.0])
+    values = np.where(np.arange(6) < 3, times**2, 3 - times**2)
+    motion = curve(knots(times, values))
+    assert motion([0.75, 1.0, 1.25]) == pytest.approx([0.75**2, 2.0, 3 - 1.25**2], abs=1e-12)
+    assert motion([0.75, 1.25], 1) == pytest.approx([1.5, -2.5], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (([0, 1], [1.0]), "values: 1 numbers for 2 times"),
+        (([0], [1.0]), "times: 1 numbers for 1 times; give as many, two at least"),
+        (([0, 1, 0.5], [0, 0, 0]), "times: 0.5 after 1 s: they must ascend"),
+        (([0, 1, 1, 1], [0, 0, 0, 0]), "times: 1 after 1 s: they must ascend"),
+        (([0, 1], [0, np.nan]), "values = [0, nan]: give finite numbers"),
+        (([0, 1], "ab"), "values = 'ab': give finite numbers"),
+    ],
+)
+def test_knots_that_are_none(columns: tuple[Any, Any], words: str) -> None:
+    with pytest.raises(SimulationError) as caught:
+        knots(*columns)
+    assert str(caught.value).startswith(words)
 
 
 def test_given_rates_are_kept_and_derivatives_belong_to_the_values() -> None:
     """Noisy values with good rates: the rates are those of the table, and what comes out is one motion."""
     times = np.linspace(0.0, 1.0, 10)
     noise = np.array([1e-3, -1e-3] * 5)
-    function = curve(times, np.sin(times) + noise, np.cos(times), -np.sin(times))
-    np.testing.assert_allclose([function(t)[1:] for t in times], np.array([np.cos(times), -np.sin(times)]).T, atol=1e-9)
-    h = 1e-6
-    for t in (0.123, 0.456, 0.789):
-        slope = (function(t + h)[0] - function(t - h)[0]) / (2 * h)
-        assert slope == pytest.approx(function(t)[1], rel=1e-7)
+    motion = curve(knots(times, np.sin(times) + noise, np.cos(times), -np.sin(times)))
+    np.testing.assert_allclose(motion(times, 1), np.cos(times), atol=1e-9)
+    np.testing.assert_allclose(motion(times, 2), -np.sin(times), atol=1e-9)
+    h, t = 1e-6, np.array([0.123, 0.456, 0.789])
+    np.testing.assert_allclose((motion(t + h) - motion(t - h)) / (2 * h), motion(t, 1), rtol=1e-7)
 
 
 def test_tables_of_other_makes(tmp_path: Path) -> None:
@@ -182,7 +207,7 @@ def test_tables_of_other_makes(tmp_path: Path) -> None:
         ("t,x\n0,1\n1,two\n", "line 3: could not convert string to float: 'two'"),
         ("t,x\n0,1\n1\n", "line 3: 1 numbers for 2 columns"),
         ("t,x\n0,1\n1,nan\n", "line 3: 1, nan: finite"),
-        ("t,x\n0,1\n0,2\n", "line 3: t = 0 must be greater than 0"),
+        ("t,x\n0,1\n-1,2\n", "line 3: t = -1 must not be less than 0"),
         ("t,x\n0,\xff\n", "no table of numbers"),
     ],
 )

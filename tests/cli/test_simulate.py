@@ -120,6 +120,15 @@ def test_a_length_by_a_table(simulated: Simulated, tmp_path: Path, columns: int)
     np.testing.assert_allclose(result["theta"], swing(result.time), rtol=0, atol=1e-7)
 
 
+def test_a_table_that_jumps(simulated: Simulated, tmp_path: Path) -> None:
+    """A spring's end jumps by 1 at 0.55 s, between two steps: x'' = -(x - 1), from rest."""
+    (tmp_path / "step.csv").write_text("t,support\n0,0\n0.55,0\n0.55,1\n2,1\n")
+    result = simulated("Oscillator", "--set", "x_0=0", "--set", "damping=0", "--input", "step.csv", *WORDS)
+    since = np.maximum(result.time - 0.55, 0)
+    assert 0.55 in result.time
+    np.testing.assert_allclose(result["x"], 1 - np.cos(since), rtol=0, atol=1e-8)
+
+
 def test_several_inputs_and_a_force(simulated: Simulated) -> None:
     """x'' = -x + 2 cos t from rest is t sin t."""
     words = ("--set", "x_0=0", "--set", "damping=0", "--input", "support=0*t", "--input", "x_force=2*cos(t)")

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import csv
 import math
-from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.errors import SimulationError, suggestion
+from liaisons.cosim.knots import curve, knots
+from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
 if TYPE_CHECKING:
-    from liaisons.cosim import System
+    from liaisons.cosim import OperatorFmu, System
     from liaisons.cosim.drives import Function
     from liaisons.cosim.parts import Port
 
@@ -26,10 +27,17 @@ _TIMES = ("time", "t")
 _ROUNDING = 1e-9  # of the span of a table: so far it may miss the begin or the end
 
 
-def drives(
-    system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool
-) -> dict[str, Function]:
-    """Functions of time by the names of inputs; that of an active coordinate returns its rates as well.
+@dataclass(frozen=True)
+class Given:
+    """What --input prescribes: functions of time by the names of inputs, and operators by owner and port."""
+
+    functions: dict[str, Function] = field(default_factory=dict)
+    operators: dict[str, dict[str, OperatorFmu]] = field(default_factory=dict)
+    jumps: list[float] = field(default_factory=list)  # instants [s]
+
+
+def drives(system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool) -> Given:
+    """Read what is given.
 
     :param given: ``NAME=EXPRESSION``, or the name of a file with a column of times and one an input.
     :param start_time: begin of the simulation [s], and
@@ -37,19 +45,25 @@ def drives(
     :param single: the system is one FMU, whose inputs go by their own names.
     :raises LiaisonsError: if one of them cannot be understood or read, or there is no such input.
     """
-    found: dict[str, Function] = {}
+    found, names = Given(), set[str]()
     for text in given:
         name, equals, right = text.partition("=")
         if Path(text).is_file() or not equals:
             times, columns = read_table(Path(text))
             _check_reach(text, times, start_time, stop_time)
-            new = _of_table(times, columns, {column: _driven(system, column, single=single) for column in columns})
+            ports = {column: _driven(system, column, single=single) for column in columns}
+            try:
+                new = _of_table(found, times, columns, ports)
+            except LiaisonsError as error:
+                raise SimulationError(f"{text}: {error}") from None
         else:
-            new = {name.strip(): _of_expression(name.strip(), right, lambda name: _driven(system, name, single=single))}
-        for name in new:
-            if name in found:
-                raise SimulationError(f"--input: {name} is given twice; leave one out")
-        found |= new
+            new = {name.strip()}
+            found.functions[name.strip()] = _of_expression(
+                name.strip(), right, lambda name: _driven(system, name, single=single)
+            )
+        for name in new & names:
+            raise SimulationError(f"--input: {name} is given twice; leave one out")
+        names |= new
     return found
 
 
@@ -96,17 +110,26 @@ def _check_reach(file: str, times: NDArray[np.float64], start_time: float, stop_
 
 
 def _of_table(
-    times: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]], ports: Mapping[str, Port]
-) -> dict[str, Function]:
-    """A curve for each column; that of an active coordinate takes the columns of its rates."""
-    curves: dict[str, Function] = {}
-    rates: set[str] = set()
-    for name, port in ports.items():
-        if triple := port.triple():
-            beside = [f"{name.removesuffix(port.name)}{rate.name}" for rate in triple[1:]]
-            curves[name] = curve(times, columns[name], *map(columns.get, beside))
-            rates.update(beside)
-    return curves | {name: _value_of(curve(times, columns[name])) for name in ports.keys() - curves.keys() - rates}
+    found: Given, times: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]], ports: Mapping[str, Port]
+) -> set[str]:
+    """An operator for each coordinate, which takes the columns of its rates, and a function for each other input.
+
+    :returns: the names of these inputs.
+    """
+    from liaisons.interface import tabulated
+
+    triples = {name: triple for name, port in ports.items() if (triple := port.triple())}
+    rates = {f"{name.removesuffix(ports[name].name)}{rate.name}" for name in triples for rate in triples[name][1:]}
+    for name in ports.keys() - triples.keys() - rates:
+        through = curve(knots(times, columns[name]))
+        found.functions[name] = lambda t, through=through: float(through(t))
+    for name, triple in triples.items():
+        owner, port = ports[name].part.name, ports[name].name
+        beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
+        found.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside)
+    if triples:
+        found.jumps.extend(times[1:][np.diff(times) == 0])
+    return set(ports) - rates | triples.keys()
 
 
 def _value_of(function: Callable[[float], Triple]) -> Callable[[float], float]:
@@ -141,9 +164,9 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[np.fl
         if row and not row[0].lstrip().startswith("#"):
             try:
                 rows.append(_numbers(row, names))
-                if len(rows) > 1 and rows[-1][time] <= rows[-2][time]:
+                if len(rows) > 1 and rows[-1][time] < rows[-2][time]:
                     here, before = rows[-1][time], rows[-2][time]
-                    raise ValueError(f"{time} = {here:g} must be greater than {before:g}, the one before")
+                    raise ValueError(f"{time} = {here:g} must not be less than {before:g}, the one before")
             except ValueError as error:
                 raise SimulationError(f"{path}, line {number}: {error}") from None
     if len(rows) < 2:
@@ -159,50 +182,3 @@ def _numbers(row: list[str], names: list[str]) -> dict[str, float]:
     if not all(map(math.isfinite, numbers.values())):
         raise ValueError(f"{', '.join(row)}: finite numbers only")
     return numbers
-
-
-def curve(
-    times: NDArray[np.float64],
-    values: NDArray[np.float64],
-    rates: NDArray[np.float64] | None = None,
-    accelerations: NDArray[np.float64] | None = None,
-) -> Callable[[float], Triple]:
-    """A smooth function of time through a table, with its two derivatives: a quintic between any two times.
-
-    What is not given of rates and accelerations at the times is that of the quintic spline through what is.
-
-    :param times: [s], increasing, shape (n,), n >= 2.
-    """
-    from scipy.interpolate import make_interp_spline  # slow to load
-
-    def derivative(column: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-        return make_interp_spline(times, column, k=min(5, len(times) - 1))(times, order)
-
-    if accelerations is None:
-        accelerations = derivative(values, 2) if rates is None else derivative(rates, 1)
-    if rates is None:
-        rates = derivative(values, 1)
-    steps = np.diff(times)
-    pieces = _hermite(steps, values, rates, accelerations).T.tolist()
-    begins, sizes, last = times.tolist(), steps.tolist(), len(steps) - 1
-
-    def function(t: float) -> Triple:
-        place = min(max(bisect_right(begins, t) - 1, 0), last)
-        p, q, r, s, u, w = pieces[place]
-        h = sizes[place]
-        x = (t - begins[place]) / h
-        return (
-            p + x * (q + x * (r + x * (s + x * (u + x * w)))),
-            (q + x * (2 * r + x * (3 * s + x * (4 * u + x * 5 * w)))) / h,
-            (2 * r + x * (6 * s + x * (12 * u + x * 20 * w))) / h**2,
-        )
-
-    return function
-
-
-def _hermite(steps: NDArray, values: NDArray, rates: NDArray, accelerations: NDArray) -> NDArray[np.float64]:
-    """Coefficients of the quintics in the part of a step that has passed, shape (6, n - 1)."""
-    v, a = rates[:-1] * steps, accelerations[:-1] * steps**2
-    # What the parabola from the begin of a step lacks at its end: of the value, the rate, the acceleration.
-    lacks = [np.diff(values) - v - a / 2, rates[1:] * steps - v - a, accelerations[1:] * steps**2 - a]
-    return np.array([values[:-1], v, a / 2, *np.array([[10, -4, 0.5], [-15, 7, -1], [6, -3, 0.5]]) @ lacks])

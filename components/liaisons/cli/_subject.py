@@ -6,18 +6,21 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from liaisons import ssp
 from liaisons.array_names import split
 from liaisons.cli._inputs import drives
 from liaisons.cosim import System
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.messages import logger
-from liaisons.cosim.simulation import Simulation, checked
+from liaisons.cosim.simulation import Simulation, checked, communication_points
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError
 
 MISMATCH = "_mismatch"
 _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs
+_INSTANT = 1e-6  # of a step: so long before a jump inputs are looked at once more
 
 
 def simulation(
@@ -43,9 +46,9 @@ def simulation(
     else:
         system = ssp.read(path, System, dict(starts))
     own = system.experiment
-    parts = {name: part.apart(isolated) if isolated else part for name, part in system.filled().items()}
     start, stop, step, tolerance = span
     begin = (own.start_time or 0.0) if start is None else start
+    system.filled()
     found = ssp.chosen(system, begin, stop, step)
     end, size = found.stop_time, found.step_size
     if end is None or size is None:
@@ -57,21 +60,34 @@ def simulation(
             "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
         )
         logger.warning(words, path.name, end, size)
+    driven = drives(system, given, begin, end, single=single)
+    for owner, operators in driven.operators.items():
+        system.prescribe(owner, operators)
+    parts = {name: part.apart(isolated) if isolated else part for name, part in system.parts.items()}
+    points = _points(driven.jumps, begin, end, size)
     watched = [name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatches(part.fmu)]
     asked = checked(
         system.name,
         parts,
         system.connections,
         single=single,
-        start_time=begin,
-        stop_time=end,
-        step_size=size,
+        **points,
         tolerance=own.tolerance if tolerance is None else tolerance,
         record=record,
         also=watched,
-        inputs=drives(system, given, begin, end, single=single),
+        inputs=driven.functions,
     )
     return system, asked
+
+
+def _points(jumps: Iterable[float], start: float, stop: float, step: float) -> dict[str, Any]:
+    """Begin, end and steps; where inputs jump, communication points, with each jump and an instant before it."""
+    inside = np.array([jump for jump in jumps if start < jump <= stop])
+    if not inside.size:
+        return {"start_time": start, "stop_time": stop, "step_size": step}
+    every = np.array(communication_points(start, stop, step))
+    near = np.abs(every[:, None] - inside).min(axis=1) <= _INSTANT * step
+    return {"times": np.unique(np.concatenate([every[~near], inside, inside - _INSTANT * step]))}
 
 
 def mismatches(fmu: Fmu) -> list[str]:

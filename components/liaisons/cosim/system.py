@@ -73,10 +73,18 @@ class System:
         operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
         own = {start: value for start, value in starts.items() if start not in operators}
         part = Part.of(name, fmu, own, isolated=isolated)
-        followed = part.reconstruction is not None and INPUT_RECONSTRUCTION not in starts
-        if operators and followed:
-            part = part.interpolating(all(value.interpolate for value in operators.values()))
         self._parts[name] = part
+        return self.prescribe(name, operators)
+
+    def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> Part:
+        """Let operators prescribe ports of a component.
+
+        :returns: its handle from now on.
+        """
+        part = self._parts[name]
+        followed = part.reconstruction is not None and INPUT_RECONSTRUCTION not in part.starts
+        if operators and followed:
+            part = self._parts[name] = part.interpolating(all(value.interpolate for value in operators.values()))
         for port, value in operators.items():
             self.connect(self.add(f"{name}_{port}", value.fmu, isolated=False, **value.starts)["y"], part[port])
         return part

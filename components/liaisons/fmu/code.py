@@ -17,7 +17,7 @@ from liaisons.errors import BuildError
 from liaisons.expressions.algebra import stack
 from liaisons.fmu.dependencies import coupled, shown_states
 from liaisons.fmu.description import sources
-from liaisons.fmu.functions import function_code
+from liaisons.fmu.functions import define, function_code
 from liaisons.fmu.jumps import jump_table
 from liaisons.fmu.layout import TIME, Fmi, mismatch_place, places, scalars
 from liaisons.fmu.loops import PREAMBLE, loop_functions
@@ -30,6 +30,7 @@ _FMI_HEADERS = {
     "3": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
 _MOST = 11  # arguments: those of calculate_forward
+_TABLE = 12  # where there is a table, behind them
 _MOTION = ("derivatives", "motion")
 _LOADS, _MOVES = 1, 2  # what inputs do that are not 0: act, say as forces, or move a coordinate of an operator's
 _ACTIVITIES = {0: "_free", _LOADS: "_at_rest", _MOVES: "_unloaded", _LOADS | _MOVES: ""}
@@ -50,7 +51,7 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2") -> dict[str, bytes]:
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi).encode(),
-        **{name: (runtime / name).read_bytes() for name in (*_HEADERS, *written)},
+        **{name: (runtime / name).read_bytes() for name in (*_headers(model), *written)},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
 
@@ -63,18 +64,20 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
     members = {"distances": model.conditions, "instants": model.events}
     members |= {} if model.draw is None else {"draw": model.draw}
     members |= {} if loops else _functions(model, adjoint=adjoint)
+    calls = _calls(model, members)
     functions = [*members.values(), *(function for pair in rates for function in pair)]
     code, reals = function_code(functions)
     pairs = [(every.name(), some.name()) for every, some in rates] or [_MOTION] * len(_ACTIVITIES)
     fields = {
         **_fields(model, guid),
         "coupled": str(rates[-1][1].numel_out(0) if rates else coupled(model)),
-        "most_arguments": str(max([_MOST, *(function.sz_arg() for function in functions)])),
+        "most_arguments": str(max([_TABLE if calls else _MOST, *(function.sz_arg() for function in functions)])),
         "most_results": str(max([_MOST, *(function.sz_res() for function in functions)])),
         "integers": str(max(function.sz_iw() for function in functions)),
         "reals": str(max([reals, *(loop.reals for loop in loops.values())])),
         "motions": _row(*(_row(*pair) for pair in pairs)),
-        **{name: function.name() for name, function in members.items()},
+        **{name: function.name() for name, function in members.items() if not name.startswith("piece")},
+        **{name: name for name in calls},
         **{name: name for name in loops if name not in _MOTION},
     }
     return "\n".join(
@@ -83,11 +86,13 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
             "#include <math.h>",
             "",
             '#include "core.h"',
+            *(['#include "knots.h"'] if calls else []),
             "",
             "#ifdef __GNUC__",
             '#pragma GCC diagnostic ignored "-Wunused-parameter"',
             "#endif",
             *code,
+            *(line for name, call in calls.items() for line in define(name, [call])),
             *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
             *_tables(model),
             "const Model model = {",
@@ -102,7 +107,7 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Those that are derived as expressions, by the names of core.h."""
     functions = {
         "start": model.start,
-        "calculate": model.outputs_function,
+        **({"calculate": model.outputs_function} if model.piece is None else {"piece": model.piece}),
         "jump": model.jump,
         "remember": model.remember,
         "nominals": model.nominals,
@@ -110,6 +115,24 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     if model.project is not None:
         functions["project"] = model.project
     return functions | _derivatives(model, "forward") | (_derivatives(model, "reverse") if adjoint else {})
+
+
+def _headers(model: Model) -> tuple[str, ...]:
+    return _HEADERS if model.piece is None else (*_HEADERS, "knots.h")
+
+
+def _calls(model: Model, members: dict[str, ca.Function]) -> dict[str, str]:
+    """Statements of the functions that look up a piece of a table, by the names of core.h."""
+    if model.piece is None:
+        return {}
+    del members["instants"]
+    room, arguments = model.parameters[0].count, "arguments, results"
+    pieces = {name: name.replace("piece", "calculate") for name in members if name.startswith("piece")}
+    calls = {
+        calculate: f"{calculate.replace('calculate', 'calculate_piece')}({piece}, {room}, {arguments});"
+        for piece, calculate in pieces.items()
+    }
+    return {"instants": f"next_instant({room}, {arguments});"} | calls
 
 
 def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
@@ -165,7 +188,9 @@ def _differentiated(model: Model) -> tuple[tuple[str, ca.Function, str, str], ..
     """Functions whose derivatives an importer can ask for, with their arguments and results."""
     return (
         ("start", model.start, "tuk", "ym"),
-        ("calculate", model.outputs_function, "tyukm", "z"),
+        ("calculate", model.outputs_function, "tyukm", "z")
+        if model.piece is None
+        else ("piece", model.piece, "tt", "z"),
         ("remember", model.remember, "tyukm", "m"),
     )
 
@@ -210,7 +235,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
         "outputs": sum(variable.count for variable in (*model.outputs, *model.drawn)),
         "states": model.start.numel_out(0),
         "memory": model.start.numel_out(1),
-        "events": model.events.numel_out(0),
+        "events": model.events.numel_out(0) if model.piece is None else 1,
         "conditions": len(model.condition_texts) - model.start_only,
         "start_conditions": len(model.condition_texts),
         "variable_rows": len(model.variables),
@@ -226,6 +251,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
         "tolerance": _number(model.experiment.tolerance),
         **{name: str(number) for name, number in numbers.items()},
         **{name: name for name in tables},
+        **({"columns": str(len(model.parameters))} if model.piece else {}),
         **({"drawn": str(sum(variable.count for variable in model.drawn))} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
     }

@@ -55,17 +55,18 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
         late=_STATES,
     )
     if len(parts) == 1:
-        return _define(function.name(), parts[0]), 0
+        return define(function.name(), parts[0]), 0
     names = [f"{function.name()}_{i}" for i in range(len(parts))]
-    lines = [line for name, statements in zip(names, parts, strict=True) for line in _define(name, statements)]
+    lines = [line for name, statements in zip(names, parts, strict=True) for line in define(name, statements)]
     # Called by way of a table, so that compilers do not put them together again.
     lines += [f"static Function *const {function.name()}_parts[] = {{{', '.join(names)}}};", ""]
     calls = f"for (int i = 0; i < {len(parts)}; i++)"
     call = f"    {function.name()}_parts[i](arguments, results, integers, reals, memory);"
-    return lines + _define(function.name(), [calls, call]), kept
+    return lines + define(function.name(), [calls, call]), kept
 
 
-def _define(name: str, statements: Iterable[str]) -> list[str]:
+def define(name: str, statements: Iterable[str]) -> list[str]:
+    """Lines of a function of core.h that does this."""
     return [
         f"static int {name}(const double **arguments, double **results, long long *integers, double *reals,",
         "    int memory) {",

@@ -48,6 +48,12 @@ class Operator(Component, abstract=True):
     def signal(self, t: ca.SX) -> ca.SX:
         """y as an expression of time, the parameters and the internal states."""
 
+    def piece(self, t: ca.SX, ends: ca.SX) -> ca.SX | None:
+        """The signal between two rows of a table, whose columns are the parameter arrays; None: there is no table.
+
+        :param ends: one row after the other.
+        """
+
     def internal_rates(self) -> Mapping[str, ca.SX]:
         """Rates of the internal states, by name."""
         return {}
@@ -85,10 +91,10 @@ class Operator(Component, abstract=True):
                     "each of which follows the one before"
                 )
 
-    def triple(self) -> list[ca.SX]:
-        """y and its derivatives along the motion of the internal states."""
+    def triple(self, signal: ca.SX | None = None) -> list[ca.SX]:
+        """y and its derivatives along the motion of the internal states; of another signal, if one is given."""
         rates = stack(ca.SX(rate) for rate in self.rates())
-        triple = [ca.SX(self.signal(self.clock))]
+        triple = [ca.SX(self.signal(self.clock) if signal is None else signal)]
         for _ in range(2):
             y = triple[-1]
             triple.append(ca.jacobian(y, self.clock) + ca.jtimes(y, self.internal, rates))

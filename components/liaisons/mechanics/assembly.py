@@ -52,6 +52,11 @@ def _operator_model(component: type[Operator]) -> Model:
         "conditions": ([t, x, u, k], [none]),
         "events": ([k], [stack(picture.events())]),
     }
+    columns = len(picture.parameters)
+    ends = ca.SX.sym("ends", 2 * columns)
+    piece = picture.piece(t, ends)
+    if piece is not None:
+        functions["piece"] = ([t, ends], [ca.densify(stack(picture.triple(piece)))])
     made: dict[str, Any] = {name: ca.Function(name, *ends) for name, ends in functions.items()}
     return Model(
         **described(picture),

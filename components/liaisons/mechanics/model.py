@@ -61,6 +61,7 @@ class Model:
     * ``conditions``  (t, y, u, k) → (c,)           each entry must stay > 0 (a singularity lies at 0)
     * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted
     * ``draw``        (t, y, u, k) → (d,)           what only the picture needs, when it is read; None: nothing
+    * ``piece``       (t, ends) → (z,)              between two rows of a table, which the parameters are; or None
     """
 
     name: str
@@ -93,6 +94,7 @@ class Model:
     picture: Mapping[str, Any] | None = field(default=None, hash=False)  # content of resources/picture.json
     drawn: tuple[Variable, ...] = ()  # what only the picture needs
     draw: ca.Function | None = None
+    piece: ca.Function | None = None
 
     @property
     def variables(self) -> tuple[Variable, ...]:

@@ -44,7 +44,10 @@ class PlannedMotion(Operator):
             begun = ca.logic_and(t >= pair[0], pair[4] > pair[0])
             chosen += ca.if_else(ca.logic_and(begun, ca.logic_not(passed)), pair, 0)
             passed = ca.logic_or(passed, begun)
-        t_0, y, v, a, t_1, y_1, v_1, a_1 = ca.vertsplit(chosen + ca.if_else(passed, 0, pairs[0]))
+        return self.piece(t, chosen + ca.if_else(passed, 0, pairs[0]))
+
+    def piece(self, t: ca.SX, ends: ca.SX) -> ca.SX:
+        t_0, y, v, a, t_1, y_1, v_1, a_1 = ca.vertsplit(ends)
         h, tau = t_1 - t_0, t - t_0
         u = tau / ca.if_else(h > 0, h, 1)
         D, V, A = y_1 - (y + v * h + a * h**2 / 2), (v_1 - (v + a * h)) * h, (a_1 - a) * h**2

@@ -12,7 +12,7 @@ import numpy as np
 from liaisons.arguments import finite, named, shown, whole
 from liaisons.library import Target
 from liaisons.operators.guesses import guesses
-from liaisons.operators.plans import MOST_KNOTS, Plan
+from liaisons.operators.plans import Plan
 from liaisons.operators.problems import (
     Cost,
     Expression,
@@ -33,6 +33,8 @@ _NEAR = 1e-4
 
 _ALIKE = 1e-3
 """How much more, relatively, a motion with arcs may cost than one whose mesh blurs the switches."""
+_MOST_INTERVALS = 100
+"""How fine a mesh may become."""
 _FEASIBLE = 1e-6
 """Residual of the equations below which what was stopped on the way is a motion at all."""
 
@@ -150,7 +152,7 @@ def _refined(problem: Problem, solution: Solution, accuracy: float, seconds: flo
             solution = _with_arcs(problem, solution, seconds)
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.track.arcs)
         is_law = np.ptp(solution.hamiltonian) <= accuracy * hamiltonian_scale(problem, solution)
-        if is_law or sum(arc.intervals for arc in arcs) + len(arcs) > MOST_KNOTS:
+        if is_law or sum(arc.intervals for arc in arcs) > _MOST_INTERVALS:
             return solution
         finer = solve(problem, solution.track.on(arcs, solution.track.durations), near=True, seconds=seconds)
         if not finer.succeeded:

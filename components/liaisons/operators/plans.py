@@ -18,15 +18,15 @@ from liaisons.arguments import as_path
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description import DefaultExperiment
-from liaisons.interface import System, operator, simulate
+from liaisons.interface import System, simulate, tabulated
 from liaisons.language import Chain
 from liaisons.library import catalogue, component, fmu_path
 from liaisons.operators.problems import Goal, PlanError, Problem, problem_of
 from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Solution, Track
 from liaisons.operators.verifying import verdicts
 
-MOST_KNOTS = 100
-"""As many as a PlannedMotion has room for."""
+_LOST = 1e-12
+"""So much of its range σ may differ between the knots from what was planned."""
 _INSTANT = 1e-9
 """How long before a jump, relative to the duration, a replay looks once more: what holds until then."""
 _TOLERANCE = 1e-12
@@ -148,42 +148,40 @@ class Plan:
         begin = self.sigma(0.0)
         controls = np.array([begin[name] for name in problem.controls])
         values: dict[str, Any] = dict(problem.fmu_starts(track.knots[:, 0], controls))
-        for name, columns in self._knots.items():
-            arrays = dict(zip(("instant", "value", "rate", "acceleration"), columns, strict=True))
-            values[name] = operator("PlannedMotion", interpolate=interpolate and problem.order > 0, **arrays)
+        for name, table in self._knots.items():
+            values[name] = tabulated(*table, interpolate=interpolate and problem.order > 0)
         return values
 
     @cached_property
     def _knots(self) -> dict[str, Array]:
-        """Knots of each operator, (4, 100); at the ends of arcs two."""
-        track = self.solution.track
-        breaks, ends = track.breaks, set(np.cumsum([arc.intervals for arc in track.arcs])[:-1].tolist())
-        m = breaks.size - 1
-        parts = (MOST_KNOTS - 1 - len(ends)) // m
-        if parts < 1:
-            raise PlanError(
-                f"{self.problem.name}: {m} intervals are more than the {MOST_KNOTS} knots of an operator hold"
-            )
+        """Knots of each operator, (4, n), all at the same times: so many that nothing of the plan is lost.
+
+        Of a polynomial of degree six the quintic through both ends misses c₆ (h/2)⁶.
+        """
+        breaks, polynomials = self.solution.track.breaks, self._polynomials
+        h = np.diff(breaks)
+        parts, kinks = np.ones(h.size), np.zeros(h.size, dtype=bool)
+        for polynomial in polynomials.values():
+            lost = _LOST * max(np.ptp(polynomial(breaks)), np.finfo(float).tiny)
+            if len(polynomial.c) > 6:
+                parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 6 / lost) ** (1 / 6)))
+            ends, begins = (_derivatives(polynomial, at) for at in (h, 0 * h))
+            kinks[1:] |= (np.abs(ends[:, :-1] - begins[:, 1:]) * h[1:] ** [[0], [1], [2]] > lost).any(axis=0)
         found: dict[str, Array] = {}
-        for name, polynomial in self._polynomials.items():
-            rows: list[Array] = []
-            for k in range(m):
-                local = np.linspace(0, breaks[k + 1] - breaks[k], parts + 1)
-                piece = np.array([_derivatives(polynomial.c[:, k], tau) for tau in local])
-                piece = np.column_stack([breaks[k] + local, piece])
-                if k and k not in ends:
-                    rows[-1] = (rows[-1] + piece[0]) / 2
-                    piece = piece[1:]
-                rows += list(piece)
-            found[name] = np.pad(np.array(rows).T, ((0, 0), (0, MOST_KNOTS - len(rows))))
+        for name, polynomial in polynomials.items():
+            columns: list[Array] = []
+            for k, (begin, size) in enumerate(zip(breaks, h, strict=False)):
+                local = np.linspace(0, size, int(parts[k]) + 1)
+                piece = np.vstack([begin + local, _derivatives(polynomial, local, k)])
+                columns.append(piece if k == 0 or kinks[k] else piece[:, 1:])
+            found[name] = np.hstack(columns)
         return found
 
     def _times(self) -> Array:
         """Communication points: the knots, and an instant before each jump."""
-        knots = next(iter(self._knots.values()))[0]
-        used = knots[: int(np.argmax(knots)) + 1]
-        jumps = used[:-1][np.diff(used) == 0]
-        return np.unique(np.concatenate([used, jumps - _INSTANT * self.duration]))
+        times = next(iter(self._knots.values()))[0]
+        jumps = times[:-1][np.diff(times) == 0]
+        return np.unique(np.concatenate([times, jumps - _INSTANT * self.duration]))
 
     # ---- files ------------------------------------------------------------------------------------------------
 
@@ -232,14 +230,13 @@ class Plan:
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
 
 
-def _derivatives(coefficients: Array, tau: float) -> tuple[float, float, float]:
-    """Value, first and second derivative of a polynomial, highest power first."""
-    first = np.polyder(coefficients)
-    return (
-        float(np.polyval(coefficients, tau)),
-        float(np.polyval(first, tau)),
-        float(np.polyval(np.polyder(first), tau)),
-    )
+def _derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
+    """Value, first and second derivative in the intervals k, so long after their begins: (3, n)."""
+    found = []
+    for _ in range(3):
+        found.append(sum(c * local**n for n, c in enumerate(polynomial.c[::-1, k])) + 0 * local)
+        polynomial = polynomial.derivative()
+    return np.array(found)
 
 
 def _plain(value: Any) -> Any:

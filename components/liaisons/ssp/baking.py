@@ -2,7 +2,8 @@
 
 An FMU of ours looks for ``resources/starts.txt`` when it is instantiated or reset.  A line ``KIND REFERENCE COUNT BITS
 ... NAME`` there stands for a variable: KIND is ``r`` for reals and ``i`` for integers, BITS are those of its numbers in
-hexadecimal digits, which no locale reads differently.  A copy with that file, and with the same values in its model
+hexadecimal digits, which no locale reads differently; or, KIND is ``t``, for a table that replaces the one in its
+parameters, column after column.  A copy with that file, and with the same values in its model
 description, starts there by itself; its binaries stay as they are.  It has a GUID of its own, since some importers take
 FMUs of one GUID for one.  An FMU of another make cannot be changed so: its start values are in the parameter set only.
 """
@@ -12,15 +13,21 @@ from __future__ import annotations
 import hashlib
 import io
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from xml.etree import ElementTree
 from zipfile import ZipFile, ZipInfo
 
+import numpy as np
+from numpy.typing import NDArray
+
 from liaisons.cosim.parts import Part
 from liaisons.cosim.starts import Value
+from liaisons.errors import SimulationError
 from liaisons.ssp.parameters import scalars, start, text
 
 _STARTS = "resources/starts.txt"
+_PYTHON = "resources/component.json"
 _MARK = b"/starts.txt"
 _DESCRIPTION = "modelDescription.xml"
 
@@ -35,10 +42,32 @@ def takes_starts(part: Part) -> bool:
 def baked(part: Part) -> bytes:
     """The FMU with other start values: those that the component has in the system."""
     values = {name: start(part, name) for name in scalars(part)}
+    return _copy(part.fmu.path, (_line(part, *item) for item in values.items()), values)
+
+
+def with_table(path: Path, table: NDArray[np.float64]) -> bytes:
+    """An FMU that takes a table, with this one.
+
+    :param table: columns, (columns, rows).
+    :raises SimulationError: if it is one in Python, which takes none.
+    """
+    with ZipFile(path) as archive:
+        if _PYTHON in archive.namelist():
+            raise SimulationError(f"{path.name}: {table.shape[1]} knots need a native FMU; pip install ziglang")
+    return _copy(path, [f"t 0 {table.size} {_bits('>d', table.ravel())} table\n"], {})
+
+
+def has_table(path: Path) -> bool:
+    """Whether the motion of an FMU is that of a table in its resources."""
+    with ZipFile(path) as archive:
+        return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
+
+
+def _copy(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
     target = io.BytesIO()
-    with ZipFile(part.fmu.path) as old, ZipFile(target, "w") as new:
+    with ZipFile(path) as old, ZipFile(target, "w") as new:
         before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""
-        starts = before + "".join(_line(part, *item) for item in values.items())  # the last of two lines counts
+        starts = before + "".join(lines)  # the last of two lines counts
         for item in old.infolist():
             if item.filename != _STARTS:
                 data = old.read(item)
@@ -51,8 +80,11 @@ def _line(part: Part, name: str, value: Value) -> str:
     like = part.fmu.variables.entry(name).like
     kind, form = ("r", ">d") if like.type == "Real" else ("i", ">q")
     numbers = value if isinstance(value, tuple) else (value,)
-    bits = " ".join(struct.pack(form, number).hex() for number in numbers)
-    return f"{kind} {like.reference} {len(numbers)} {bits} {name}\n"
+    return f"{kind} {like.reference} {len(numbers)} {_bits(form, numbers)} {name}\n"
+
+
+def _bits(form: str, numbers: Iterable[object]) -> str:
+    return " ".join(struct.pack(form, number).hex() for number in numbers)
 
 
 def _described(description: bytes, values: Mapping[str, Value], starts: str) -> bytes:

@@ -71,6 +71,7 @@ typedef struct {
     size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
     size_t conditions, start_conditions; /* asked of the motion, and of the start: these and more */
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
+    size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
     size_t variable_rows, start_rows, active_rows, state_rows, dimension_rows;
     const Variable *variables; /* in the order of their places; the time follows them */
     const Start *starts;
@@ -88,7 +89,7 @@ typedef struct {
     Function *project;       /* (t, y, u, k) -> y put back onto the constraints after a step of the solver; or NULL */
     Function *draw;          /* (t, y, u, k) -> the last numbers of z; or NULL */
     Function *distances;     /* (t, y, u, k) -> how far each condition is from failing: must stay > 0 */
-    Function *instants;      /* (k) -> when the component is not smooth */
+    Function *instants;      /* (k, t) -> when the component is not smooth; at least the first instant after t */
     /* directional derivatives: arguments, results, directions -> derivatives of the results */
     Function *start_forward, *calculate_forward, *remember_forward;
     /* adjoint derivatives: arguments, results, weights of the results -> derivatives of the weighted sum; or NULL */
@@ -163,6 +164,8 @@ Status core_set(Instance *, const unsigned references[], size_t n, const double 
 Status core_get_setting(const Instance *, unsigned reference, int *value);
 Status core_set_settings(Instance *, const unsigned references[], size_t n, const int values[]);
 const Dimension *core_dimension(const Instance *, unsigned reference); /* NULL if it is none */
+/* Take a table, column after column, of which the first one ascends, instead of the one in the parameters. */
+Status core_set_table(Instance *, const double numbers[], size_t count);
 
 /* J direction, and the sums of `weights` J, where J are the derivatives of the unknown by the known variables. */
 Status core_directional_derivative(Instance *, const unsigned unknowns[], size_t unknown_count,

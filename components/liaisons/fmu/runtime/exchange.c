@@ -74,13 +74,13 @@ Status core_update_discrete_states(Instance *self, int *changed, double *next) {
         *changed = memcmp(before, self->v.y, self->model->states * sizeof *self->v.y) != 0;
         self->known.current = 0;
     }
-    *next = core_next_instant(self, self->s->time);
+    *next = core_next_instant(self, self->v.k, self->s->time);
     return SUCCESS;
 }
 
 void core_enter_continuous_mode(Instance *self) {
     self->s->phase = CONTINUOUS;
-    self->s->limit = core_next_instant(self, self->s->time);
+    self->s->limit = core_next_instant(self, self->v.k, self->s->time);
     self->known.current = 0;
 }
 

@@ -107,6 +107,7 @@ void core_free(Instance *self) {
     free(self->call.results);
     free(self->call.integers);
     free(self->words.name);
+    free(self->table);
     free(self);
 }
 
@@ -227,17 +228,39 @@ void core_measure(Instance *self) {
         if (!(self->v.size[i] > 0 && isfinite(self->v.size[i]))) self->v.size[i] = 1;
 }
 
-const double *core_instants(Instance *self, const double *k) {
+double core_next_instant(Instance *self, const double *k, double t) {
+    double next = INFINITY;
+    if (self->model->events == 0) return next;
     self->call.arguments[0] = k;
+    self->call.arguments[1] = &t;
     self->call.results[0] = self->scratch.instant;
     self->model->instants(self->call.arguments, self->call.results, self->call.integers, self->call.reals, 0);
-    return self->scratch.instant;
+    for (size_t i = 0; i < self->model->events; i++)
+        if (self->scratch.instant[i] > t && self->scratch.instant[i] < next) next = self->scratch.instant[i];
+    return next;
 }
 
-double core_next_instant(Instance *self, double t) {
-    double next = INFINITY;
-    const double *instant = self->model->events == 0 ? NULL : core_instants(self, self->v.k);
-    for (size_t i = 0; i < self->model->events; i++)
-        if (instant[i] > t && instant[i] < next) next = instant[i];
-    return next;
+/* ---- a table ----------------------------------------------------------------------------------------------- */
+
+Status core_set_table(Instance *self, const double numbers[], size_t count) {
+    const size_t columns = self->model->columns, rows = columns == 0 ? 0 : count / columns;
+    if (rows < 2 || rows * columns != count)
+        return core_report(self, ERROR, "a table of %lu numbers: %s takes %lu columns of 2 rows at least",
+                           (unsigned long)count, self->model->name, (unsigned long)columns);
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(numbers[i]))
+            return core_report(self, ERROR, "row %lu of the table: %s: finite numbers only",
+                               (unsigned long)(i % rows + 1), core_spelled(numbers[i]));
+    for (size_t i = 1; i < rows; i++)
+        if (numbers[i] < numbers[i - 1])
+            return core_report(self, ERROR, "row %lu of the table: %.9g after %.9g: its first column has to ascend",
+                               (unsigned long)(i + 1), numbers[i], numbers[i - 1]);
+    double *table = malloc((1 + count) * sizeof *table);
+    if (table == NULL) return core_report(self, ERROR, "out of memory for a table of %lu numbers", (unsigned long)count);
+    table[0] = (double)rows;
+    memcpy(table + 1, numbers, count * sizeof *table);
+    free(self->table);
+    self->call.arguments[TABLE] = self->table = table;
+    self->known.current = 0;
+    return SUCCESS;
 }

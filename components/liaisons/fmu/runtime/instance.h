@@ -12,6 +12,9 @@
 /* A step of the solver may have this part of the tolerance as its error: those of many steps add up. */
 #define SHARE 0.02
 
+/* Place among the arguments, behind all others, where functions find the table that was taken: rows, columns; or NULL. */
+enum { TABLE = 11 };
+
 enum { TEXT = 512, NAME = 256, MOST_SYMPLECTIC_STEPS = 100000 };
 enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
 
@@ -139,6 +142,7 @@ struct Instance {
     Movers movers;
     Operator prescribed;
     Directions d, e; /* e: what is to be added to d */
+    double *table;   /* that was taken: how many rows, then its columns; or NULL */
     Scratch scratch;
     Call call;
     Words words;
@@ -218,9 +222,8 @@ void core_update(Instance *);   /* z at the present time, but for what only a pi
 /* m; 0 if it would not be finite, which leaves it. */
 int core_remember(Instance *);
 void core_jump(Instance *);     /* the inputs have jumped: states that an impulse changes, say the work done */
-/* Instants at which the component with these parameters is not smooth; the first one after t. */
-const double *core_instants(Instance *, const double *k);
-double core_next_instant(Instance *, double t);
+/* The first instant after t at which the component with these parameters is not smooth; INFINITY if there is none. */
+double core_next_instant(Instance *, const double *k, double t);
 
 /* At an event a function of time may jump; it is not there yet. */
 static inline double before_limit(const Instance *self, double t) {

@@ -46,7 +46,8 @@ static Status take(const Face *face, FILE *file, char kind, unsigned reference, 
     }
     const int whole = (int)(int64_t)bits, integer = kind == 'i' && count == 1;
     Status status = ERROR;
-    if (complete && kind == 'r') status = core_set(face->core, &reference, 1, values, count);
+    if (complete && kind == 't') status = core_set_table(face->core, values, count);
+    else if (complete && kind == 'r') status = core_set(face->core, &reference, 1, values, count);
     else if (complete && integer) status = core_set_settings(face->core, &reference, 1, &whole);
     else damaged(face);
     free(values);

@@ -151,10 +151,7 @@ static int event_exists(Instance *self, const Scalars *s, const char *state) {
     if (s->use != USE_MODEL_EXCHANGE || (s->phase != CONTINUOUS && s->phase != TERMINATED)) return 0;
     const char *k = state + ((const char *)self->v.k - (const char *)self->s);
     memcpy(self->d.k, k, self->model->parameters * sizeof *self->d.k);
-    const double *instant = core_instants(self, self->d.k);
-    for (size_t i = 0; i < self->model->events; i++)
-        if (instant[i] == s->limit) return 1;
-    return 0;
+    return core_next_instant(self, self->d.k, nextafter(s->limit, -INFINITY)) == s->limit;
 }
 
 Status core_check_state(Instance *self, const void *bytes, size_t size) {

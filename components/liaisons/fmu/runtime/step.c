@@ -131,7 +131,7 @@ static int move_states(Instance *self) {
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self};
     double t = 0, event = start, end = 0;
     while (t < self->step.reach) {
-        if (t == end) event = core_next_instant(self, event);
+        if (t == end) event = core_next_instant(self, self->v.k, event);
         self->s->limit = event;
         end = event < start + self->step.reach ? event - start : self->step.reach;
         switch (solve(self, &problem, &t, end, self->step.size)) {
@@ -187,7 +187,7 @@ static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
     const int with_events = self->options.use == USE_CO_SIMULATION_WITH_EVENTS;
-    const double end = time + size, instant = core_next_instant(self, time);
+    const double end = time + size, instant = core_next_instant(self, self->v.k, time);
     self->step.start = time;
     self->step.size = size;
     self->step.reach = with_events && self->options.early && snapped(instant, end) > instant ? instant - time : size;
@@ -226,7 +226,7 @@ static int advance(Instance *self, double time, double size) {
     /* At an event that the importer handles, all is taken from its left until it does. */
     self->s->limit = with_events && self->s->time == instant ? instant : INFINITY;
     if (self->model->events > 0 && !with_events
-        && core_next_instant(self, nextafter(self->s->time, -INFINITY)) == self->s->time)
+        && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
     core_arrive(self);
     self->step.curable = self->model->states > 0;

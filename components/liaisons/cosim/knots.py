@@ -1,0 +1,83 @@
+"""Tables of a motion as knots: between two of them a motion is the polynomial of degree five that fits both."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.arguments import shown
+from liaisons.errors import SimulationError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+_COLUMNS = ("times", "values", "rates", "accelerations")
+
+
+def knots(
+    times: ArrayLike, values: ArrayLike, rates: ArrayLike | None = None, accelerations: ArrayLike | None = None
+) -> NDArray[np.float64]:
+    """Knots (t, σ, σ̇, σ̈), a column each, shape (4, n).
+
+    What is not given of rates and accelerations is that of the quintic spline through what is, between jumps.
+
+    :param times: [s], ascending, shape (n,), n >= 2; twice the same is a jump.
+    :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
+    """
+    given = dict(zip(_COLUMNS, (times, values, rates, accelerations), strict=True))
+    columns = {name: _column(name, column) for name, column in given.items() if column is not None}
+    t = columns["times"]
+    for name, column in columns.items():
+        if column.size != t.size or t.size < 2:
+            raise SimulationError(f"{name}: {column.size} numbers for {t.size} times; give as many, two at least")
+    steps = np.diff(t)
+    wrong = np.flatnonzero((steps < 0) | (steps == 0) & (np.append(1.0, steps[:-1]) == 0))
+    if wrong.size:
+        later, before = t[wrong[0] + 1], t[wrong[0]]
+        raise SimulationError(f"times: {later:g} after {before:g} s: they must ascend; twice the same is a jump")
+    found = np.zeros((4, t.size))
+    jumps = np.flatnonzero(steps == 0) + 1
+    for part in np.split(np.arange(t.size), jumps):
+        beside = (columns[name][part] if name in columns else None for name in _COLUMNS[2:])
+        found[:, part] = _smooth(t[part], columns["values"][part], *beside)
+    return found
+
+
+def _column(name: str, column: ArrayLike) -> NDArray[np.float64]:
+    try:
+        found = np.asarray(column, dtype=float)
+    except (TypeError, ValueError):
+        found = np.zeros((0, 0))
+    if found.ndim != 1 or not np.isfinite(found).all():
+        raise SimulationError(f"{name} = {shown(column)}: give finite numbers, one a time")
+    return found
+
+
+def _smooth(
+    times: NDArray, values: NDArray, rates: NDArray | None, accelerations: NDArray | None
+) -> list[NDArray[np.float64]]:
+    from scipy.interpolate import make_interp_spline  # slow to load
+
+    def derivative(column: NDArray, order: int) -> NDArray[np.float64]:
+        degree = min(5, times.size - 1)
+        return make_interp_spline(times, column, k=degree)(times, order) if order <= degree else 0 * times
+
+    if accelerations is None:
+        accelerations = derivative(values, 2) if rates is None else derivative(rates, 1)
+    return [times, values, derivative(values, 1) if rates is None else rates, accelerations]
+
+
+def curve(table: NDArray[np.float64]) -> PPoly:
+    """The motion through knots, (4, n); at a jump it has what comes after."""
+    from scipy.interpolate import PPoly  # slow to load
+
+    t, y, v, a = table
+    kept = np.diff(t) > 0
+    h = np.diff(t)[kept]
+    (y, y_1), (v, v_1), (a, a_1) = ((column[:-1][kept], column[1:][kept]) for column in (y, v, a))
+    # What the parabola from the begin of an interval lacks at its end: of the value, the rate, the acceleration.
+    lacks = [y_1 - (y + v * h + a * h**2 / 2), (v_1 - v - a * h) * h, (a_1 - a) * h**2]
+    upper = np.array([[6, -3, 0.5], [-15, 7, -1], [10, -4, 0.5]]) @ lacks / h ** np.array([[5], [4], [3]])
+    return PPoly(np.vstack([upper, a / 2, v, y]), np.append(t[:-1][kept], t[-1]))

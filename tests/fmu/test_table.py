@@ -1,0 +1,154 @@
+"""Motions through knots: those of the parameters, and a table of any length in the resources, which replaces them."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from driver import CO_SIMULATION, MODEL_EXCHANGE, OK, Instance, Library
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BPoly
+
+from liaisons import System, ssp, tabulated
+from liaisons.errors import SimulationError
+from liaisons.interface import MOST_KNOTS
+from liaisons.models import PlannedMotion, Sinusoid
+
+NAMES = ("instant", "value", "rate", "acceleration")
+TRIPLE = ("y", "y_dot", "y_ddot")
+
+
+def knots(count: int, *, jumps: bool = True) -> NDArray:
+    """Random ones, (4, count), every seventh a jump."""
+    random = np.random.default_rng(count)
+    steps = random.uniform(0.1, 1.0, count)
+    steps[7::7] *= not jumps
+    return np.vstack([np.cumsum(steps), random.normal(size=(3, count))])
+
+
+def exact(t: float, table: NDArray) -> list[float]:
+    """Bernstein's polynomial through the two knots around t, of SciPy."""
+    ends = table[0]
+    forward = np.flatnonzero(np.diff(ends) > 0)
+    k = forward[max(np.searchsorted(ends[forward], t, side="right") - 1, 0)]
+    piece = BPoly.from_derivatives(ends[k : k + 2], table[1:, k : k + 2].T)
+    return [float(piece(t, order)) for order in range(3)]
+
+
+@pytest.fixture(params=["fmi2", "fmi3"])
+def planned(library: Callable[..., Library], request: pytest.FixtureRequest) -> Library:
+    return library(PlannedMotion, request.param)
+
+
+def with_table(planned: Library, folder: Path, table: NDArray, kind: str = CO_SIMULATION) -> Instance:
+    bits = " ".join(struct.pack(">d", number).hex() for number in table.ravel())
+    (folder / "starts.txt").write_text(f"t 0 {table.size} {bits} table\n")
+    return planned.instantiate(kind, token=f"{planned.token}-0123456789abcdef", resources=folder)
+
+
+def columns(planned: Library, table: NDArray) -> dict[str, NDArray]:
+    padded = np.pad(table, ((0, 0), (0, MOST_KNOTS - table.shape[1])), mode="edge")
+    if planned.fmi == "3":
+        return dict(zip(NAMES, padded, strict=True))
+    return {f"{name}[{i}]": x for name, row in zip(NAMES, padded, strict=True) for i, x in enumerate(row, start=1)}
+
+
+@pytest.mark.parametrize("count", [30, MOST_KNOTS, 333])
+def test_values_between_knots_and_beyond(planned: Library, tmp_path: Path, count: int) -> None:
+    table = knots(count)
+    instance = with_table(planned, tmp_path, table) if count > MOST_KNOTS else planned.instantiate()
+    assert count > MOST_KNOTS or instance.set(columns(planned, table)) == OK
+    assert instance.initialize() == OK
+    assert instance.call("ExitInitializationMode") == OK
+    times = np.sort(np.append(np.random.default_rng(1).uniform(0, table[0, -1] + 0.5, 100), table[0]))
+    now = 0.0
+    for t in times:
+        assert t == now or instance.step(now, t - now) == OK
+        now = t
+        found = instance.get(*TRIPLE)
+        # two orders of evaluation: roundings of terms of size 100/h²
+        np.testing.assert_allclose(found, exact(t, table), rtol=0, atol=1e-10, err_msg=f"t = {t}")
+        assert instance.output_derivatives("y") == pytest.approx(found[1], abs=1e-9)
+
+
+def test_knots_are_time_events(planned: Library, tmp_path: Path) -> None:
+    table = knots(150)
+    instance = with_table(planned, tmp_path, table, MODEL_EXCHANGE)
+    assert instance.initialize() == OK
+    assert instance.call("ExitInitializationMode") == OK
+    expected = np.unique(table[0])
+    seen = [instance.go_on().next_time]
+    while seen[-1] is not None:
+        assert instance.call("SetTime", seen[-1]) == OK
+        assert instance.call("EnterEventMode") == OK
+        seen.append(instance.go_on().next_time)
+    np.testing.assert_array_equal(seen[:-1], expected)
+
+
+def test_derivatives_by_knots_are_differences_and_forth_and_back_agree(planned: Library) -> None:
+    table = knots(20, jumps=False)
+    instance = planned.instantiate()
+    given = columns(planned, table)
+    assert instance.set(given) == OK
+    assert instance.initialize(start=float(table[0, 9] + 0.03)) == OK
+    direction = columns(planned, np.random.default_rng(2).normal(size=table.shape))
+    derivative, h = instance.directional(TRIPLE, direction), 1e-6
+    ends = []
+    for way in (h, -h):
+        assert instance.set({name: given[name] + way * direction[name] for name in given}) == OK
+        ends.append(instance.get(*TRIPLE))
+    np.testing.assert_allclose(derivative, (ends[0] - ends[1]) / (2 * h), rtol=1e-6, atol=1e-4)
+    if planned.fmi == "3":
+        assert instance.set(given) == OK
+        weights: dict[str, ArrayLike] = dict(zip(TRIPLE, (0.3, -0.2, 0.1), strict=True))
+        back = instance.adjoint(weights, list(given))
+        flat = np.concatenate([np.ravel(column) for column in direction.values()])
+        assert back @ flat == pytest.approx(instance.directional(TRIPLE, direction) @ [0.3, -0.2, 0.1], rel=1e-12)
+
+
+WRONG = {
+    "odd": (np.ones(7), "a table of 7 numbers: PlannedMotion takes 4 columns of 2 rows at least"),
+    "short": (np.ones((4, 1)), "a table of 4 numbers: PlannedMotion takes 4 columns of 2 rows at least"),
+    "back": (np.array([[0, 1, 0.5], *np.ones((3, 3))]), "row 3 of the table: 0.5 after 1: its first column"),
+    "infinite": (np.array([[0, 1], [0, np.nan], [0, 0], [0, 0]]), "row 2 of the table: nan: finite numbers only"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_bad_table_is_refused_in_one_line(planned: Library, tmp_path: Path, case: str) -> None:
+    table, words = WRONG[case]
+    instance = with_table(planned, tmp_path, table)
+    assert not instance.pointer
+    (message,) = instance.messages
+    assert message.startswith(words)
+
+
+def test_other_components_take_no_table(library: Callable[..., Library], tmp_path: Path) -> None:
+    instance = with_table(library(Sinusoid), tmp_path, knots(10))
+    assert not instance.pointer
+    (message,) = instance.messages
+    assert message.startswith("a table of 40 numbers: Sinusoid takes 0 columns")
+
+
+def test_an_fmu_in_python_takes_no_table(fmu: Callable[..., Path]) -> None:
+    with pytest.raises(SimulationError, match=r"PlannedMotion\.fmu: 120 knots need a native FMU"):
+        ssp.with_table(fmu(PlannedMotion, backend="python"), knots(120))
+
+
+def test_a_table_goes_through_an_archive_and_into_no_flat_system(tmp_path: Path) -> None:
+    """Two of them in one archive are two FMUs, and a start value beside a table leaves it."""
+    t = np.linspace(0, 2, 151)
+    system = System("tables")
+    moves = {"length": tabulated(t, 1 + 0.1 * np.sin(t)), "pivot_x": tabulated(t, np.cos(t))}
+    system.add("swing", "Pendulum", **moves)
+    system.write_ssp(tmp_path / "tables.ssp", stop_time=2.0, step_size=0.1)
+    again = System.from_ssp(tmp_path / "tables.ssp")
+    result = again.simulate(2.0, 0.1)
+    # the spline's own error, 0.1 (t/h)⁶
+    np.testing.assert_allclose(result["swing.length"], 1 + 0.1 * np.sin(result.time), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(result["swing.pivot_x"], np.cos(result.time), rtol=0, atol=1e-11)
+    with pytest.raises(SimulationError, match="has its motion in a file"):
+        again.flatten()
