@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from liaisons import hold
+from liaisons import Plan, hold, plan
 from liaisons.operators import PlanError
-from liaisons.operators.holding import reachable, riccati
+from liaisons.operators.feedback import backward, periodic, reachable, riccati
 
 STEP = 0.02
 HELD: dict[str, dict[str, Any]] = {
@@ -36,6 +37,29 @@ def test_gains_of_the_oscillator_tend_to_the_closed_form() -> None:
         errors.append(np.max(np.abs(gains - [k_1, np.sqrt(2 * k_1)])))
     assert errors[0] < 2e-3  # of first order in h
     assert errors[1] == pytest.approx(errors[0] / 2, rel=1e-2)
+
+
+def test_the_recursion_finds_the_least_sum() -> None:
+    """Against all inputs of a changing system at once, by least squares; and for ever, against SciPy's Riccati."""
+    rng = np.random.default_rng(1)
+    steps = [(rng.normal(size=(3, 3)), rng.normal(size=(3, 1))) for _ in range(6)]
+    Q, R, end = np.diag([1.0, 0.2, 0.5]), np.array([[0.1]]), np.diag([2.0, 1.0, 3.0])
+    gains, P = backward(steps, [Q] * 6, R, end)
+    x_0 = np.array([1.0, -2.0, 0.5])
+    of_x, of_w, rows, right = np.eye(3), np.zeros((3, 6)), [], []
+    for k, (A, B) in enumerate(steps):
+        rows += [np.sqrt(Q) @ of_w, np.sqrt(R) * np.eye(6)[k]]
+        right += [np.sqrt(Q) @ of_x @ x_0, [0.0]]
+        of_x, of_w = A @ of_x, A @ of_w
+        of_w[:, k] += B[:, 0]
+    least, cost, *_ = np.linalg.lstsq(
+        np.vstack([*rows, np.sqrt(end) @ of_w]), -np.concatenate([*right, np.sqrt(end) @ of_x @ x_0]), rcond=None
+    )
+    np.testing.assert_allclose(-gains[0] @ x_0, least[:1], rtol=1e-9)
+    np.testing.assert_allclose(x_0 @ P @ x_0, cost[0], rtol=1e-9)
+    found = periodic(steps[:1], [Q], R)
+    assert found is not None
+    np.testing.assert_allclose(found[0][0], riccati(*steps[0], Q, R), rtol=1e-8)
 
 
 def test_the_staircase_ends_where_control_does() -> None:
@@ -64,7 +88,7 @@ def test_multipliers_of_the_pendulum_lie_on_the_root_locus() -> None:
     assert regulator.states[:3] == ("theta", "p_theta", "pivot_x")
     decay, n = np.exp(-1.0), 5
     B = np.array([0, 0, *(STEP ** np.array([2, 1, 0]) * [0.5 - decay, decay, 1 - decay])])[:, None]
-    A = regulator.loop + B @ regulator.gains
+    A = regulator.loop + B @ regulator.gains[0]
     for mu in regulator.controlled:
         out, back = (np.linalg.solve(z * np.eye(n) - A, B)[[0, 2], 0] for z in (mu, 1 / mu))
         assert abs(0.01 + back @ out) < 1e-6 * 0.01 * (1 + np.abs(back) @ np.abs(out) / 0.01)
@@ -100,13 +124,19 @@ def test_wheels_take_the_momentum_that_a_torque_leaves() -> None:
         ("PlanarCat", {"at": {"psi_1": 0.5}}, "cannot be held there: .* phi .* psi_1"),
         ("Satellite", {"at": {"wheel_1": 0.0}}, "cannot be held there: to first order wheel_1, .* cannot change q_x"),
         ("Pendulum", {"at": {"theta": 1.0}}, "no equilibrium: the rate of p_theta is -8.2"),
-        ("Pendulum", {"bounds": {"pivot_x": (-1, 1)}}, "a regulator bounds accelerations, pivot_x_ddot"),
+        (
+            "Pendulum",
+            {"bounds": {"theta": (-1, 1)}},
+            "the regulators bound pivot_x, pivot_x_dot, pivot_x_ddot, pivot_x_",
+        ),
         ("Pendulum", {"bounds": {"pivot_x_ddot": 3}}, r"bounds of pivot_x_ddot = 3: give \(low, high\)"),
+        ("Pendulum", {"bounds": {"pivot_x": (1, 2)}}, r"bounds of pivot_x = \(1, 2\): .* low < 0 < high"),
+        ("PendulumChain", {"at": {"theta": np.pi}, "moves": None, "n": 12}, "28 states are more than the 24"),
         ("Pendulum", {"at": {"theta": np.pi}, "moves": "pivot_z"}, "first order pivot_z cannot change theta"),
         ("CartesianPendulum", {"at": {}, "moves": "rod"}, "has constraints"),
         ("Pendulum", {"weights": {"thetta": 1}}, "weights of 'thetta': the states are theta, p_theta"),
         ("Pendulum", {"step_size": 0.0}, "must be > 0"),
-        ("Pendulum", {"at": None}, "hold keeps an equilibrium: give a mechanism and at="),
+        ("Pendulum", {"at": None}, "hold keeps an equilibrium or a plan: give a mechanism and at="),
         ("Pendulum", {"moves": "theta"}, "is no active coordinate"),
     ],
 )
@@ -114,4 +144,125 @@ def test_what_cannot_be_held_is_refused_in_one_line(name: str, changed: dict[str
     arguments: dict[str, Any] = {"step_size": STEP} | HELD.get(name, {}) | changed
     with pytest.raises(PlanError, match=message) as refused:
         hold(name, **arguments)
+    assert "\n" not in str(refused.value)
+
+
+# ---- round a plan -------------------------------------------------------------------------------------------------
+
+PLANS: dict[str, tuple[str, Any, dict[str, Any]]] = {
+    "crane": (
+        "Pendulum",
+        "pivot_x",
+        {
+            "start": {"theta": 0, "pivot_x": 0},
+            "end": {"theta": 0, "theta_dot": 0, "pivot_x": 1, "pivot_x_dot": 0},
+            "duration": 2.0,
+            "minimize": "pivot_x_ddot**2",
+        },
+    ),
+    "swing": (
+        "Pendulum",
+        "length",
+        {
+            "start": {"theta": 0.5},
+            "closed": ["length", "theta", "p_theta"],
+            "duration": (1.5, 2.5),
+            "minimize": "length_ddot**2",
+            "friction": 0.05,
+        },
+    ),
+    "cat": (
+        "PlanarCat",
+        None,
+        {"start": {"phi": 0}, "end": {"phi": -0.7}, "closed": True, "duration": 0.9, "arm_1": 0.25, "arm_2": 0.25},
+    ),
+    "satellite": ("Satellite", ["wheel_1", "wheel_2"], {"end": {"attitude": (0, 0, 0, 1)}, "duration": 2.0}),
+}
+REST = {"crane": (), "swing": (), "cat": ("p_phi",), "satellite": ("H_x", "H_y", "H_z")}
+
+
+@cache
+def planned(name: str) -> Plan:
+    mechanism, moves, goal = PLANS[name]
+    return plan(mechanism, moves, accuracy=None, **goal)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_the_fmus_have_the_monodromy_that_was_predicted(name: str) -> None:
+    regulator = hold(planned(name))
+    verdicts = regulator.verify()
+    assert all(verdict.passed for verdict in verdicts), "\n".join(map(str, verdicts))
+    assert regulator.conserved == REST[name]
+    assert regulator.returns == (name != "crane")
+    assert regulator.reached == len(regulator.loop) - len(regulator.conserved)
+    if regulator.returns:
+        np.testing.assert_allclose(regulator.multipliers[: len(regulator.conserved)], 1, atol=1e-8)
+        assert np.abs(regulator.controlled).max() < 0.99
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_what_is_not_disturbed_stays_with_the_plan(name: str) -> None:
+    motion, regulator = planned(name), hold(planned(name))
+    run = regulator.simulate()
+    assert np.abs(regulator.deviation(run)).max() < 1e-8
+    end = motion.problem.end
+    X = np.array([run[f"{regulator.name}.{state}"][-1] for state in motion.problem.states])
+    np.testing.assert_allclose(np.array(end.function(X)).ravel(), end.low, atol=1e-7)  # the knots are the regulators'
+
+
+def test_rounds_contract_by_their_greatest_multiplier() -> None:
+    """The cat that has turned too far by 0.01 rad comes back loop by loop; a plan without feedback keeps all of it."""
+    regulator = hold(planned("cat"))
+    run = regulator.simulate(8 * regulator.duration, phi_0=0.01)
+    ends = np.searchsorted(run.time, regulator.duration * np.arange(1, 9) - 1e-6, side="right")
+    phi = regulator.deviation(run)[0, np.minimum(ends, run.time.size - 1)]
+    np.testing.assert_allclose(phi[4:] / phi[3:-1], np.abs(regulator.controlled[0]), rtol=1e-3)  # 0.01 is not small
+    assert run["PlanarCat.phi"][-1] == pytest.approx(-8 * 0.7, abs=2e-3)
+
+
+def test_after_its_end_a_plan_is_held_at_rest() -> None:
+    regulator = hold(planned("crane"))
+    pushed = regulator.simulate(15.0, inputs={"theta_force": lambda t: 2.0 if 0.5 < t < 0.7 or 3 < t < 3.2 else 0.0})
+    off = np.abs(regulator.deviation(pushed))
+    assert off[0].max() > 0.05
+    assert off[:, -1].max() < 1e-5
+    assert pushed["Pendulum.pivot_x"][-1] == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("bounded", "low", "high"),
+    [("pivot_x", -0.02, 1.02), ("pivot_x_dot", -0.2, 0.8), ("pivot_x_ddot", -4.2, 4.2)],
+)
+def test_corrections_keep_to_bounds(bounded: str, low: float, high: float) -> None:
+    runs = [
+        hold(planned("crane"), bounds=bounds).simulate(6.0, theta_0=0.4)[f"Pendulum.{bounded}"]
+        for bounds in ({}, {bounded: (low, high)})
+    ]
+    beyond = [max(run.max() - high, low - run.min()) for run in runs]
+    assert beyond[0] > 0.01
+    assert beyond[1] < 1e-3
+
+
+def test_motors_give_no_more_than_they_can() -> None:
+    for bounds, greatest in (({}, 5e-3), ({"wheel_1_force": (-0.002, 0.002)}, 2e-3)):
+        regulator = hold("Satellite", {"attitude": (1, 0, 0, 0)}, step_size=0.5, bounds=bounds)
+        run = regulator.simulate(200.0, omega_x_0=0.002)
+        assert np.abs(run["Satellite.wheel_1_force"]).max() == pytest.approx(greatest, rel=0.1)
+        assert np.abs(regulator.deviation(run)[:4, -1]).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"at": {"theta": 0}}, "a plan says what moves, where"),
+        ({"friction": 1.0}, "a plan says what moves, where, and with which parameters"),
+        ({"step_size": 0.01}, "room for 50 communication points; give 0.04"),
+        ({"bounds": {"length": (0, 1)}}, "bounds of 'length': the regulators bound pivot_x, "),
+        ({"bounds": {"pivot_x_force": (-3, 3)}}, "the effective mass at pivot_x vanishes where it is held"),
+        ({"weights": {"phi": 1}}, "weights of 'phi': the states are theta, p_theta"),
+    ],
+)
+def test_a_plan_is_held_as_it_is(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(PlanError, match=message) as refused:
+        hold(planned("crane"), **arguments)
     assert "\n" not in str(refused.value)

@@ -1,192 +1,61 @@
-"""``hold``: feedback that keeps a mechanism at an equilibrium, sampled at the communication points.
+"""``hold``: feedback that keeps a mechanism at an equilibrium, or at what was planned, once a communication step.
 
-The regulators read the mechanism's states once a step, H, and are themselves integrators of third order (see
-:class:`liaisons.models.Regulator`).  What happens over one step to first order, x(t + H) = A x(t) + B w, is exact: the
-mechanism extrapolates σ from (σ, σ̇, σ̈) at t, and at an equilibrium the derivatives of its equations are constant, so
-that both parts are matrix exponentials.  The gains solve Riccati's equation of this discrete system on the part that
-can be controlled.
+The regulators read the mechanism's states at each communication point, and add corrections to the motion that they
+know; these are integrators of third order (see :class:`liaisons.models.Regulator`).  What happens over one step to
+first order, x(t + H) = A x(t) + B w, is what the FMUs do, see :mod:`liaisons.operators.sampling`.  The gains solve
+Riccati's equation of this discrete system, of a periodic one round by round; what cannot be controlled is left alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
-import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are, svd
-from scipy.optimize import linear_sum_assignment
+from scipy.linalg import svd
 
 from liaisons.arguments import finite, named, shown
-from liaisons.check import Verdict, verdict
-from liaisons.cosim import Result
-from liaisons.errors import LiaisonsError
-from liaisons.interface import System
-from liaisons.language import Orientation
 from liaisons.library import Target, component
-from liaisons.models import Regulator
+from liaisons.models import regulator
+from liaisons.operators.feedback import (
+    RANK,
+    Array,
+    Step,
+    backward,
+    periodic,
+    pushes,
+    reachable,
+    riccati,
+    steady,
+    through,
+)
+from liaisons.operators.held import After, Course, Held
 from liaisons.operators.plans import Plan
 from liaisons.operators.problems import Goal, PlanError, Reader, move_names
+from liaisons.operators.sampling import Sampled, reduced
 
-Array = NDArray[np.float64]
-
-_ROOM = sum(name.startswith("reading_") for name in vars(Regulator))
-_NEAR = 1e-5
-"""Size of the differences by which the FMUs' multipliers are measured."""
-_RANK = 1e-8
-"""A direction that is reached by less than this, of what is asked for, is out of reach."""
+_SUFFIXES = ("", "_dot", "_ddot", "_force")
+_PAIRS = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
+"""Bounds of a correction, its rate and its acceleration, as a Regulator calls them."""
+_FAR = 1e9
+_MASSLESS = 1e-3
+"""An effective mass that is less than this, of the greatest on the way, is none."""
 _DRIFT = 1e-4
 """Weight of the rate of what moves without being held, beside 1 for what is."""
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Held:
-    """A mechanism and the feedback that holds it, found by :func:`liaisons.hold`: w = -gains (x - at) once a step."""
-
-    name: str  # of the component
-    component: Target
-    moves: tuple[str, ...]
-    step_size: float
-    free: tuple[str, ...]  # coordinates that are held
-    states: tuple[str, ...]  # what is read: the mechanism's, σ where it is held, σ̇, σ̈
-    at: Array  # their values at the equilibrium
-    gains: Array  # (moves, states)
-    loop: Array  # of one step, in the directions in which the states can differ
-    directions: Array  # (states, directions)
-    reached: int  # how many of them can be controlled
-    conserved: tuple[str, ...]  # states that no move can change
-    values: Mapping[str, float]  # of parameters, as they were given
-    starts: Mapping[str, float]  # start values of the FMU, σ and σ̇ among them
-    shifts: tuple[Mapping[str, float], ...]  # of these, by which the states are made to differ
-    bounds: Mapping[str, tuple[float, float]]  # of accelerations
-
-    @property
-    def multipliers(self) -> NDArray[np.complex128]:
-        """Factors of one step in the closed loop, greatest first; those of what cannot be controlled are 1."""
-        return _multipliers(self.loop)
-
-    @property
-    def controlled(self) -> NDArray[np.complex128]:
-        """The multipliers of what is controlled: inside the unit circle."""
-        near_one = np.argsort(np.abs(self.multipliers - 1))
-        return np.delete(self.multipliers, near_one[: len(self.loop) - self.reached])
-
-    def system(self, **starts: float) -> System:
-        """The mechanism and one regulator FMU a coordinate, wired; communication points are ``step_size`` apart.
-
-        :param starts: start values of the mechanism that differ from the equilibrium's, ``theta_0=3.3``, and of what
-            moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``.
-        """
-        system, starts = System(f"held {self.name}"), {**self.starts, **starts}
-        sources: dict[str, Any] = {}
-        regulators = []
-        for move, gain in zip(self.moves, self.gains, strict=True):
-            low, high = self.bounds.get(f"{move}_ddot", (-1e9, 1e9))
-            triple = {move: "value_0", f"{move}_dot": "rate_0", f"{move}_ddot": "acceleration_0"}
-            settings: dict[str, Any] = {state: starts.pop(name, 0.0) for name, state in triple.items()}
-            settings |= {"gain": _filled(gain), "wanted": _filled(self.at), "lowest": low, "highest": high}
-            regulators.append(system.add(f"{self.name}_{move}", "Regulator", period=self.step_size, **settings))
-            sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
-        mechanism = system.add(self.name, self.component, **self.values, **starts)
-        for move, regulator in zip(self.moves, regulators, strict=True):
-            system.connect(regulator["y"], mechanism[move])
-            for i, name in enumerate(self.states, start=1):
-                source = sources[name] if name in sources else mechanism[name]
-                system.connect(source, regulator[f"reading_{i}"])
-        return system
-
-    def simulate(self, stop_time: float, *, inputs: Mapping[str, Any] | None = None, **starts: float) -> Result:
-        """Run :meth:`system`.
-
-        :param stop_time: end [s].
-        :param inputs: input of the mechanism -> function of time: a disturbance.
-        :param starts: as of :meth:`system`.
-        """
-        given = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
-        return self.system(**starts).simulate(
-            stop_time, self.step_size, coupling="jacobi", tolerance=1e-11, inputs=given or None
-        )
-
-    def deviation(self, run: Result) -> Array:
-        """By how much the states of a run differ from those that are held, (states, times)."""
-        names = []
-        for name in self.states:
-            ends = {move + end: f"{self.name}_{move}.y{end}" for move in self.moves for end in ("", "_dot", "_ddot")}
-            names.append(ends.get(name, f"{self.name}.{name}"))
-        return np.array([run[name] for name in names]) - self.at[:, None]
-
-    def survives(self, port: str, duration: float, *, stop_time: float, first: float = 0.01) -> float:
-        """Greatest of the forces tried at a port, from 0 on, after which what is held came back.
-
-        Doubled until it falls, then halved in between twelve times: nothing is said of other forces.
-
-        :param port: input of the mechanism, ``"theta_force"``.
-        :param duration: how long the force acts [s].
-        :param stop_time: by then the free coordinates are back to 5 % of where they were most [s].
-        :param first: the first force tried.
-        """
-        places = [self.states.index(name) for name in self.free if name not in self.moves]
-
-        def comes_back(force: float) -> bool:
-            try:
-                run = self.simulate(stop_time, inputs={port: lambda t: force if t < duration else 0.0})
-            except LiaisonsError:
-                if force == 0:
-                    raise
-                return False
-            off = np.abs(self.deviation(run)[places])
-            return bool(np.all(off[:, -1] <= 0.05 * np.max(off)))
-
-        low, high = 0.0, first
-        if not comes_back(low):
-            return low
-        while comes_back(high) and high < 1e6:
-            low, high = high, 2 * high
-        for _ in range(12):
-            middle = (low + high) / 2
-            low, high = (middle, high) if comes_back(middle) else (low, middle)
-        return low
-
-    def measured(self) -> Array:
-        """The matrix of one step as the FMUs perform it, from runs on both sides of the equilibrium."""
-        back = np.linalg.pinv(self.directions)
-        begins, ends = [], []
-        for direction in self.shifts:
-            shifted: list[dict[str, Any]] = [
-                {name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)
-            ]
-            runs = [self.simulate(self.step_size, **starts) for starts in shifted]
-            change = back @ (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR)
-            begins.append(change[:, 0])
-            ends.append(change[:, -1])
-        return np.linalg.lstsq(np.array(begins), np.array(ends), rcond=None)[0].T
-
-    def verify(self) -> list[Verdict]:
-        """Whether one step of the FMUs is what was predicted, and whether what is controlled comes back."""
-        measured = self.measured()
-        error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
-        far = np.abs(self.multipliers[:, None] - _multipliers(measured))
-        apart = float(np.max(far[linear_sum_assignment(far)]))
-        radius = float(np.max(np.abs(self.controlled)))
-        why = "differences of 1e-5, solver tolerance 1e-11"
-        return [
-            verdict("one step of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
-            verdict("so are its multipliers", error=apart, tolerance=1e-3, reason="a root of it where they coincide"),
-            verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9),
-        ]
-
-    def __repr__(self) -> str:
-        radius = np.max(np.abs(self.controlled))
-        rest = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        moves = ", ".join(self.moves)
-        return f"<{self.name} held by {moves} every {self.step_size:g} s: |multiplier| <= {radius:.6f}{rest}>"
+_STEPS = 40
+"""Communication steps of a plan, unless said."""
+_INSTANT = 1e-9
+"""How long before a jump, relative to the duration, the regulators are asked once more."""
+_AHEAD = 6
+"""So many knots ahead corrections keep to the room that there will be."""
+_SAME = 1e-6
+"""By how much a motion that returns may miss its begin: more than a mesh leaves, less than what anybody means."""
 
 
 def hold(
-    mechanism: Target,
+    motion: Plan | Target,
     /,
     at: Mapping[str, Any] | None = None,
     moves: str | Sequence[str] | None = None,
@@ -197,221 +66,337 @@ def hold(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     **values: float,
 ) -> Held:
-    """Find the feedback that keeps a mechanism at an equilibrium.
+    """Find the feedback that keeps a mechanism at an equilibrium, or at a motion that was planned.
 
     ::
 
         regulator = hold("Pendulum", {"theta": np.pi, "pivot_x": 0}, "pivot_x", step_size=0.02)
         run = regulator.simulate(10, theta_0=np.pi + 0.2)
 
+        regulator = hold(plan("Satellite", end={"attitude": (0, 0, 0, 1)}, duration=2.0))
+        run = regulator.simulate(30, inputs={"torque_x": lambda t: 0.01})
+
     Once a step the states are read and the accelerations of what moves are chosen, so that the sum over all steps of
     Σ weight (x - x_0)² + effort w² is least.  Where a moved coordinate enters nothing (the angle of a wheel), it is
-    held only if ``at`` names it.
+    held only if it is asked for by name.  A plan that returns to where it began is repeated; one after which the
+    mechanism can rest is held there.
 
-    :param mechanism: name, file or class of a mechanism.
+    :param motion: a plan; or name, file or class of a mechanism.
     :param at: values of coordinates at the equilibrium, and of rates of what moves; the others as declared, at rest.
-    :param moves: active coordinates that the feedback moves; all unless given.
-    :param step_size: distance of the communication points [s], which is the sampling period; else the experiment's.
+    :param moves: active coordinates that the feedback moves; all unless given, or those of the plan.
+    :param step_size: distance of the communication points [s], which is the sampling period; else the experiment's,
+        of a plan a fortieth.
     :param weights: of states by name; coordinates have 1, momenta 0.
     :param effort: weight of the accelerations.
-    :param bounds: (low, high) of accelerations, ``{"pivot_x_ddot": (-5, 5)}``: there the feedback saturates.
+    :param bounds: (low, high) of σ, σ̇, σ̈ and forces of what moves, ``{"pivot_x_ddot": (-5, 5)}``, beside those of the
+        plan: there the feedback saturates.  Of forces it knows what they are along the motion.
     :param values: parameters.
     :raises PlanError: if it is no equilibrium, or if what is to be held cannot be controlled, with what stays.
     """
-    if isinstance(mechanism, Plan) or at is None:
-        raise PlanError("hold keeps an equilibrium: give a mechanism and at={name: value, ...}, not a plan")
-    if step_size is None:
-        step_size = component(mechanism).experiment.step_size
-    finite("step_size", step_size, PlanError)
     finite("effort", effort, PlanError)
-    if step_size <= 0 or effort <= 0:
-        raise PlanError(f"step_size = {step_size:g}, effort = {effort:g}: both must be > 0")
-    names, bounds = move_names(mechanism, moves), named("bounds", bounds or {}, PlanError)
-    known = [f"{name}_ddot" for name in names]
-    for name in bounds:
-        if name not in known:
-            raise PlanError(f"bounds of {name!r}: a regulator bounds accelerations, {', '.join(known)}")
-        pair = bounds[name]
-        if not (isinstance(pair, (tuple, list)) and len(pair) == 2 and pair[0] < 0 < pair[1]):
-            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with low < 0 < high")
-    reader = Reader(Goal(mechanism, names, at, {}, (), (step_size, step_size), "time", {}, values))
-    return _Design(reader, dict(at), step_size).held(dict(weights or {}), effort, bounds)
+    if step_size is not None:
+        finite("step_size", step_size, PlanError)
+    if effort <= 0 or (step_size is not None and step_size <= 0):
+        raise PlanError(f"step_size = {shown(step_size)}, effort = {effort:g}: both must be > 0")
+    wishes = _Wishes(dict(named("weights", weights or {}, PlanError)), effort, named("bounds", bounds or {}, PlanError))
+    if isinstance(motion, Plan):
+        if at is not None or moves is not None or values:
+            raise PlanError("hold: a plan says what moves, where, and with which parameters; leave at and moves out")
+        return _along(motion, motion.duration / _STEPS if step_size is None else step_size, wishes)
+    if at is None:
+        raise PlanError("hold keeps an equilibrium or a plan: give a mechanism and at={name: value, ...}, or a plan")
+    if step_size is None:
+        step_size = component(motion).experiment.step_size
+    names = move_names(motion, moves)
+    goal = Goal(motion, names, at, {}, (), (step_size, step_size), "time", {}, values)
+    return _at_rest(Sampled(goal, at, interpolate=False), step_size, wishes)
 
 
-class _Design:
-    """The mechanism beside its equilibrium, sampled."""
+@dataclass(frozen=True)
+class _Wishes:
+    weights: Mapping[str, float]
+    effort: float
+    bounds: Mapping[str, tuple[float | None, float | None]]
 
-    def __init__(self, reader: Reader, at: dict[str, Any], step_size: float) -> None:
-        self.reader, self.name, self.H = reader, reader.name, step_size
-        if any(v.name.startswith("lambda_") for v in reader.model.outputs):
-            raise PlanError(f"{self.name} has constraints: hold takes mechanisms in free coordinates")
-        moves = reader.goal.moves
-        for turn, axes in reader.turns.items():
-            if turn in at:
-                unit = np.array(at[turn], dtype=float) / np.linalg.norm(at[turn])
-                reader.k |= {reader.starts[axis]: float(x) for axis, x in zip(axes, unit, strict=True)}
-        y = np.array([reader.k[reader.starts[n]] if n in reader.starts else 0.0 for n in reader.x_names])
-        point = [y, reader.s_start, np.array([float(at.get(f"{m}_dot", 0.0)) for m in moves]), np.zeros(len(moves))]
-        symbols = [reader.y, reader.s, reader.v, reader.a]
-        point[0] = np.array(ca.Function("start", symbols, [reader.start_state])(*point)).ravel()
-        slopes = [ca.jacobian(reader.rates, symbol) for symbol in symbols[:3]]
-        rates, *slopes = map(np.array, ca.Function("rates", symbols, [reader.rates, *slopes])(*point))
-        self.point = point
-        self.places = self._coupled()
-        self.x_names = [reader.x_names[i] for i in self.places]
-        self.point[0] = point[0][self.places]
-        self.slopes = [slopes[0][np.ix_(self.places, self.places)], *(slope[self.places] for slope in slopes[1:])]
-        self.turns = {turn: axes for turn, axes in reader.turns.items() if set(axes) <= set(self.x_names)}
-        self.keeps = [m in at or reader.depends(reader.rates, reader.s[i]) for i, m in enumerate(moves)]
-        still = dict(zip(self.x_names, rates.ravel()[self.places], strict=True))
-        still |= {m: point[2][i] for i, m in enumerate(moves) if self.keeps[i]}
-        worst = max(still, key=lambda name: abs(still[name]))
-        if not abs(still[worst]) <= 1e-9:
-            raise PlanError(f"{self.name}: this is no equilibrium: the rate of {worst} is {still[worst]:.3g}")
-
-    def _coupled(self) -> list[int]:
-        """Places of the states that what moves acts on, and of those on which they depend."""
-        reader = self.reader
-        acts = reader.acts(reader.rates, ca.vertcat(reader.y, reader.s, reader.v))
-        n = len(reader.x_names)
-        among, found = acts[:, :n], acts[:, n:].any(axis=1)
-        for _ in range(n):
-            found = found | among[:, found].any(axis=1)
-        for _ in range(n):
-            found = found | among[found].any(axis=0)
-        return [int(i) for i in np.flatnonzero(found)]
-
-    def held(self, weights: dict[str, float], effort: float, bounds: Mapping[str, tuple[float, float]]) -> Held:
-        """The feedback of least cost."""
-        reader, moves = self.reader, self.reader.goal.moves
-        kept = [m for m, keeps in zip(moves, self.keeps, strict=True) if keeps]
-        rates = [f"{m}_dot" for m in moves]
-        states = (*self.x_names, *kept, *rates, *(f"{m}_ddot" for m in moves))
-        if len(states) > _ROOM:
-            raise PlanError(f"{self.name}: {len(states)} states are more than the {_ROOM} that a Regulator reads")
-        free = (*(name for name in self.x_names if name in reader.starts and name not in Orientation.momenta), *kept)
-        cost = {name: float(name in free) for name in states}
-        cost |= {f"{m}_dot": _DRIFT for m in moves if m not in kept}
-        for name in weights:
+    def costs(self, sampled: Sampled, directions: Sequence[Array]) -> list[Array]:
+        """Weights in the directions in which the states can differ."""
+        cost = {name: float(name in sampled.free) for name in sampled.states}
+        cost |= {f"{m}_dot": _DRIFT for m in sampled.moves if m not in sampled.kept}
+        for name in self.weights:
             if name not in cost:
-                raise PlanError(f"{self.name}: weights of {name!r}: the states are {', '.join(states)}")
-        D = self._directions(len(states))
-        back = np.linalg.pinv(D)
-        rows = np.array([*range(len(self.x_names) + len(moves) * 3)])
-        dropped = [len(self.x_names) + i for i, keeps in enumerate(self.keeps) if not keeps]
-        rows = np.delete(rows, dropped)
-        A, B = self._sampled()
-        A, B = back @ A[np.ix_(rows, rows)] @ D, back @ B[rows]
-        Q = D.T @ np.diag([(cost | weights)[name] for name in states]) @ D
-        still = [i for i in range(len(A)) if np.allclose(A[i], np.eye(len(A))[i]) and not np.any(np.abs(B[i]) > 0)]
-        V, U = reachable((A - np.eye(len(A))) / self.H, B / self.H)
-        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, effort * np.eye(len(moves))) @ V.T
-        if U.size:
-            fixed = np.eye(len(A))[:, still]
-            others = svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still)]
-            U = np.hstack([fixed, others])
-            stays = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
-            target, missed = steady(A, D[[states.index(name) for name in free]], V, U)
-            for j in range(U.shape[1]):
-                if not stays or (j >= len(still) and missed[j] > _RANK):
-                    self._refuse(back.T @ U[:, j], states)
-            K -= K @ V @ target @ U.T
-        values = np.concatenate(self.point)[rows]
-        starts = {parameter: reader.k[parameter] for parameter in reader.starts.values()}
-        starts |= dict(zip([*moves, *rates], np.concatenate(self.point[1:3]), strict=True))
-        starts |= {f"{m}_ddot": 0.0 for m in moves}
-        turned = [axis for axes in self.turns.values() for axis in axes]
-        singles = [name for name in starts if name not in {reader.starts[axis] for axis in turned}]
-        turns = [
-            {reader.starts[states[i]]: float(column[i]) for i in np.flatnonzero(column)}
-            for column in D.T
-            if any(states[i] in turned for i in np.flatnonzero(column))
-        ]
-        conserved = [name for name, row in zip(states, D, strict=True) if set(np.flatnonzero(row)) & set(still)]
-        return Held(
-            name=self.name,
-            component=reader.goal.component,
-            moves=moves,
-            step_size=self.H,
-            free=free,
-            states=states,
-            at=values,
-            gains=K @ back,
-            loop=A - B @ K,
-            directions=D,
-            reached=V.shape[1],
-            conserved=tuple(conserved),
-            values=reader.goal.values,
-            starts={name: float(value) for name, value in starts.items()},
-            shifts=(*turns, *({name: 1.0} for name in singles)),
-            bounds=bounds,
-        )
-
-    def _directions(self, count: int) -> Array:
-        """Columns along which the states can differ: of a quaternion only turns."""
-        D = np.eye(count)
-        for axes in self.turns.values():
-            i, *_ = places = [self.x_names.index(axis) for axis in axes]
-            w, x, y, z = self.point[0][places]
-            D[np.ix_(places, places[1:])] = np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
-            D = np.delete(D, i, axis=1)
-        return D
-
-    def _sampled(self) -> tuple[Array, Array]:
-        """One step: the mechanism sees σ as it is extrapolated, the regulators follow what they chose."""
-        n, c, H = len(self.x_names), len(self.reader.goal.moves), self.H
-        zero, one = np.zeros((c, c)), np.eye(c)
-        seen, own = np.zeros((n + 3 * c, n + 3 * c)), np.zeros((4 * c, 4 * c))
-        seen[:n] = np.hstack([*self.slopes, np.zeros((n, c))])
-        seen[n : n + 2 * c, n:] = np.block([[zero, one, zero], [zero, zero, one]])
-        own[: 3 * c] = np.block([[zero, one, zero, zero], [zero, zero, one, zero], [zero, zero, -one / H, one / H]])
-        moved, felt = (np.asarray(expm(matrix * H), dtype=float) for matrix in (own, seen))
-        A = np.vstack([felt[:n], np.hstack([np.zeros((3 * c, n)), moved[: 3 * c, : 3 * c]])])
-        return A, np.vstack([np.zeros((n, c)), moved[: 3 * c, 3 * c :]])
-
-    def _refuse(self, vector: Array, states: Sequence[str]) -> None:
-        places = [i for i in range(len(states)) if abs(vector[i]) > 1e-3 * np.max(np.abs(vector))]  # not what H adds
-        terms = [f"{vector[i] / vector[places[0]]:+.3g}" for i in places]
-        text = " ".join(f"{term[0]} {term[1:]} {states[i]}" for term, i in zip(terms, places, strict=True))
-        text = text.removeprefix("+ ").removeprefix("1 ")
-        moves = ", ".join(self.reader.goal.moves)
-        raise PlanError(f"{self.name} cannot be held there: to first order {moves} cannot change {text}")
+                raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
+        diagonal = np.array([(cost | dict(self.weights))[name] for name in sampled.states])
+        return [(D.T * diagonal) @ D for D in directions]
 
 
-def reachable(A: Array, B: Array) -> tuple[Array, Array]:
-    """Orthonormal bases of what x' = A x + B u can reach, and of what is perpendicular to it: the staircase."""
-    n, new = len(A), B
-    V: Array = np.zeros((n, 0))
-    while new.size and V.shape[1] < n:
-        new = new - V @ (V.T @ new)
-        new = new - V @ (V.T @ new)
-        found: Any = svd(new, full_matrices=False)
-        directions, sizes, _ = found
-        new = np.asarray(directions[:, sizes > _RANK * max(1.0, float(np.linalg.norm(A)))], dtype=float)
-        V = np.asarray(np.hstack([V, new]), dtype=float)
-        new = A @ new
-    whole: Any = svd(V)[0] if V.size else np.eye(n)
-    return V, whole[:, V.shape[1] :]
+# ---- an equilibrium -----------------------------------------------------------------------------------------------
 
 
-def steady(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
-    """Where V has to rest so that C x = 0 remains while each direction of U stays, and what that misses."""
-    left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
-    right = np.vstack([V.T @ A @ U, -C @ U])
-    found: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
-    return found, np.asarray(np.linalg.norm(left @ found - right, axis=0))
+def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
+    """The feedback of least cost at an equilibrium."""
+    y, sigma = sampled.start[sampled.places], sampled.sigma
+    still = dict(zip(sampled.names, sampled.rates(y, sigma), strict=True))
+    still |= {m: sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.kept}
+    worst = max(still, key=lambda name: abs(still[name]))
+    if not abs(still[worst]) <= 1e-9:
+        raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {still[worst]:.3g}")
+    planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
+    reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
+    course = Course(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
+    D = sampled.directions(reference[:, 0])
+    ((A, B),) = reduced(steps, [D, D])
+    (Q,) = wishes.costs(sampled, [D])
+    still_ones = unmoved([(A, B)])
+    V, U = reachable((A - np.eye(len(A))) / H, B / H)
+    K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, wishes.effort * np.eye(B.shape[1])) @ V.T
+    if U.size:
+        fixed = np.eye(len(A))[:, still_ones]
+        others = svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]
+        U = np.hstack([fixed, others])
+        stays = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
+        target, missed = steady(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
+        for j in range(U.shape[1]):
+            if not stays or (j >= len(still_ones) and missed[j] > RANK):
+                raise PlanError(_cannot(sampled, D, U[:, j]))
+        K -= K @ V @ target @ U.T
+    return _held(
+        sampled,
+        H,
+        course,
+        (K @ np.linalg.pinv(D))[None],
+        _checked(sampled, wishes.bounds, sigma),
+        loop=A - B @ K,
+        directions=D,
+        ends=D,
+        reach=V,
+        conserved=_named(sampled, D, still_ones),
+        returns=True,
+    )
 
 
-def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
-    """Gains K of u = -K x for which Σ xᵀQx + uᵀRu is least, x' = A x + B u step by step."""
-    P = solve_discrete_are(A, B, Q, R)
-    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+# ---- a plan -------------------------------------------------------------------------------------------------------
 
 
-def _multipliers(matrix: Array) -> NDArray[np.complex128]:
-    found = np.linalg.eigvals(matrix).astype(complex)
-    return found[np.argsort(-np.abs(found), kind="stable")]
+def _along(motion: Plan, H: float, wishes: _Wishes) -> Held:
+    """The feedback of least cost along a plan."""
+    sampled = _beside(motion)
+    course, steps, returns = _course(motion, sampled, H)
+    D = [sampled.directions(column) for column in course.reference.T]
+    steps, costs = reduced(steps, D), wishes.costs(sampled, D)
+    R = wishes.effort * np.eye(len(motion.goal.moves))
+    whole, after = through(steps), np.zeros((len(R), D[-1].shape[1]))
+    if course.after == "rests":
+        y, planned = course.reference[: len(sampled.names), -1], course.planned[:, :, [-1, -1]]
+        lasting = reduced(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
+        ((A, B),) = lasting
+        V, U = reachable(A - np.eye(len(A)), np.hstack([B, pushes(steps)]))
+        _refuse_growth(sampled, D[-1], U, A)
+        end = periodic(lasting, costs[-1:], R)
+        after = end and end[0][0]
+        found = end and backward(steps, costs[:-1], R, end[1])
+    elif returns:
+        V, U = reachable(whole - np.eye(len(whole)), pushes(steps))
+        _refuse_growth(sampled, D[-1], U, whole)
+        found = periodic(steps, costs[:-1], R)
+    else:
+        V, U = reachable(np.zeros_like(whole), pushes(steps))
+        found = backward(steps, costs[:-1], R, costs[-1])
+    if found is None or after is None:
+        raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
+    gains, still = [*found[0], after], unmoved(steps)
+    known = [f"{m}{end}" for m in sampled.moves for end in _SUFFIXES]
+    fixed = np.eye(len(whole))[:, still]
+    left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
+    conserved = _named(sampled, D[0], still)
+    conserved += tuple(_combination(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)
+    return _held(
+        sampled,
+        H,
+        course,
+        np.array([K @ np.linalg.pinv(directions) for K, directions in zip(gains, D, strict=True)]),
+        {n: pair for n, pair in motion.goal.bounds.items() if n in known} | _checked(sampled, wishes.bounds),
+        loop=through(steps, gains),
+        directions=D[0],
+        ends=D[-1],
+        reach=V,
+        conserved=conserved,
+        returns=returns,
+    )
 
 
-def _filled(values: Array) -> Array:
-    return np.pad(values, (0, _ROOM - values.size))
+def _beside(motion: Plan) -> Sampled:
+    """The mechanism at the start of the plan."""
+    goal, T = motion.goal, motion.duration
+    bare = Goal(goal.component, goal.moves, {}, {}, (), (T, T), "time", {}, goal.values)
+    first = motion.sigma(0.0)
+    controls = np.array([first[name] for name in motion.problem.controls])
+    starts = motion.problem.fmu_starts(motion.solution.track.knots[:, 0], controls)
+    start: dict[str, Any] = {name: starts[parameter] for name, parameter in Reader(bare).starts.items()}
+    start |= {f"{m}{end}": float(first[m + end]) for m in goal.moves for end in ("", "_dot")}
+    asked = {
+        name
+        for part in (goal.start, goal.end, goal.closed)
+        if not callable(part) and not isinstance(part, str)
+        for name in part
+    }
+    return Sampled(replace(bare, start=start), asked, interpolate=True)
+
+
+def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[Course, list[Step], bool]:
+    """The plan at its communication points, and whether it comes back to where it was, up to how it is turned."""
+    T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
+    edges = [0.0, *motion.switches, T]
+    parts = [np.linspace(a, b, max(1, int(np.ceil((b - a) / H - 1e-9))), endpoint=False) for a, b in pairwise(edges)]
+    times = np.unique(np.concatenate([*parts, motion.switches - _INSTANT * T, [T]]))
+    if times.size >= regulator.KNOTS:
+        least = T / (regulator.KNOTS - 3 - 2 * motion.switches.size)
+        room = f"a Regulator has room for {regulator.KNOTS} communication points"
+        raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: {room}; give {least:.2g} at least")
+    sigma = motion.sigma(times)
+    planned = np.array([[sigma[m + end] for end in ("", "_dot", "_ddot")] for m in moves])
+    reference, steps = sampled.steps(times, planned, H)
+    gap = np.abs(reference[:, -1] - reference[:, 0])
+    may_jump = {f"{m}{end}" for m in moves for end in ("", "_dot", "_ddot")[order:]}
+    turned = {axis for axes in sampled.turns.values() for axis in axes}
+    missed = gap > _SAME * np.maximum(1.0, np.abs(reference).max(axis=1))
+    missing = {name for name, is_off in zip(sampled.states, missed, strict=True) if is_off}
+    missing -= {*sampled.cyclic, *may_jump}
+    still = planned[:, :, -1].copy()
+    stops = [order < 2 or m in sampled.kept for m in moves]
+    fast = np.abs(still[:, 1]) > _SAME
+    still[stops, 1], still[:, 2] = 0.0, 0.0
+    rests = order < 2 or not np.any(fast & stops)
+    after: After = "ends"
+    last = planned[:, :, -1]
+    if not missing:
+        after, last = "repeats", planned[:, :, 0]
+    elif rests and np.abs(sampled.rates(reference[: len(sampled.names), -1], still)).max() <= _SAME:
+        after, last = "rests", still
+    if not np.allclose(last, planned[:, :, -1], rtol=0, atol=_SAME):
+        times = np.append(times[:-1], [T - _INSTANT * T, T])
+        planned = np.dstack([planned, last])
+        reference, steps = sampled.steps(times, planned, H)
+    return Course(times, planned, reference, after), steps, not missing - turned
+
+
+# ---- both ---------------------------------------------------------------------------------------------------------
+
+
+def _held(sampled: Sampled, H: float, course: Course, gains: Array, bounds: Mapping[str, Any], **found: Any) -> Held:
+    """The whole, with start values and with the room that is left to corrections."""
+    reader = sampled.reader
+    starts = {parameter: reader.k[parameter] for parameter in reader.starts.values()}
+    for i, m in enumerate(sampled.moves):
+        starts |= {f"{m}{end}": course.planned[i, n, 0] for n, end in enumerate(("", "_dot", "_ddot"))}
+    turned = [axis for axes in sampled.turns.values() for axis in axes]
+    singles = [name for name in starts if name not in {reader.starts[axis] for axis in turned}]
+    turns = [
+        {reader.starts[sampled.states[i]]: float(column[i]) for i in np.flatnonzero(column)}
+        for column in found["directions"].T
+        if any(sampled.states[i] in turned for i in np.flatnonzero(column))
+    ]
+    return Held(
+        name=sampled.name,
+        component=reader.goal.component,
+        moves=sampled.moves,
+        step_size=H,
+        free=sampled.free,
+        states=sampled.states,
+        course=course,
+        gains=gains,
+        room=_room(sampled, course, bounds),
+        values=reader.goal.values,
+        starts={name: float(value) for name, value in starts.items()},
+        shifts=(*turns, *({name: 1.0} for name in singles)),
+        **found,
+    )
+
+
+def _room(sampled: Sampled, course: Course, bounds: Mapping[str, Any]) -> dict[str, Array]:
+    """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
+    shape = len(sampled.moves), course.times.size
+    y = course.reference[: len(sampled.names)].T
+    found = [sampled.forces(x, sigma) for x, sigma in zip(y, course.planned.transpose(2, 0, 1), strict=True)]
+    forces, masses = (np.array(column) for column in zip(*found, strict=True))
+    ends = {name: np.full(shape, far) for low, high in _PAIRS for name, far in ((low, -_FAR), (high, _FAR))}
+    for i, m in enumerate(sampled.moves):
+        domain = next(v for v in sampled.reader.model.inputs if v.name == m)
+        allowed = {m: (domain.minimum, domain.maximum)} | dict(bounds)
+        for n, (low, high) in enumerate(_PAIRS):
+            least, most = _ends(allowed.get(m + _SUFFIXES[n]))
+            ends[low][i] = np.minimum(0.0, least - course.planned[i, n])
+            ends[high][i] = np.maximum(0.0, most - course.planned[i, n])
+    for j, m in enumerate(sampled.moves):
+        if f"{m}_force" not in bounds:
+            continue
+        sizes = np.abs(masses[:, j])
+        if np.min(sizes.max(axis=1)) <= _MASSLESS * np.max(sizes):
+            why = f"the effective mass at {m} vanishes where it is held, so that no acceleration tells the force"
+            raise PlanError(f"{sampled.name}: bounds of {m}_force: {why}; bound {m}_ddot")
+        least, most = _ends(bounds[f"{m}_force"])
+        left = np.array([np.minimum(0, least - forces[:, j, 0]), np.maximum(0, most - forces[:, j, 0])])
+        acts = sizes > _MASSLESS * sizes.max()
+        for i in np.flatnonzero(acts.any(axis=0)):  # each takes its share
+            low, high = np.sort(left / np.where(acts[:, i], masses[:, j, i] * acts.sum(axis=1), _MASSLESS), axis=0)
+            ends["lowest"][i] = np.maximum(ends["lowest"][i], low)
+            ends["highest"][i] = np.minimum(ends["highest"][i], high)
+    ahead = np.arange(course.times.size)[:, None] + np.arange(_AHEAD + 1)
+    last = course.times.size - 1
+    ahead = ahead % max(1, last) if course.after == "repeats" else np.minimum(ahead, last)
+    low = {name for name, _ in _PAIRS}
+    return {name: (np.max if name in low else np.min)(values[:, ahead], axis=2) for name, values in ends.items()}
+
+
+def _ends(pair: Sequence[float | None] | None) -> tuple[float, float]:
+    low, high = pair or (None, None)
+    return -_FAR if low is None else low, _FAR if high is None else high
+
+
+def _checked(sampled: Sampled, bounds: Mapping[str, Any], at: Array | None = None) -> dict[str, tuple[float, float]]:
+    """Bounds that the regulators can keep; and that what is held keeps, (moves, 3)."""
+    known = {f"{m}{end}": (i, n) for i, m in enumerate(sampled.moves) for n, end in enumerate(_SUFFIXES)}
+    for name, pair in bounds.items():
+        if name not in known:
+            raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(known)}")
+        if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
+            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high)")
+        low, high = _ends(pair)
+        i, n = known[name]
+        if at is not None and n < 3 and not low < at[i, n] < high:
+            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with low < {at[i, n]:g} < high")
+    return dict(bounds)
+
+
+def unmoved(steps: Sequence[Step]) -> list[int]:
+    """Directions that stay as they are, whatever is done."""
+    n = len(steps[0][0])
+    return [
+        i for i in range(n) if all(np.allclose(A[i], np.eye(n)[i]) and not np.any(np.abs(B[i]) > 0) for A, B in steps)
+    ]
+
+
+def _named(sampled: Sampled, directions: Array, places: Sequence[int]) -> tuple[str, ...]:
+    """Names of the states that some of the directions are."""
+    return tuple(n for n, row in zip(sampled.states, directions, strict=True) if set(np.flatnonzero(row)) & set(places))
+
+
+def _combination(sampled: Sampled, directions: Array, u: Array) -> str:
+    """What a row of directions stands for, in names."""
+    vector = np.linalg.pinv(directions).T @ u
+    places = [i for i in range(vector.size) if abs(vector[i]) > 1e-3 * np.max(np.abs(vector))]  # not what H adds
+    terms = [f"{vector[i] / vector[places[0]]:+.3g}" for i in places]
+    text = " ".join(f"{term[0]} {term[1:]} {sampled.states[i]}" for term, i in zip(terms, places, strict=True))
+    return text.removeprefix("+ ").removeprefix("1 ")
+
+
+def _refuse_growth(sampled: Sampled, directions: Array, U: Array, A: Array) -> None:
+    """Refuse what grows and cannot be reached."""
+    if U.size and np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) > 1 + 1e-6:
+        values, vectors = np.linalg.eig((U.T @ A @ U).T)
+        worst = np.real(vectors[:, int(np.argmax(np.abs(values)))])
+        raise PlanError(_cannot(sampled, directions, U @ worst))
+
+
+def _cannot(sampled: Sampled, directions: Array, u: Array) -> str:
+    text, moves = _combination(sampled, directions, u), ", ".join(sampled.moves)
+    return f"{sampled.name} cannot be held there: to first order {moves} cannot change {text}"

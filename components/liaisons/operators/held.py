@@ -1,0 +1,246 @@
+"""A mechanism and its regulators: the system that they are, what was predicted of it, and what its FMUs show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from liaisons.check import Verdict, verdict
+from liaisons.cosim import Result
+from liaisons.errors import LiaisonsError
+from liaisons.interface import System
+from liaisons.library import Target
+from liaisons.models import regulator
+from liaisons.operators.feedback import Array, multipliers
+
+After = Literal["rests", "repeats", "ends"]
+
+_NEAR = 1e-5
+"""Size of the differences by which the FMUs' multipliers are measured."""
+_SAME = 1e-10
+"""Part of a round that is owed to rounding."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A motion at its communication points; an equilibrium has one."""
+
+    times: Array
+    planned: Array  # σ, σ̇, σ̈ (moves, 3, times)
+    reference: Array  # the states that are read (states, times)
+    after: After
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A mechanism and the feedback that holds it, found by :func:`liaisons.hold`: w = -gains (x - x_0) once a step."""
+
+    name: str  # of the component
+    component: Target
+    moves: tuple[str, ...]
+    step_size: float
+    free: tuple[str, ...]  # coordinates that are held
+    states: tuple[str, ...]  # what is read: the mechanism's, σ where it is held, σ̇, σ̈
+    course: Course
+    gains: Array  # (times, moves, states); the last ones after the end
+    room: Mapping[str, Array]  # for corrections, by the names of a Regulator: (moves, times)
+    loop: Array  # of one step, or of the whole course, in the directions in which the states can differ
+    directions: Array  # (states, directions) at the start
+    ends: Array  # and at the end
+    reach: Array  # (directions, ·) those that can be controlled
+    conserved: tuple[str, ...]  # states, or sums of them, that no move can change
+    returns: bool  # whether the course leads back to where it began, up to how the mechanism is turned
+    values: Mapping[str, float]  # of parameters, as they were given
+    starts: Mapping[str, float]  # start values of the FMU, σ, σ̇ and σ̈ among them
+    shifts: tuple[Mapping[str, float], ...]  # of these, by which the states are made to differ
+
+    @property
+    def duration(self) -> float:
+        """Of the course, or of one step at an equilibrium [s]."""
+        return float(self.course.times[-1]) or self.step_size
+
+    @property
+    def reached(self) -> int:
+        """How many directions can be controlled."""
+        return self.reach.shape[1]
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Factors of one step, or of one round, in the closed loop, greatest first; what is conserved has 1.
+
+        Of a plan that ends elsewhere, by how much deviations are greater at the end: singular values.
+        """
+        return self._factors(self.loop)
+
+    @property
+    def controlled(self) -> NDArray[np.complex128]:
+        """The multipliers of what is controlled: inside the unit circle."""
+        return self._factors(self.reach.T @ self.loop @ self.reach if self.returns else self.loop @ self.reach)
+
+    def _factors(self, matrix: Array) -> NDArray[np.complex128]:
+        return multipliers(matrix) if self.returns else np.linalg.svd(matrix, compute_uv=False).astype(complex)
+
+    def system(self, **starts: float) -> System:
+        """The mechanism and one regulator FMU a coordinate, wired; communication points are those of :meth:`times`.
+
+        :param starts: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of what
+            moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``.
+        """
+        return self._system(self.room, starts)
+
+    def _system(self, room: Mapping[str, Array], starts: Mapping[str, float]) -> System:
+        system, given = System(f"held {self.name}"), {**self.starts, **starts}
+        course, sources = self.course, {}
+        missing = regulator.KNOTS - course.times.size
+        regulators = []
+        for i, move in enumerate(self.moves):
+            gains = self.gains[:, i]
+            columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), course.planned[i], strict=True))
+            columns |= {"instant": course.times, "offset": np.sum(gains.T * course.reference, axis=0)}
+            columns |= {name: values[i] for name, values in room.items()}
+            columns |= {f"gain_{j}": gains[:, j - 1] for j in range(1, len(self.states) + 1)}
+            settings: dict[str, Any] = {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
+            triple = [f"{move}{end}" for end in ("", "_dot", "_ddot")]
+            for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
+                settings[start] = given.pop(triple[n]) - course.planned[i, n, 0]
+            if course.after == "repeats":
+                settings |= {
+                    "repeats": self.duration,
+                    "shift": np.pad(self._shift, (0, regulator.READINGS - self._shift.size)),
+                }
+            regulators.append(system.add(f"{self.name}_{move}", "Regulator", period=self.step_size, **settings))
+            sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
+        follows = {} if course.times.size == 1 else {"input_reconstruction": 2}
+        mechanism = system.add(self.name, self.component, **self.values, **follows, **given)
+        for move, part in zip(self.moves, regulators, strict=True):
+            system.connect(part["y"], mechanism[move])
+            system.connect(part["elapsed"], part["sampled"])
+            for i, name in enumerate(self.states, start=1):
+                system.connect(sources[name] if name in sources else mechanism[name], part[f"reading_{i}"])
+        return system
+
+    @property
+    def _shift(self) -> Array:
+        """By how much coordinates that enter nothing move on in a round."""
+        gap = self.course.reference[:, -1] - self.course.reference[:, 0]
+        return np.where([name in self.free for name in self.states], gap, 0.0)
+
+    def times(self, stop_time: float | None = None) -> Array:
+        """Communication points until then [s]; until the end of the plan unless given."""
+        course, stop = self.course, self.duration if stop_time is None else stop_time
+        if course.after == "repeats":
+            rounds = np.arange(int(np.ceil(stop / self.duration - _SAME)))
+            points = np.append((rounds[:, None] * self.duration + course.times[:-1]).ravel(), stop)
+        else:
+            more = np.arange(1, max(0, int(np.ceil((stop - course.times[-1]) / self.step_size - 1e-9))) + 1)
+            points = np.concatenate([course.times, np.minimum(course.times[-1] + more * self.step_size, stop)])
+        return np.append(points[points < stop * (1 - 1e-12)], stop)
+
+    def simulate(
+        self, stop_time: float | None = None, *, inputs: Mapping[str, Any] | None = None, **starts: float
+    ) -> Result:
+        """Run :meth:`system`.
+
+        :param stop_time: end [s]; that of the plan unless given.
+        :param inputs: input of the mechanism -> function of time: a disturbance.
+        :param starts: as of :meth:`system`.
+        """
+        given = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
+        return self._run(self.system(**starts), stop_time, given or None)
+
+    def _run(self, system: System, stop_time: float | None, inputs: Mapping[str, Any] | None = None) -> Result:
+        coupling = "jacobi" if self.course.times.size == 1 else "gauss-seidel"
+        return system.simulate(times=self.times(stop_time), coupling=coupling, tolerance=1e-11, inputs=inputs)
+
+    def deviation(self, run: Result) -> Array:
+        """By how much the states of a run differ from those that are held, (states, times)."""
+        names = []
+        for name in self.states:
+            ends = {move + end: f"{self.name}_{move}.y{end}" for move in self.moves for end in ("", "_dot", "_ddot")}
+            names.append(ends.get(name, f"{self.name}.{name}"))
+        repeats = self.course.after == "repeats"
+        rounds = np.floor(run.time / self.duration + _SAME) * repeats
+        late = run.time - rounds * self.duration + _SAME * self.duration
+        places = np.maximum(0, np.searchsorted(self.course.times, late, side="right") - 1)
+        return (
+            np.array([run[name] for name in names]) - self.course.reference[:, places] - np.outer(self._shift, rounds)
+        )
+
+    def survives(self, port: str, duration: float, *, stop_time: float | None = None, first: float = 0.01) -> float:
+        """Greatest of the forces tried at a port, from 0 on, after which what is held came back.
+
+        Doubled until it falls, then halved in between twelve times: nothing is said of other forces.
+
+        :param port: input of the mechanism, ``"theta_force"``.
+        :param duration: how long the force acts [s].
+        :param stop_time: by then the free coordinates are back to 5 % of where they were most [s].
+        :param first: the first force tried.
+        """
+        places = [self.states.index(name) for name in self.free if name not in self.moves]
+
+        def comes_back(force: float) -> bool:
+            try:
+                run = self.simulate(stop_time, inputs={port: lambda t: force if t < duration else 0.0})
+            except LiaisonsError:
+                if force == 0:
+                    raise
+                return False
+            off = np.abs(self.deviation(run)[places])
+            return bool(np.all(off[:, -1] <= 0.05 * np.max(off)))
+
+        low, high = 0.0, first
+        if not comes_back(low):
+            return low
+        while comes_back(high) and high < 1e6:
+            low, high = high, 2 * high
+        for _ in range(12):
+            middle = (low + high) / 2
+            low, high = (middle, high) if comes_back(middle) else (low, middle)
+        return low
+
+    def measured(self) -> Array:
+        """The matrix of one step, or of the whole course, as the FMUs perform it, from runs on both sides of it.
+
+        Without bounds: where the course lies on one, a correction that it stops is none of first order.
+        """
+        first, last = np.linalg.pinv(self.directions), np.linalg.pinv(self.ends)
+        begins, ends = [], []
+        for direction in self.shifts:
+            shifted: list[dict[str, Any]] = [
+                {name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)
+            ]
+            runs = [self._run(self._system({}, starts), self.duration) for starts in shifted]
+            change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR)
+            begins.append(first @ change[:, 0])
+            ends.append(last @ change[:, -1])
+        return np.linalg.lstsq(np.array(begins), np.array(ends), rcond=None)[0].T
+
+    def verify(self) -> list[Verdict]:
+        """Whether one step or the whole course of the FMUs is what was predicted, and what is controlled comes back."""
+        measured = self.measured()
+        what = "one step" if self.course.times.size == 1 else "one round" if self.returns else "the whole plan"
+        error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
+        far = np.abs(self.multipliers[:, None] - self._factors(measured))
+        apart = float(np.max(far[linear_sum_assignment(far)]))
+        why = "differences of 1e-5, solver tolerance 1e-11"
+        found = [
+            verdict(f"{what} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
+            verdict("so are its multipliers", error=apart, tolerance=1e-3, reason="a root of it where they coincide"),
+        ]
+        if self.returns:
+            radius = float(np.max(np.abs(self.controlled)))
+            found.append(verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9))
+        return found
+
+    def __repr__(self) -> str:
+        radius = np.max(np.abs(self.controlled))
+        rest = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
+        moves = ", ".join(self.moves)
+        return f"<{self.name} held by {moves} every {self.step_size:g} s: |multiplier| <= {radius:.6f}{rest}>"

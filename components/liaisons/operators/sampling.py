@@ -1,0 +1,201 @@
+"""A mechanism beside a motion, from one communication point to the next, to first order in what it is off.
+
+The linearisation is that of the equations that the FMUs have, along the motion as they perform it: within a step a
+correction of σ is the polynomial that the mechanism makes of what it is told.  So the matrices of a step are exact,
+sampling and all, up to the tolerance with which they are integrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liaisons.language import Orientation
+from liaisons.models.regulator import READINGS
+from liaisons.operators.feedback import Array, Step
+from liaisons.operators.problems import Goal, PlanError, Reader
+
+_POWERS = np.arange(6)
+_UNIT = np.linalg.inv(
+    np.vstack([np.diag([1.0, 1.0, 2.0, 0.0, 0.0, 0.0])[:3], _POWERS**0, _POWERS, _POWERS * (_POWERS - 1.0)])
+)
+"""Value, rate and acceleration at 0 and 1 -> coefficients of the polynomial of degree five."""
+
+
+_PARTS = 32
+"""Into so many parts a step is divided: of fourth order, these leave 1e-10."""
+
+
+class Sampled:
+    """The mechanism of a goal, sampled: its coordinates start, and are moved, as the goal says of the start.
+
+    :param asked: names of what is moved that has to be held, even if it enters nothing.
+    :ivar states: names: the mechanism's that what moves acts on, or depends on; σ where it is held; σ̇, σ̈.
+    :ivar names: those of the mechanism.
+    :ivar free: coordinates that are held.
+    """
+
+    def __init__(self, goal: Goal, asked: Container[str], *, interpolate: bool) -> None:
+        self.reader = reader = Reader(goal)
+        self.interpolate, self.name, self.moves = interpolate, reader.name, goal.moves
+        if any(v.name.startswith("lambda_") for v in reader.model.outputs):
+            raise PlanError(f"{self.name} has constraints: hold takes mechanisms in free coordinates")
+        given = reader.given
+        for turn, axes in reader.turns.items():
+            if turn in given:
+                unit = np.array(given[turn], dtype=float) / np.linalg.norm(given[turn])
+                reader.k |= {reader.starts[axis]: float(x) for axis, x in zip(axes, unit, strict=True)}
+        y = np.array([reader.k[reader.starts[n]] if n in reader.starts else 0.0 for n in reader.x_names])
+        self.sigma = np.zeros((len(self.moves), 3))
+        self.sigma[:, 0] = reader.s_start
+        self.sigma[:, 1] = [float(given.get(f"{m}_dot", 0.0)) for m in self.moves]
+        symbols = [reader.y, reader.s, reader.v, reader.a]
+        self.start = np.array(ca.Function("start", symbols, [reader.start_state])(y, *self.sigma.T)).ravel()
+        self.places = self._coupled()
+        self.names = [reader.x_names[i] for i in self.places]
+        self.turns = {turn: axes for turn, axes in reader.turns.items() if set(axes) <= set(self.names)}
+        keeps = [m in asked or reader.depends(reader.rates, reader.s[i]) for i, m in enumerate(self.moves)]
+        self.kept = [m for m, keep in zip(self.moves, keeps, strict=True) if keep]
+        n, c = len(self.names), len(self.moves)
+        self.rows = [*range(n), *(n + i for i, keep in enumerate(keeps) if keep), *range(n + c, n + 3 * c)]
+        free = (n for n in self.names if n in reader.starts and n not in Orientation.momenta)
+        self.free = (*free, *self.kept)
+        self.states = (*self.names, *self.kept, *(f"{m}{end}" for end in ("_dot", "_ddot") for m in self.moves))
+        if len(self.states) > READINGS:
+            many = f"{len(self.states)} states are more than the {READINGS} that a Regulator reads"
+            raise PlanError(f"{self.name}: {many}")
+
+    @property
+    def cyclic(self) -> list[str]:
+        """Coordinates that enter nothing, so that a motion goes on alike wherever they are."""
+        reader = self.reader
+        enters = reader.acts(reader.rates[self.places], reader.y[self.places])
+        return [name for i, name in enumerate(self.names) if not enters[:, i].any() and name in self.free]
+
+    def _coupled(self) -> list[int]:
+        """Places of the states that what moves acts on, and of those on which they depend."""
+        reader = self.reader
+        acts = reader.acts(reader.rates, ca.vertcat(reader.y, reader.s, reader.v))
+        n = len(reader.x_names)
+        among, found = acts[:, :n], acts[:, n:].any(axis=1)
+        for _ in range(n):
+            found = found | among[:, found].any(axis=1)
+        for _ in range(n):
+            found = found | among[found].any(axis=0)
+        return [int(i) for i in np.flatnonzero(found)]
+
+    @cached_property
+    def _slopes(self) -> ca.Function:
+        """(y, σ, σ̇, σ̈) -> rates and their derivatives with respect to each of these, side by side."""
+        reader = self.reader
+        others = [i for i in range(len(reader.x_names)) if i not in self.places]
+        rates = ca.substitute(reader.rates[self.places], reader.y[others], ca.DM(self.start[others]))
+        y, s, v, a = symbols = [reader.y[self.places], reader.s, reader.v, reader.a]
+        slopes = [ca.jacobian(rates, symbol) for symbol in symbols]
+        return ca.Function("slopes", [y, s, v, a], [ca.densify(ca.horzcat(rates, *slopes))], {"cse": True})
+
+    def rates(self, y: Array, sigma: Array) -> Array:
+        """Of the mechanism's states, σ and its two rates being (moves, 3)."""
+        return np.array(self._slopes(y, *sigma.T))[:, 0]
+
+    def steps(
+        self, times: Array, planned: Array, period: float, start: Array | None = None
+    ) -> tuple[Array, list[Step]]:
+        """What is held and what becomes of being off it.
+
+        :param times: communication points (N + 1).
+        :param planned: σ, σ̇, σ̈ there, (moves, 3, N + 1).
+        :param period: of the regulators.
+        :param start: the mechanism's states at the first of them; as the goal says unless given.
+        :returns: the states (states, N + 1), and matrices of the N steps; what chooses are accelerations w, one a move.
+        """
+        y, found, steps = self.start[self.places] if start is None else start, [], []
+        for k, H in enumerate(np.diff(times)):
+            found.append(y)
+            y, step = self._step(y, planned[:, :, k : k + 2], float(H), period)
+            steps.append(step)
+        reference = np.vstack([np.transpose([*found, y]), *(planned[:, i] for i in range(3))])
+        return reference[self.rows], steps
+
+    @cached_property
+    def _substep(self) -> ca.Function:
+        """A step by Runge and Kutta's method: the states, and how they change with those at its begin."""
+        n, c = len(self.names), len(self.moves)
+        z, u, way = ca.MX.sym("z", n, 1 + n + 6 * c), ca.MX.sym("u"), ca.MX.sym("way", 6, c)
+        ends, H = ca.MX.sym("ends", 6, 6), ca.MX.sym("H")
+
+        def rates(u: ca.MX, z: ca.MX) -> ca.MX:
+            orders = ((p, [p * u ** max(p - 1, 0) / H, p * (p - 1) * u ** max(p - 2, 0) / H**2]) for p in range(6))
+            bases = ca.horzcat(*(ca.vertcat(u**p, *rates) for p, rates in orders))  # (orders, powers)
+            slopes = self._slopes(z[:, 0], *ca.vertsplit(bases @ way))
+            of_time, of_y, *of_sigma = ca.horzsplit(slopes, [0, 1, *range(1 + n, 2 + n + 3 * c, c)])
+            forced = (
+                sum((x * of for x, of in zip(ca.vertsplit(basis), of_sigma, strict=True)), ca.MX(n, c))
+                for basis in ca.horzsplit(bases @ ends)
+            )
+            return H * ca.horzcat(of_time, of_y @ z[:, 1:] + ca.horzcat(ca.MX(n, n), *forced))
+
+        h, k = 1 / _PARTS, [rates(u, z)]
+        for part in (h / 2, h / 2, h):
+            k.append(rates(u + part, z + part * k[-1]))
+        after = z + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
+        return ca.Function("substep", [z, u, way, ends, H], [after]).mapaccum(_PARTS)
+
+    def _step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
+        n, c = len(self.names), len(self.moves)
+        scale = np.array([1.0, H, H**2])
+        ends = _UNIT * np.tile(scale, 2)
+        if not self.interpolate:
+            ends = np.hstack([np.diag([1.0, 1.0, 0.5, 0, 0, 0])[:, :3] * scale, np.zeros((6, 3))])
+        way = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
+        begin = np.hstack([y[:, None], np.eye(n), np.zeros((n, 6 * c))])
+        parts = np.arange(_PARTS)[None] / _PARTS
+        found = np.array(
+            self._substep(begin, parts, *(np.tile(x, _PARTS) for x in (way, ends)), np.full((1, _PARTS), H))
+        )
+        y, off = np.hsplit(found[:, -begin.shape[1] :], [1])
+        M, N = _followed(H, period, c)
+        before, after = off[:, n : n + 3 * c], off[:, n + 3 * c :]
+        A = np.block([[off[:, :n], before + after @ M], [np.zeros((3 * c, n)), M]])
+        return y.ravel(), (A[np.ix_(self.rows, self.rows)], np.vstack([after @ N, N])[self.rows])
+
+    def directions(self, reference: Array) -> Array:
+        """Columns along which the states can differ from (states,): of a quaternion only turns."""
+        D = np.eye(len(self.states))
+        for axes in self.turns.values():
+            i, *_ = places = [self.states.index(axis) for axis in axes]
+            w, x, y, z = reference[places]
+            D[np.ix_(places, places[1:])] = np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
+            D = np.delete(D, i, axis=1)
+        return D
+
+    def forces(self, y: Array, sigma: Array) -> tuple[Array, Array]:
+        """Forces of what moves, and their effective mass."""
+        reader = self.reader
+        forces = ca.vertcat(*(reader.signals[f"{m}_force"] for m in self.moves))
+        whole = self.start.copy()
+        whole[self.places] = y
+        found: Any = ca.Function(
+            "forces", [reader.y, reader.s, reader.v, reader.a], [forces, ca.jacobian(forces, reader.a)]
+        )
+        return tuple(np.array(value) for value in found(whole, *sigma.T))  # type: ignore[return-value]
+
+
+def _followed(H: float, period: float, count: int) -> Step:
+    """Corrections, their rates and accelerations after a step: the rate of the latter is (w - x'') / period."""
+    e = np.exp(-H / period)
+    gone = period * (1 - e)
+    way = period * (H - gone)
+    M, N = np.array([[1, H, way], [0, 1, gone], [0, 0, e]]), np.array([[H**2 / 2 - way], [H - gone], [1 - e]])
+    one = np.eye(count)
+    return np.asarray(np.kron(M, one), dtype=float), np.asarray(np.kron(N, one), dtype=float)
+
+
+def reduced(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
+    """Matrices of steps in the directions in which the states can differ, at both ends of each."""
+    back = [np.linalg.pinv(D) for D in directions[1:]]
+    return [(b @ A @ D, b @ B) for (A, B), D, b in zip(steps, directions[:-1], back, strict=True)]
