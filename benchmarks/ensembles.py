@@ -7,7 +7,7 @@ One RK4 step of one member on one core, by CasADi's C (compiled as for an FMU, i
 and the same states.
 
 Then what a user calls, :func:`liaisons.ensemble`, for 200 000 members and 1000 steps, on all cores beside one, by the
-clock on the wall: the machine has to be idle.  What it does before its steps and after them (derivation, arrays) is part
+clock on the wall: the machine has to be idle.  What it does before and after its steps (derivation, arrays) is part
 of it; the compiler is not, since the code lies there from the first call on.  Ratios are taken round by round.
 """
 
