@@ -34,6 +34,7 @@ def typed(command: str) -> str:
     return f"{command} --no-open" if command.startswith("liaisons show") else command
 
 
+@pytest.mark.slow
 def test_getting_started(runs: Runs, tmp_path: Path) -> None:
     (script,) = blocks(START, "python")
     for command, printed in console(START):

@@ -77,6 +77,14 @@ WRONG: list[tuple[Formula, str]] = [
     (lambda m: ca.fmax(m.stiffness * m.z**2, m.mass), r"in fmax\(.*, stiffness\*z\^2 is J but mass is kg"),
     (lambda m: ca.if_else(m.z > m.mass, m.stiffness * m.z**2, 0), r"in \(mass < z\), mass is kg but z is m"),
     (
+        lambda m: m.stiffness * m.z**2 * (m.z == m.mass),
+        r"in \(.* == .*\), (z is m but mass is kg|mass is kg but z is m)",
+    ),
+    (
+        lambda m: m.stiffness * m.z**2 * (m.z != m.mass),
+        r"in \(.* != .*\), (z is m but mass is kg|mass is kg but z is m)",
+    ),
+    (
         lambda m: ca.if_else(m.z > 0, m.stiffness * m.z**2, m.stiffness * m.x),
         r"the term if_else\(not\(\(0 < z\)\), stiffness\*x\) is N where J is expected",
     ),

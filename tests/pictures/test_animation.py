@@ -120,8 +120,8 @@ def test_refusals(swing: Result, tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match="has no picture; animate that of"):
         Result("table", swing.time, swing.names, swing.values.copy(), {}).animate(tmp_path / "a.gif")
     picture = Picture(({"shape": "ball", "at": ["a", 0.0, 0.0]},))
-    with pytest.raises(SimulationError, match="not finite at t = 2 s"):
-        frames(picture, np.array([1.0, 2.0]), lambda _: np.array([0.0, np.nan]))
+    with pytest.raises(SimulationError, match=r"^swing: a in its picture is not finite at t = 2 s"):
+        frames(picture, np.array([1.0, 2.0]), lambda _: np.array([0.0, np.nan]), title="swing")
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_omedit_reads_the_places_of_all_shapes(name: str, moved: Callable[[str],
     result.animate(tmp_path / "motion_visual.xml", speed=1.5)
     assert result.scene is not None
     signals = dict(zip(result.names, result.values, strict=True))
-    seen = motion_frames(result.scene, result.time, signals, 1.5 / RATE)
+    seen = motion_frames(result.scene, result.time, signals, 1.5 / RATE, "it")
     expected = []
     for shape in seen.shapes:
         places = shape.points[..., [0, 2, 1]] * (1, 1, -1)  # y is up

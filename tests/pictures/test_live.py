@@ -349,3 +349,17 @@ def test_a_damaged_picture_is_refused(content: bytes, fmu: Callable[..., Path], 
     )
     with pytest.raises(SimulationError, match=r"^[^\n]*picture\.json[^\n]*$"):
         write_live_page(damaged, tmp_path / "page.html")
+
+
+@pytest.mark.parametrize(
+    ("zig", "cure"), [(None, "as our native FMUs have them: pip install ziglang"), (["zig"], "as our FMUs have them")]
+)
+def test_an_fmu_without_sources(
+    fmu: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, zig: list[str] | None, cure: str
+) -> None:
+    """Such as are built where there is no compiler."""
+    monkeypatch.setattr("liaisons.live.page.zig_compiler", lambda: zig)
+    with pytest.raises(
+        SimulationError, match=rf"Ramp\.fmu: a live page needs the C sources of FMI 2\.0 inside, {cure}$"
+    ):
+        live_page(fmu(catalogue()["Ramp"], "python"))

@@ -38,7 +38,7 @@ def shown(result: Result) -> Frames:
     scene = result.scene
     assert scene is not None
     signals = {name: result[name] for name in result.names}
-    return frames(scene.picture, result.time, scene.values(signals).__getitem__)
+    return frames(scene.picture, result.time, scene.values(signals).__getitem__, title="it")
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

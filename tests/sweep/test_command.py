@@ -125,3 +125,7 @@ def test_a_system_of_a_python_file_and_of_an_archive(swing, tmp_path, capsys) ->
     for subject in (f"{file}:system", str(archive)):
         assert main(["sweep", subject, *arguments]) == 0
         assert "bob.theta:max [rad]" in capsys.readouterr().out
+        assert main(["simulate", subject, *arguments[-4:], "--record", "bob.theta"]) == 0
+        assert "bob.theta  rad" in capsys.readouterr().out
+    assert main(["simulate", f"{file}:system", *arguments[-4:], "--set", "bob.theta_0=1"]) == 2
+    assert "start values of a system are given where its FMUs are added" in capsys.readouterr().err

@@ -16,11 +16,24 @@ from liaisons.cosim.description import Fmu
 from liaisons.cosim.messages import logger
 from liaisons.cosim.simulation import Simulation, checked, communication_points
 from liaisons.library import fmu_file
-from liaisons.project import ProjectError
+from liaisons.project import ProjectError, load_module
 
 MISMATCH = "_mismatch"
 _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs
 _INSTANT = 1e-6  # of a step: so long before a jump inputs are looked at once more
+
+
+def resolved(word: str, starts: Iterable[Any]) -> tuple[Path | System, dict[str, Any]]:
+    """The FMU or the system that a word stands for, and the start values that it has not taken by itself.
+
+    :raises ProjectError: if there is no such thing.
+    """
+    given = dict(starts)
+    if word.lower().endswith(".ssp"):
+        return ssp.read(word, System, given), {}
+    file, separator, name = word.rpartition(".py:")
+    found = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
+    return (found if isinstance(found, System) else fmu_file(word)), given
 
 
 def simulation(
@@ -38,13 +51,14 @@ def simulation(
     :param record: signals besides :func:`mismatches`; outputs and inputs if None.
     :param isolated: each FMU in a process of its own, where a call may take so long [s]; 0: in this one.
     """
-    path = Path(word)
-    if single := path.suffix.lower() != ".ssp":
-        path = fmu_file(word)
-        system = System(path.stem)
-        system.experiment = system.add(path.stem.replace(".", "_"), path, **dict(starts)).fmu.experiment
+    subject, rest = resolved(word, starts)
+    if single := not isinstance(subject, System):
+        system = System(subject.stem)
+        system.experiment = system.add(subject.stem.replace(".", "_"), subject, **rest).fmu.experiment
+    elif rest:
+        raise ProjectError(f"{word}: start values of a system are given where its FMUs are added")
     else:
-        system = ssp.read(path, System, dict(starts))
+        system = subject
     own = system.experiment
     start, stop, step, tolerance = span
     begin = (own.start_time or 0.0) if start is None else start
@@ -53,13 +67,13 @@ def simulation(
     end, size = found.stop_time, found.step_size
     if end is None or size is None:
         if single:
-            raise ProjectError(f"{path.name} does not say when to end, or by which steps; add --stop and --step")
+            raise ProjectError(f"{Path(word).name} does not say when to end, or by which steps; add --stop and --step")
         end = begin + _SPAN if end is None else end
         size = (end - begin) / _STEPS if size is None else size
         words = (
             "%s does not say when to end, or by which steps: taken for %.4g s and %.4g s; --stop and --step say more"
         )
-        logger.warning(words, path.name, end, size)
+        logger.warning(words, Path(word).name, end, size)
     driven = drives(system, given, begin, end, single=single)
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)

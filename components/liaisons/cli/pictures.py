@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -81,14 +81,11 @@ def show(
     _limit: UnpackedLimit = None,
 ) -> int:
     """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account."""
-    from liaisons import interface, ssp
+    from liaisons.cli._subject import resolved
+    from liaisons.live import show as written
 
-    path, given = Path(fmu), dict[str, Any](starts)
-    if path.suffix.lower() == ".ssp":
-        system = ssp.read(path, interface.System, given)
-        page = interface.show(system, output or f"{path.stem}.html")
-    else:
-        page = interface.show(fmu, output, **given)
+    found, rest = resolved(fmu, starts)
+    page = written(found, output, **rest)
     print(f"page: {page}")
     if launch:
         webbrowser.open(page.path.resolve().as_uri())

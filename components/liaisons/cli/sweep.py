@@ -26,8 +26,7 @@ from liaisons.cli._command import (
     subject,
 )
 from liaisons.files import check_writable
-from liaisons.library import fmu_file
-from liaisons.project import ProjectError, load_module
+from liaisons.project import ProjectError
 
 if TYPE_CHECKING:
     from liaisons.sweeps import Cases
@@ -224,17 +223,14 @@ def _subject(
     word: str, starts: dict[str, Any], start: float | None, stop: float | None, step: float | None
 ) -> dict[str, Any]:
     """What is simulated, and from when to when: arguments of ``sweep()``."""
-    from liaisons import ssp
+    from liaisons.cli._subject import resolved
     from liaisons.cosim import System
 
+    found, rest = resolved(word, starts.items())
     given = {"start_time": start, "stop_time": stop, "step_size": step}
-    if word.endswith(".ssp"):
-        system = ssp.read(word, System, starts)
-        own = {name: getattr(system.experiment, name) if value is None else value for name, value in given.items()}
-        return {"subject": system, **own}
-    file, separator, name = word.rpartition(".py:")
-    found = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
-    return {"subject": found if isinstance(found, System) else fmu_file(word), **given, "starts": starts}
+    if isinstance(found, System):  # an archive says from when to when
+        given |= {name: getattr(found.experiment, name) for name, value in given.items() if value is None}
+    return {"subject": found, **given, "starts": rest}
 
 
 def _cases(

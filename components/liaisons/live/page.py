@@ -14,7 +14,7 @@ import fmpy
 from fmpy.model_description import ModelDescription, ScalarVariable
 
 from liaisons.array_names import split
-from liaisons.compiler import compile_wasm
+from liaisons.compiler import compile_wasm, zig_compiler
 from liaisons.cosim import Part, System
 from liaisons.cosim.archive import Archive
 from liaisons.cosim.scenes import picture_of
@@ -87,7 +87,8 @@ def _compiled(path: Path, *_identity: int) -> str:
             with archive.open(member) as file:
                 sources[member.removeprefix("sources/")] = file.read()
     if "fmi2Functions.h" not in sources:
-        raise SimulationError(f"{path}: a live page needs the C sources of FMI 2.0 inside, as our FMUs have them")
+        ours = "as our FMUs have them" if zig_compiler() else "as our native FMUs have them: pip install ziglang"
+        raise SimulationError(f"{path}: a live page needs the C sources of FMI 2.0 inside, {ours}")
     sources["page.c"] = (files("liaisons.pictures") / "web" / "page.c").read_bytes()
     return base64.b64encode(gzip.compress(compile_wasm(sources, *_EXPORTS), 9, mtime=0)).decode()
 

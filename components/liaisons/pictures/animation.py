@@ -82,13 +82,13 @@ def animate(
     speed = _pace(time) if speed is None else speed
     at = _instants(time, speed / RATE)
     known = {name: _between(time, values, at) for name, values in signals.items()}
-    shown = _frames(scene, at, known)
+    shown = _frames(scene, at, known, title)
     ghost = None
     if against is not None:
         followed = {name: _between(time, np.asarray(values, dtype=float), at) for name, values in against.items()}
         drawn = scene.picture.variables  # these are to be calculated anew
         kept = {name: values for name, values in known.items() if name in followed or name not in drawn}
-        ghost = _frames(scene, at, kept | followed)
+        ghost = _frames(scene, at, kept | followed, title)
     many = title if len(at) > _MANY else ""
     with replacing(path) as whole, progress_bar(many, "frame {:g} of {:g}", 0, len(at)) as show:
         if kind == ".glb":
@@ -120,7 +120,7 @@ def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, tit
     speed = _pace(time)
     fit = most // (_BYTES * max(len(picture.variables), 1))
     rate = min(RATE, fit * speed / float(time[-1] - time[0]))
-    shown = motion_frames(scene, time, signals, speed / rate)
+    shown = motion_frames(scene, time, signals, speed / rate, title)
     return _recorded(picture, shown, title=title, speed=speed, rate=rate)
 
 
@@ -138,13 +138,13 @@ def _recorded(picture: Picture, shown: Frames, *, title: str, speed: float, rate
     return page("recorded.html", ("picture.js", "recorded.js"), title, "", plan)
 
 
-def motion_frames(scene: Scene, time: NDArray[np.float64], signals: Values, step: float) -> Frames:
+def motion_frames(scene: Scene, time: NDArray[np.float64], signals: Values, step: float, title: str) -> Frames:
     """The shapes of the picture at every step [s].
 
     :raises SimulationError: if the FMU cannot be asked, or a coordinate is not finite.
     """
     at = _instants(time, step)
-    return _frames(scene, at, {name: _between(time, values, at) for name, values in signals.items()})
+    return _frames(scene, at, {name: _between(time, values, at) for name, values in signals.items()}, title)
 
 
 def _pace(time: NDArray[np.float64]) -> float:
@@ -156,8 +156,8 @@ def _instants(time: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     return time[0] + np.arange(int(float(time[-1] - time[0]) / step + 1e-9) + 1) * step
 
 
-def _frames(scene: Scene, at: NDArray[np.float64], known: Values) -> Frames:
-    return frames(scene.picture, at, scene.values(known).__getitem__)
+def _frames(scene: Scene, at: NDArray[np.float64], known: Values, title: str) -> Frames:
+    return frames(scene.picture, at, scene.values(known).__getitem__, title=title)
 
 
 def _between(time: NDArray[np.float64], values: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -64,19 +64,20 @@ class Frames:
         return np.concatenate([points for shape in self.shapes for points in (shape.points, shape.corners)], axis=1)
 
 
-def frames(picture: Picture, time: NDArray, signal: Signal) -> Frames:
+def frames(picture: Picture, time: NDArray, signal: Signal, *, title: str) -> Frames:
     """The shapes of a picture at some times.
 
+    :param title: what it is of, for messages.
     :raises SimulationError: if a coordinate is not finite.
     """
     shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
     values = np.stack([signal(name) for name in picture.variables] or [np.zeros(len(time))], axis=1)
     found = Frames(time, shapes, picture.plane, values)
     if shapes and not np.isfinite(found.points).all():
-        late = float(time[~np.isfinite(found.points).all(axis=(1, 2))][0])
-        raise SimulationError(
-            f"the picture has a coordinate that is not finite at t = {late:g} s: nothing to draw there"
-        )
+        late = int(np.flatnonzero(~np.isfinite(found.points).all(axis=(1, 2)))[0])
+        which = [name for name, value in zip(picture.variables, values[late], strict=True) if not np.isfinite(value)]
+        what = f"{which[0]} in its picture" if which else "a coordinate in its picture"
+        raise SimulationError(f"{title}: {what} is not finite at t = {time[late]:g} s: nothing to draw there")
     return found
 
 

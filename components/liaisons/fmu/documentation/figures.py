@@ -35,7 +35,7 @@ def picture(model: Model, results: Trajectory | None) -> list[str]:
     backwards = {name: np.broadcast_to(column, time.shape)[::-1] for name, column in values.items()}
     if not any(shape["shape"] == "trail" for shape in declared.shapes):
         time, backwards = time[:1], {name: column[-1:] for name, column in backwards.items()}
-    seen = frames(declared, time, backwards.__getitem__)  # a trail ends at the start
+    seen = frames(declared, time, backwards.__getitem__, title=model.name)  # a trail ends at the start
     return _drawn(Stage(seen).faces(len(seen.time) - 1), model.name)
 
 
