@@ -9,6 +9,7 @@ import sys
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -61,6 +62,10 @@ def test_the_component_of_the_tutorial(runs: Runs, tmp_path: Path) -> None:
                 angle, rate = (float(shown[name][2]) for name in ("turn", "turn_dot"))
                 assert angle == pytest.approx(4 * rate, rel=1e-5)  # six digits are printed
     assert (tmp_path / "TurningParabola.png").is_file()
+
+    scope: dict[str, Any] = {}
+    exec(next(cell for cell in cells(COMPONENT) if "plan(" in cell), scope)
+    assert all(verdict.passed for verdict in scope["motion"].verify())
 
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-W", "error", "test_turning_parabola.py"],
