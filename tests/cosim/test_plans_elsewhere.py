@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from plans import MASTERS, PLANS, ours, theirs
+from plans_elsewhere import MASTERS, PLANS, ours, theirs
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name != "crane")) for name in PLANS])

@@ -1,4 +1,4 @@
-"""``python tests/cosim/plans.py``: archives of plans in masters that know nothing of us.
+"""``python tests/cosim/plans_elsewhere.py``: archives of plans in masters that know nothing of us.
 
 Prints a row for each plan and master: what is left at the end of what was wanted, the energy balance there, and how far
 the outputs are from those of our Jacobi coupling.
