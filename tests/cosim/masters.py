@@ -18,9 +18,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from ctypes import c_double
+from importlib.metadata import PackageNotFoundError, files
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -46,10 +47,11 @@ print("result", json.dumps([observer.last_real_values(slave(c), [r])[0] for c, _
 
 _ECOS = """
 import ctypes, json, sys
-from pathlib import Path
+from importlib.metadata import files
 
 # ecos needs TBB; the wheel puts it where no loader looks.
-ctypes.CDLL(str(Path(sys.prefix) / "lib" / "libtbb.so.12"), mode=ctypes.RTLD_GLOBAL)
+library = next(file for file in files("tbb") if file.name == "libtbb.so.12")
+ctypes.CDLL(str(library.locate()), mode=ctypes.RTLD_GLOBAL)
 from ecospy import EcosSimulation
 
 path, size, steps, wanted = json.loads(sys.argv[1])
@@ -94,25 +96,36 @@ def compared(system: System) -> list[tuple[str, str]]:
     ]
 
 
-def elsewhere(master: str, system: System, folder: Path, *, size: float, steps: int) -> Values:
+def elsewhere(
+    master: str, system: System, folder: Path, *, size: float, steps: int, also: Sequence[tuple[str, str]] = ()
+) -> Values:
     """The compared outputs at the end, in another master that is given the portable archive.
 
+    :param also: further outputs, by component and name.
     :raises RefusalError: if it fails.
     """
     if find_spec(master) is None:
         pytest.skip(f"{master} is not installed")
-    if master == "ecospy" and not (Path(sys.prefix) / "lib" / "libtbb.so.12").exists():
+    if master == "ecospy" and not _has_tbb():
         pytest.skip("TBB is not installed as a wheel")
     path = folder / "system.ssp"
     system.write_ssp(path, stop_time=size * steps, step_size=size)
-    wanted = [(c, v, system.parts[c].fmu.variables[v].reference) for c, v in compared(system)]
+    places = [*compared(system), *also]
+    wanted = [(c, v, system.parts[c].fmu.variables[v].reference) for c, v in places]
     task = json.dumps([str(path), size, steps, wanted])
     command = [sys.executable, "-c", _MASTERS[master], task]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     if ended.returncode != 0:
         raise RefusalError(ended.stderr + ended.stdout)
     (line,) = (line for line in ended.stdout.splitlines() if line.startswith("result "))  # among what they log
-    return dict(zip(map(".".join, compared(system)), json.loads(line.removeprefix("result ")), strict=True))
+    return dict(zip(map(".".join, places), json.loads(line.removeprefix("result ")), strict=True))
+
+
+def _has_tbb() -> bool:
+    try:
+        return any(file.name == "libtbb.so.12" and Path(file.locate()).exists() for file in files("tbb") or ())
+    except PackageNotFoundError:
+        return False
 
 
 def jacobi(system: System, folder: Path, *, size: float, steps: int, sweeps: int, first: float | None = None) -> Values:

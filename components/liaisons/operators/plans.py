@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -106,13 +107,14 @@ class Plan:
         """The mechanism and one operator FMU a coordinate, wired, with start values; steps in time are set, too.
 
         :param interpolate: the mechanism follows the operators' polynomials from step to step, to the last digits, as
-            a master can that steps operators first; False: for masters that step all at once, in steps a tenth as long.
+            a master can that steps operators first; False: for masters that step all at once, in equal steps, which
+            are a tenth as long.
         """
         system = System(f"planned {self.problem.name}")
         system.add(self.problem.name, self._fmu(), **self._values(interpolate=interpolate))
         times = self._times()
-        step = float(times[1]) / (1 if interpolate else 10)
-        system.experiment = DefaultExperiment(0.0, float(times[-1]), step)
+        first, end = float(times[1]), float(times[-1])
+        system.experiment = DefaultExperiment(0.0, end, first if interpolate else _even(end, first / 10))
         return system
 
     def replay(self) -> Result:
@@ -228,6 +230,16 @@ class Plan:
         word = "" if self.proved else ", not proved: it was stopped on the way"
         moves = ", ".join(self.problem.moves)
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
+
+
+def _even(end: float, longest: float) -> float:
+    """A step [s] of which a whole number fills the duration, and, if there is such a one, of whole nanoseconds.
+
+    There are masters that count these.
+    """
+    least = math.ceil(end / longest - 1e-6)
+    steps = (end / n for n in range(least, 2 * least))
+    return next((round(step, 9) for step in steps if abs(step - round(step, 9)) < 1e-12), end / least)
 
 
 def _derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:

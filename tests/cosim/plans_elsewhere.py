@@ -1,0 +1,97 @@
+"""``python tests/cosim/plans_elsewhere.py``: archives of plans in masters that know nothing of us.
+
+Prints a row for each plan and master: what is left at the end of what was wanted, the energy balance there, and how far
+the outputs are from those of our Jacobi coupling.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from masters import compared, elsewhere
+
+from liaisons import Plan, plan
+
+MASTERS = ("libcosimpy", "ecospy")
+
+
+class Wanted(NamedTuple):
+    """A plan, and what its end is, by the names of outputs."""
+
+    plan: Callable[[], Plan]
+    end: Mapping[str, float]
+
+
+def _crane() -> Plan:
+    end = {"theta": 0, "theta_dot": 0, "pivot_x": 0.5, "pivot_x_dot": 0}
+    goal: Any = {"start": {"theta": 0}, "end": end, "duration": 3.0, "minimize": "pivot_x_ddot**2"}
+    return plan("Pendulum", ["pivot_x"], length=2.0, **goal)
+
+
+def _satellite() -> Plan:
+    goal: Any = {"end": {"attitude": (0, 0, 0, 1)}, "duration": 2.0, "intervals": 20, "accuracy": None}
+    return plan("Satellite", ["wheel_1", "wheel_2"], J_xx=10.0, J_yy=10.0, **goal)
+
+
+def _cat() -> Plan:
+    goal: Any = {"start": {"phi": 0}, "end": {"phi": -1.047}, "closed": True, "duration": 0.9}
+    return plan("PlanarCat", arm_1=0.25, arm_2=0.25, bounds={"psi_1": (-3, 3), "psi_2": (-3, 3)}, **goal)
+
+
+PLANS = {
+    "crane": Wanted(_crane, {"theta": 0.0, "p_theta": 0.0}),
+    "satellite": Wanted(_satellite, {"q_w": 0.0, "q_x": 0.0, "q_y": 0.0}),
+    "cat": Wanted(_cat, {"phi": -1.047}),
+}
+
+
+class Outcome(NamedTuple):
+    """At the end: what is left of the goal, the energy balance [J], and how far it is from our Jacobi coupling."""
+
+    missed: float
+    balance: float
+    difference: float
+
+
+def ours(found: Plan, end: Mapping[str, float]) -> tuple[dict[str, float], Outcome]:
+    """Our Jacobi coupling: what is compared, and the outcome."""
+    system, name = found.system(interpolate=False), found.problem.name
+    experiment = system.experiment
+    result = system.simulate(experiment.stop_time, experiment.step_size, coupling="jacobi")
+    values = {".".join(place): float(result[".".join(place)][-1]) for place in compared(system)}
+    missed = max(abs(values[f"{name}.{output}"] - value) for output, value in end.items())
+    return values, Outcome(missed, float(result[f"{name}.energy_balance"][-1]), 0.0)
+
+
+def theirs(master: str, found: Plan, end: Mapping[str, float], expected: Mapping[str, float], folder: Path) -> Outcome:
+    """Another master."""
+    system, balance = found.system(interpolate=False), (found.problem.name, "energy_balance")
+    experiment = system.experiment
+    assert experiment.stop_time is not None
+    assert experiment.step_size is not None
+    steps = round(experiment.stop_time / experiment.step_size)
+    values = elsewhere(master, system, folder, size=experiment.step_size, steps=steps, also=[balance])
+    missed = max(abs(values[f"{found.problem.name}.{output}"] - value) for output, value in end.items())
+    return Outcome(missed, values[".".join(balance)], max(abs(values[n] - v) for n, v in expected.items()))
+
+
+if __name__ == "__main__":
+    print("| plan | master | misses the goal by | energy balance [J] | differs from our Jacobi |")  # noqa: T201
+    print("|---|---|---:|---:|---:|")  # noqa: T201
+    for title, wanted in PLANS.items():
+        motion = wanted.plan()
+        reference, own = ours(motion, wanted.end)
+        rows = {"liaisons": own}
+        with tempfile.TemporaryDirectory() as scratch:
+            for other in MASTERS:
+                rows[other] = theirs(other, motion, wanted.end, reference, Path(scratch))
+        for other, row in rows.items():
+            print(f"| {title} | {other} | {' | '.join(f'{np.abs(value):.1e}' for value in row)} |")  # noqa: T201
