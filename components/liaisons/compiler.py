@@ -159,6 +159,7 @@ def _run(command: list[str], folder: Path) -> None:
         process = subprocess.Popen(
             command,
             cwd=folder,
+            env={**os.environ, "TMPDIR": str(folder)},  # what is left of one that is killed goes with the folder
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from liaisons.cosim import loop
+from liaisons.cosim import compiled
 from liaisons.fmu import build
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
@@ -323,7 +323,7 @@ def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[
 def either_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """The test runs twice: communication steps by compiled code, and by Python."""
     if request.param == "Python":
-        monkeypatch.setattr(loop, "compiled", lambda: None)
+        monkeypatch.setattr(compiled, "steps", lambda: None)
 
 
 @pytest.fixture(scope="session")

@@ -10,13 +10,16 @@ import subprocess
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+import numpy as np
 import pytest
 from making import wired
 
 from liaisons import compiler
 from liaisons.cosim import Result, compiled, loop, simulate
+from liaisons.cosim.coupling.coupled import Coupled
+from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.schedule import Coupling
 from liaisons.errors import BuildError
 from liaisons.fmu import build
@@ -48,9 +51,10 @@ def same_by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
 
         with monkeypatch.context() as only_compiled:
             only_compiled.setattr(loop.Loop, "_advance", refuse)
+            only_compiled.setattr(Coupled, "_step", refuse)
             first = run()
         with monkeypatch.context() as without:
-            without.setattr(loop, "compiled", lambda: None)
+            without.setattr(compiled, "steps", lambda: None)
             second = run()
         assert len(first.names) > 10
         assert first.time.tobytes() == second.time.tobytes()
@@ -76,6 +80,88 @@ def test_a_system(versions, same_by_python, fmi: tuple[str, str], coupling: Coup
     same_by_python(run)
 
 
+OURS, ASKING, OTHERS = "Pendulum", "fmi3/Pendulum", "python/Pendulum"
+
+
+@pytest.mark.parametrize("coupling", ["implicit", "waveform"])
+@pytest.mark.parametrize("names", [(OURS, OURS), (ASKING, OURS), (OTHERS, OURS)])
+@pytest.mark.parametrize("H", [0.005, 0.05])
+def test_coupled_pendulums(component, same_by_python, names, coupling: Coupling, H: float) -> None:
+    """Polynomials, answers inside a step, values at its end; some iterations, and many with secants."""
+
+    def run() -> Result:
+        upper, lower = ((component(name), {"theta_0": 0.4, "mass": 0.4 + k}) for k, name in enumerate(names))
+        system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
+        return system.simulate(30 * H, H, coupling=coupling)
+
+    same_by_python(run)
+
+
+def test_a_coupled_chain(component, same_by_python) -> None:
+    """Many unknowns, several groups, a source before them, driven by a function of time."""
+
+    def run() -> Result:
+        parts: dict[str, Any] = {"motor": component("Sinusoid")}
+        parts |= {f"m{k}": (component("Oscillator"), {"x_0": 0.1 * k, "stiffness": 10.0**k}) for k in range(6)}
+        wires = ["motor.y -> m0.support", *(f"m{k}.x -> m{k + 1}.support" for k in (0, 1, 3, 4))]
+        system = wired(*wires, **parts)
+        force = {"m2.x_force": lambda t: float(t > 0.72), "m3.support": lambda t: (t**3, 3 * t**2, 6 * t)}
+        return system.simulate(2.0, 0.05, coupling="implicit", inputs=force)
+
+    same_by_python(run)
+
+
+def test_a_coupling_of_other_makes(fmu, same_by_python) -> None:
+    """They hold their inputs, and give no derivatives."""
+
+    def run() -> Result:
+        spring = (fmu("buffer"), {"stiffness": 0.3})
+        system = wired("cart.q -> spring.length", cart=(fmu("cart"), {"q_0": 1.0}), spring=spring)
+        return system.simulate(1.0, 0.05, coupling="implicit")
+
+    same_by_python(run)
+
+
+def test_adapted_coupled_steps(component, monkeypatch) -> None:
+    upper, lower = ((component("Pendulum"), {"theta_0": 0.2 + k}) for k in range(2))
+    system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
+    first = system.simulate(1.0, 0.01, error_tolerance=1e-6)
+    monkeypatch.setattr(compiled, "steps", lambda: None)
+    second = system.simulate(1.0, 0.01, error_tolerance=1e-6)
+    assert len(first.time) > 10
+    assert first.time.tobytes() == second.time.tobytes()
+    assert all(first[name].tobytes() == second[name].tobytes() for name in first.names)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_elimination_solves_what_a_dense_one_does(seed: int, monkeypatch) -> None:
+    """By pivots that were chosen for other numbers, too, where these will do, and by new ones, where they will not."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(1, 40))
+    pattern = {(k, k) for k in range(n)} | {(int(i), int(k)) for i, k in random.integers(0, n, (3 * n, 2))}
+    pattern = sorted(pattern)
+    by_c, by_python = (Elimination(n, pattern) for _ in range(2))
+    for scale in (1.0, 1.1, 0.0, 1e3):
+        numbers, right = random.normal(size=len(pattern)), random.normal(size=n)
+        numbers[[i == k for i, k in pattern]] += scale
+        matrix = np.zeros((n, n))
+        matrix[tuple(zip(*pattern, strict=True))] = numbers
+        if np.linalg.cond(matrix) > 1e10:
+            continue
+        found = []
+        for elimination in (by_c, by_python):
+            elimination.values[:] = numbers
+            elimination.factorize()
+            found.append(elimination.solve(right))
+            monkeypatch.setattr(compiled, "steps", lambda: None)
+        monkeypatch.undo()
+        assert found[0].tobytes() == found[1].tobytes()
+        # pivots of a thousandth let rounding grow by 1e3, times that of a random system of this size
+        np.testing.assert_allclose(
+            matrix @ found[0], right, atol=1e-9 * float(np.linalg.norm(matrix) * np.linalg.norm(found[0]))
+        )
+
+
 def test_functions_of_time_are_called_by_python(versions) -> None:
     instants = []
     simulate(
@@ -87,14 +173,14 @@ def test_functions_of_time_are_called_by_python(versions) -> None:
     assert set(instants) == {0.0, 0.25, 0.5, 0.75, 1.0}
 
 
-@pytest.mark.parametrize("source", ["loop.c", "instances/isolated.c"])
+@pytest.mark.parametrize("source", ["loop.c", "coupling.c", "instances/isolated.c"])
 def test_its_source_is_clean(source: str) -> None:
     cc = compiler.system_compiler() or compiler.zig_compiler() or []
     flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-fsyntax-only"]
     subprocess.run([*cc, *flags, Path(loop.__file__).parent / source], check=True)
 
 
-_loaded = partial(compiled.loaded.__wrapped__, Path(loop.__file__).with_name("loop.c"), "steps are made by Python")
+_loaded = partial(compiled.loaded.__wrapped__, compiled.STEPS, "steps are made by Python")
 
 
 def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:

@@ -12,7 +12,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import CONVERT, COPY, Action, Call
+from liaisons.cosim.calls import CONVERT, COPY, RAISED, Action, Call
 from liaisons.cosim.messages import WARNING
 from liaisons.cosim.model_description import Conversion
 from liaisons.cosim.schedule import Feeds, Place
@@ -27,7 +27,7 @@ class Bus:
     :param watched: outputs that are read as if they were connected.
     :param recorded: further variables that are wanted.
     :param conversions: of inputs that are not what feeds them.
-    :ivar start: begin and ``size`` of the step [s] as foreign functions see them, ``end`` as Python does.
+    :ivar start: begin, ``size`` and ``end`` of the step [s], where foreign functions see them.
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class Bus:
         places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
         self.index = {place: k for k, place in enumerate(places)}
         self.values = np.zeros(len(places))
-        self.start, self.size, self.end = c_double(), c_double(), 0.0
+        self.start, self.size, self.end = c_double(), c_double(), c_double()
 
     def turn(self, start: float, end: float) -> None:
         """Turn the clock to the step between two instants [s]."""
-        self.start.value, self.size.value, self.end = start, end - start, end
+        self.start.value, self.size.value, self.end.value = start, end - start, end
 
     def perform(self, calls: Iterable[Call]) -> None:
         """Make calls, one after the other.
@@ -68,13 +68,15 @@ class Bus:
 
         :raises SimulationError: unless it was a warning.
         """
+        if status == RAISED and call.raised is not None:
+            raise call.raised
         if status != WARNING:
             assert call.failure is not None
             raise call.failure(call.action, status, self._when(call.action))
 
     def _when(self, action: Action) -> str:
         since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
-        return f" {since} t = {self.end:.10g} s"
+        return f" {since} t = {self.end.value:.10g} s"
 
     def outputs(self, name: str, *, every: bool = True) -> list[Place]:
         """What is read from a component: what feeds something, and ``every`` other thing that is recorded."""

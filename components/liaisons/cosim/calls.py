@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import Structure, c_int, c_size_t, c_void_p, cast
+from ctypes import CFUNCTYPE, Structure, c_int, c_size_t, c_void_p, cast
 from functools import partial
 from typing import Any, Literal, final
 
 from liaisons.errors import SimulationError
 
-Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope"]
-"""What a call does; the last three: directional derivatives, derivatives of inputs and of outputs."""
+Action = Literal["copy", "set", "step", "get", "save", "restore", "derive", "shape", "slope", "couple"]
+"""What a call does; of the last four: directional derivatives, derivatives of inputs and of outputs, a coupled step."""
 
 Failure = Callable[[Action, int, str], SimulationError]
 """Makes the error of a call: what it was to do, the status that it returned, and when that was."""
 
-COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3 = range(6)
-"""Kinds of calls, as ``loop.c`` numbers them."""
+COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, PYTHON, COUPLED = range(12)
+"""Kinds of calls, as ``calls.h`` numbers them."""
+
+RAISED = -1
+"""What is no status: an exception in a call that compiled code has asked Python for; it is ``raised`` of the call."""
 
 
 @final
 class Record(Structure):
-    """A call as ``loop.c`` makes it; see there."""
+    """A call as compiled code makes it; see ``calls.h``."""
 
     _fields_ = [
         ("kind", c_int),
@@ -31,6 +34,7 @@ class Record(Structure):
         ("count", c_size_t),
         ("values", c_void_p),
         ("size", c_size_t),
+        ("more", c_void_p),
     ]
 
 
@@ -42,12 +46,15 @@ class Call(partial[Any]):
 
     :ivar action: what it does.
     :ivar failure: makes its error; None of what cannot be refused.
-    :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; None if only Python can.
+    :ivar kept: what the record points to beside the arguments.
+    :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; see :meth:`compiled`.
     """
 
     action: Action = "copy"
     failure: Failure | None = None
     record: Record | None = None
+    raised: BaseException | None = None
+    kept: object = None
 
     def of(self, action: Action, failure: Failure) -> Call:
         """The same, which knows what it does for whom."""
@@ -64,11 +71,29 @@ class Call(partial[Any]):
         count: int = 0,
         values: int | None = None,
         size: int = 0,
+        more: int | None = None,
     ) -> Call:
         """The same with its record.
 
         :param function: of a library.
         :param given: address of what is read; ``values`` of what is written.
         """
-        self.record = Record(kind, cast(function, c_void_p).value, instance, given, count, values, size)
+        self.record = Record(kind, cast(function, c_void_p).value, instance, given, count, values, size, more)
         return self
+
+    def compiled(self) -> Record:
+        """How compiled code makes it; what only Python can do, it asks Python for."""
+        if self.record is None:
+            self._asked = _ASKED(self._answer)
+            self.record = Record(PYTHON, cast(self._asked, c_void_p).value)
+        return self.record
+
+    def _answer(self) -> int:
+        try:
+            return self() or 0
+        except BaseException as error:  # noqa: BLE001 - nothing gets through compiled code but this
+            self.raised = error
+            return RAISED
+
+
+_ASKED = CFUNCTYPE(c_int)

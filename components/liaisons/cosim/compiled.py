@@ -16,20 +16,28 @@ from liaisons.errors import BuildError, SimulationError
 from liaisons.files import replacing
 from liaisons.folders import passing_folder
 
+STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
+"""What is done at every communication step; Python does it as well, to the same bits."""
+
+
+def steps() -> CDLL | None:
+    """The library of :data:`STEPS`; None where it cannot be had."""
+    return loaded(STEPS, "communication steps are made by Python")
+
 
 @lru_cache
-def loaded(source: Path, without: str) -> CDLL | None:
-    """The library of a C file; None where it cannot be had.
+def loaded(sources: tuple[Path, ...], without: str) -> CDLL | None:
+    """The library of C files; None where it cannot be had.
 
     :param without: what happens then, for the log.
     """
-    content = source.read_bytes()
+    contents = {source.name: source.read_bytes() for source in sources}
     try:
         target = host()
-        key = sha256(repr((content, target, FLAGS)).encode()).hexdigest()[:16]
-        path = cache.folder() / f"{source.stem}-{key}{target.extension}"
+        key = sha256(repr((contents, target, FLAGS)).encode()).hexdigest()[:16]
+        path = cache.folder() / f"{sources[0].stem}-{key}{target.extension}"
         if not path.exists():
-            path = _written(path, compile_library({source.name: content}, target))
+            path = _written(path, compile_library(contents, target))
         return CDLL(str(path))
     except (BuildError, OSError) as error:
         logger.info("%s: %s", without, error)

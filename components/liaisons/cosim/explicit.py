@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 from numpy.typing import NDArray
@@ -20,9 +20,13 @@ Calls = list[Call]
 
 def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> tuple[Calls, Calls, Calls]:
     """Calls that make everything fit in initialization, and after it, and those of a communication step."""
+    known: dict[tuple[Operation, bool], Calls] = {}  # what is done again is the same call, and stays in the cache
 
-    def calls(program: Iterable[Operation], *, initial: bool = False) -> Calls:
-        return [c for operation in program for c in _lowered(simulation, instances, bus, operation, initial=initial)]
+    def calls(program: Sequence[Operation], *, initial: bool = False) -> Calls:
+        for key in dict.fromkeys((operation, initial) for operation in program):
+            if key not in known:
+                known[key] = list(_lowered(simulation, instances, bus, *key))
+        return [call for operation in program for call in known[operation, initial]]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     newest = {name for name, part in simulation.parts.items() if part.takes_newest}
@@ -34,7 +38,7 @@ def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus
 
 
 def _lowered(
-    simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, operation: Operation, *, initial: bool
+    simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, operation: Operation, initial: bool
 ) -> Iterator[Call]:
     """The calls of one operation; in initialization, only what is connected is read."""
     action, name = operation
@@ -56,4 +60,4 @@ def _lowered(
 
 
 def _evaluate(drive: Drive, bus: Bus, values: NDArray) -> None:
-    values[:] = drive(bus.end)
+    values[:] = drive(bus.end.value)

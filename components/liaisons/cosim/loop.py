@@ -1,26 +1,24 @@
 """Communication steps in a row, recorded: by compiled code where that is possible, else by Python, to the same bits.
 
-The loop of ``loop.c`` is compiled once and lies in the user's cache from then on.  It makes the calls that have
-a :class:`liaisons.cosim.calls.Record`; where a system has others (functions of time, FMI 3.0 arrays that are connected
-in part), or there is no C compiler, Python makes them.
+Compiled code asks Python for the calls that have no :class:`liaisons.cosim.calls.Record` (functions of time, FMI 3.0
+arrays that are connected in part); where there is no C compiler, Python makes them all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from ctypes import CDLL, byref, c_size_t, c_ssize_t, c_void_p
+from ctypes import byref, c_size_t, c_ssize_t, c_void_p
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.cosim import compiled
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call, Record
-from liaisons.cosim.compiled import loaded
 from liaisons.errors import EndedError, SimulationError
 
 _ROUNDING = 1e-6
@@ -39,15 +37,15 @@ class Loop:
     def __init__(self, calls: Sequence[Call], bus: Bus, times: Sequence[float]) -> None:
         self.done, self.times, self.rows = 0, np.array(times), np.empty((len(times), bus.values.size))
         self._calls, self._bus, self._instants = calls, bus, times
-        records = [call.record for call in calls if call.record is not None]
-        library = compiled() if len(records) == len(calls) else None
         self._compiled: Callable[..., int] | None = None
-        if library is not None:
+        if (library := compiled.steps()) is not None:
+            records = [call.compiled() for call in calls]
             self._refusal = (c_ssize_t * 2)()
             library.advance.restype = c_size_t
-            program = (Record * len(records))(*records), c_size_t(len(records)), byref(bus.start), byref(bus.size)
+            program = (Record * len(records))(*records), c_size_t(len(records))
+            clock = byref(bus.start), byref(bus.size), byref(bus.end)
             values = c_void_p(bus.values.ctypes.data), c_size_t(bus.values.size)
-            self._compiled = partial(library.advance, *program, *values)
+            self._compiled = partial(library.advance, *program, *clock, *values)
 
     def begin_anew(self) -> None:
         """Forget what was recorded."""
@@ -78,17 +76,16 @@ class Loop:
         self.done += done
         if done < wanted:
             call, status = self._refusal
-            self._bus.turn(*self._instants[self.done - 1 : self.done + 1])
             self._judge(self._calls[call], status)
 
     def _advance(self, rows: int) -> None:
         bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
-        values, start, size, calls = bus.values.data, bus.start, bus.size, self._calls
+        values, start, size, end, calls = bus.values.data, bus.start, bus.size, bus.end, self._calls
         place = self.done * width
         for now, then in pairwise(self._instants[self.done - 1 : rows]):
             start.value = now  # Bus.turn and Bus.perform written out: two Python calls less a step
             size.value = then - now
-            bus.end = then
+            end.value = then
             for call in calls:
                 if status := call():
                     self._judge(call, status)
@@ -102,16 +99,13 @@ class Loop:
         try:
             bus.judge(call, status)
         except EndedError as ended:
+            if call.action == "couple":  # of a coupled step there is nothing but the whole
+                raise
             alone = sum(other.action == "step" for other in calls) == 1
-            whole = ended.time > bus.end - _ROUNDING * bus.size.value
+            whole = ended.time > bus.end.value - _ROUNDING * bus.size.value
             if whole or (alone and ended.time > bus.start.value + _ROUNDING * bus.size.value):
-                bus.end = bus.end if whole else ended.time
+                bus.end.value = bus.end.value if whole else ended.time
                 with suppress(SimulationError):  # an FMU that has ended need not do more
                     bus.perform(calls[calls.index(call) + 1 :])
-                    self.add(bus.end, bus.values)
+                    self.add(bus.end.value, bus.values)
             raise
-
-
-def compiled() -> CDLL | None:
-    """The library of ``loop.c``; None where it cannot be had."""
-    return loaded(Path(__file__).with_name("loop.c"), "communication steps are made by Python")

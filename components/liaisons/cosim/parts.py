@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from numbers import Real
 from pathlib import Path
 from typing import Literal, final
@@ -18,6 +19,9 @@ from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
 """Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
+
+Triple = tuple[str, str, str]
+"""Names of value, rate and acceleration."""
 
 Way = Literal["polynomial", "asked", "interpolate", "mean"]
 """How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
@@ -204,36 +208,27 @@ class Port:
 
         ``theta[3]`` with ``_dot`` is ``theta_dot[3]``.
         """
-        base, index = self._parts()
+        base, index = _split(self.name)
         port = Port(self.part, f"{base}{suffix}{index}")
         return port if port.exists else None
 
     def without(self, suffix: str) -> Port | None:
         """The port whose name has this suffix less; None if there is none."""
-        base, index = self._parts()
+        base, index = _split(self.name)
         port = Port(self.part, f"{base.removesuffix(suffix)}{index}")
         return port if base.endswith(suffix) and port.exists else None
 
-    def _parts(self) -> tuple[str, str]:
-        base, bracket, index = self.name.partition("[") if self.name.endswith("]") else (self.name, "", "")
-        return base, f"{bracket}{index}"
-
     def triple(self) -> tuple[Port, Port, Port] | None:
         """Value, rate and acceleration, where all three exist and are real inputs or real outputs; else None."""
-        rate, acceleration = self.beside("_dot"), self.beside("_ddot")
-        if not self.exists or self.is_array or rate is None or acceleration is None:
-            return None
-        triple = (self, rate, acceleration)
-        kinds = {(port.variable.type, port.variable.causality) for port in triple}
-        return triple if kinds in ({("Real", "input")}, {("Real", "output")}) else None
+        return self._named(_triple(self.part.fmu, self.name))
 
     def curve(self) -> tuple[tuple[Port, Port, Port] | None, int]:
         """The port that this is a part of, and as which derivative of it; (None, 0) if of none."""
-        for order, suffix in enumerate(("", "_dot", "_ddot")):
-            triple = value.triple() if (value := self.without(suffix)) else None
-            if triple is not None:
-                return triple, order
-        return None, 0
+        names, order = _curve(self.part.fmu, self.name)
+        return self._named(names), order
+
+    def _named(self, names: Triple | None) -> tuple[Port, Port, Port] | None:
+        return names and (Port(self.part, names[0]), Port(self.part, names[1]), Port(self.part, names[2]))
 
     def axes(self) -> dict[str, Port]:
         """The components of the point of this name that are ports."""
@@ -254,3 +249,28 @@ def time_limit(what: str, isolated: object) -> float:
     if not 0 <= seconds < math.inf:
         raise SimulationError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
     return seconds
+
+
+def _split(name: str) -> tuple[str, str]:
+    base, bracket, index = name.partition("[") if name.endswith("]") else (name, "", "")
+    return base, f"{bracket}{index}"
+
+
+@lru_cache(maxsize=4096)  # of one file there may be thousands of instances
+def _triple(fmu: Fmu, name: str) -> Triple | None:
+    base, index = _split(name)
+    names = name, f"{base}_dot{index}", f"{base}_ddot{index}"
+    if not all(other in fmu.variables for other in names):
+        return None
+    kinds = {(fmu.variables[other].type, fmu.variables[other].causality) for other in names}
+    return names if kinds in ({("Real", "input")}, {("Real", "output")}) else None
+
+
+@lru_cache(maxsize=4096)
+def _curve(fmu: Fmu, name: str) -> tuple[Triple | None, int]:
+    base, index = _split(name)
+    for order, suffix in enumerate(("", "_dot", "_ddot")):
+        triple = _triple(fmu, f"{base.removesuffix(suffix)}{index}") if base.endswith(suffix) else None
+        if triple is not None:
+            return triple, order
+    return None, 0

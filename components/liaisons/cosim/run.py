@@ -150,7 +150,7 @@ class Run:
         self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
         others = [call for name in self._instances for call in self._other_readings(name)]
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
-        return [first], [settle, *others], [Call(coupled.step), *others]
+        return [first], [settle, *others], [coupled.advance, *others]
 
     def _other_readings(self, name: str) -> list[Call]:
         places = self._bus.others(name)

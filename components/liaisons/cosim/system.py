@@ -116,13 +116,14 @@ class System:
 
         :raises ConnectError: if an input has a source already.
         """
-        joined = dict(self._connections)
+        joined: dict[Place, Connection] = {}
         for connection in connections:
-            taken = joined.setdefault(connection.target.place, connection)
+            place = connection.target.place
+            taken = self._connections.get(place) or joined.setdefault(place, connection)
             if taken is not connection:
                 ends = f"{connection.source} cannot be connected with {connection.target}"
                 raise ConnectError(f"{ends}: {taken.source} feeds it already; an input has one source")
-        self._connections = joined
+        self._connections.update(joined)
 
     def simulate(
         self,

@@ -26,7 +26,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim import loop
+from liaisons.cosim import compiled
 from liaisons.cosim.instances import extracted, isolated
 from liaisons.errors import SweepError
 from liaisons.folders import passing_folder
@@ -57,8 +57,8 @@ def simulate(study: Study, cases: Iterable[int], count: int, deliver: Deliver, t
     :param deliver: takes what is finished, in whatever order.
     :param time_limit: of a case [s].
     """
-    for compiled in (loop.compiled, isolated.library):
-        compiled()  # before there are processes, each of which would compile it
+    for library in (compiled.steps, isolated.library):
+        library()  # before there are processes, each of which would compile it
     with passing_folder() as folder:
         task: Task | bytes = study, extracted(study.fmus(), folder), str(folder)
         if sys.platform != "linux":  # elsewhere a fork is not safe

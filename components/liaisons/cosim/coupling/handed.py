@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.cosim.calls import Call
+from liaisons.cosim.coupling.records import HandedRecord
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
 
 _CONTRADICTION = 1 / 4
@@ -21,10 +23,8 @@ _MISS = 1 / 2
 _POINTS = 3
 """Points before the end of a step that lie, with it, on one cubic."""
 
-Others = tuple[tuple[float, float], Vector]
-"""Two instants, from the begin of the step [s], and values there, shape (2, n)."""
 Flags = NDArray[np.bool_]
-State = tuple[Vector, tuple[float, float], Indices, Flags]
+State = tuple[Vector, Vector, Indices, Flags]
 
 
 @final
@@ -36,6 +36,8 @@ class Handed:
 
     :param curves: what the inputs outside follow.
     :ivar made: the values whose slopes are made.
+    :ivar others: what these are at two more :attr:`instants`, from the begin of the step [s], where they have no past;
+        shape (2, n).
     """
 
     def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:
@@ -47,22 +49,36 @@ class Handed:
         self._stairs: Flags = np.array([not signals.continuous(index) for index in made], dtype=bool)
         self._slopes: Indices = self.made + signals.count
         self._given: list[Indices] = [np.array([pair[k] for pair in pairs], dtype=np.intp) for k in range(3)]
-        self.begin_anew()
+        n = len(made)
+        self._state: State = np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp), self._stairs.copy()
+        self.instants, self.others = np.zeros(2), np.zeros((2, n))
+
+    def record(self, ask: Call | None) -> HandedRecord:
+        """The same, for compiled code.
+
+        :param ask: looks for :attr:`others`; returns 1 if it has found them.
+        """
+        record = HandedRecord(given=len(self._given[0]), made=len(self.made))
+        record.point(**dict(zip(("given_values", "given_slopes", "given_roots"), self._given, strict=True)))
+        record.point(**dict(zip(("past", "spans", "depth", "jumped"), self._state, strict=True)))
+        record.point(made_values=self.made, stairs=self._stairs, instants=self.instants, others=self.others)
+        record.ask = ask and ask.compiled().function
+        return record
 
     def begin_anew(self) -> None:
         """Forget everything."""
         n = self.made.size
-        self._state: State = np.zeros((2, n)), (1.0, 1.0), np.ones(n, dtype=np.intp), self._stairs
+        self.rewind((np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp), self._stairs))
 
     @property
     def fresh(self) -> bool:
         """Whether other points are wanted, since a signal has too short a past."""
         return bool(np.any(self._state[2] < _POINTS))
 
-    def shape(self, size: float, others: Others | None = None) -> None:
+    def shape(self, size: float, *, others: bool) -> None:
         """Make slopes, and find what jumps, once both ends of a step are known.
 
-        :param others: what is made, at two more instants, where there is no past.
+        :param others: whether there is something in :attr:`others`.
         """
         signals = self._signals
         values, slopes, roots = self._given
@@ -74,22 +90,24 @@ class Handed:
             signals.held[roots[np.abs(change - rises.sum(axis=0) / 2) > _CONTRADICTION * largest]] = True
         if self.made.size:
             past, (last, first), depth, jumped = self._state
-            ends, jumps = self._cubic(size, ((-last, -last - first), past), depth)
+            ends, jumps = self._cubic(size, (-last, -last - first), past, depth)
             jumps = np.where(depth == 1, jumped, jumps)
-            if others is not None:
-                ends_too, jumps_too = self._cubic(size, others, np.full_like(depth, _POINTS))
+            if others:
+                ends_too, jumps_too = self._cubic(
+                    size, self.instants.tolist(), self.others, np.full_like(depth, _POINTS)
+                )
                 better = (depth < _POINTS) & ~jumps_too
                 ends, jumps = np.where(better, ends_too, ends), jumps & ~better
             jumps |= self._stairs
             signals.held[self.made] = jumps
             signals.ends[:, self._slopes] = np.where(jumps, 0.0, ends)
 
-    def _cubic(self, size: float, others: Others, depth: Indices) -> tuple[Vector, Flags]:
+    def _cubic(self, size: float, instants: Sequence[float], others: Vector, depth: Indices) -> tuple[Vector, Flags]:
         """Slopes at both ends of the cubic through these and two more points, and whether one is off that of the rest.
 
         :param depth: 2 for a parabola through the first of the two, 1 for a straight line.
         """
-        (a, b), (at_a, at_b) = others
+        (a, b), (at_a, at_b) = instants, others
         before, now = self._signals.ends[:, self.made]
         gap = (max(a, b, size) - min(a, b, 0.0)) / 3
         rates = np.array([(now - before) / size, (now - at_a) / (size - a), (at_a - at_b) / (a - b)])
@@ -97,7 +115,7 @@ class Handed:
         bend = (rates[1] - rates[0]) / a
         rates[2] = np.where(depth > 2, rates[2], rates[1] + bend * (b - size))
         twist = ((rates[2] - rates[1]) / (b - size) - bend) / b
-        off = np.where(depth > 2, 6 * gap**2 * np.abs(twist), 2 * gap * np.abs(bend))
+        off = np.where(depth > 2, 6 * (gap * gap) * np.abs(twist), 2 * gap * np.abs(bend))
         ends = rates[0] + size * np.array([a * twist - bend, (size - a) * twist + bend])
         return ends, off > _MISS * np.abs(rates).max(axis=0)
 
@@ -105,15 +123,18 @@ class Handed:
         """Go on from the end of the step; to be called while the signals still show it."""
         if not self.made.size:
             return
-        (earlier, _), (last, _), depth, _ = self._state
-        jumps = self._signals.held[self.made] & (depth > 1)
-        depth = np.where(jumps, 1, np.minimum(depth + 1, _POINTS))
-        self._state = np.array([self._signals.before[self.made], earlier]), (size, last), depth, jumps
+        past, spans, depth, jumped = self._state
+        past[1], past[0] = past[0], self._signals.before[self.made]
+        spans[1], spans[0] = spans[0], size
+        jumped[:] = self._signals.held[self.made] & (depth > 1)
+        depth[:] = np.where(jumped, 1, np.minimum(depth + 1, _POINTS))
 
     def snapshot(self) -> State:
         """What :meth:`rewind` needs."""
-        return self._state
+        past, spans, depth, jumped = self._state
+        return past.copy(), spans.copy(), depth.copy(), jumped.copy()
 
     def rewind(self, state: State) -> None:
         """Forget what was since the snapshot."""
-        self._state = state
+        for own, other in zip(self._state, state, strict=True):
+            own[:] = other

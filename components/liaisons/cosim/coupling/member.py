@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from ctypes import Array, c_double
 from itertools import pairwise
 from typing import final
@@ -12,7 +12,9 @@ import numpy as np
 
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
-from liaisons.cosim.coupling.polynomials import HIGHEST, polynomials
+from liaisons.cosim.coupling.polynomials import HIGHEST, Polynomials, polynomials, powers
+from liaisons.cosim.coupling.records import ASKED as AT_INSTANTS
+from liaisons.cosim.coupling.records import MEAN, POLYNOMIAL, MemberRecord, records
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
 from liaisons.cosim.instances.protocol import ASKED, Instance
 from liaisons.cosim.parts import Part, Port, Way
@@ -20,8 +22,8 @@ from liaisons.cosim.schedule import Depends
 
 _TIMES = np.arange(1, ASKED + 1) / ASKED
 """Where it asks for inputs inside a step of length 1."""
-_ORDERS = np.arange(1, HIGHEST + 1)
-_POWERS = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
+INSIDE = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
+"""What a derivative adds to the value at each of these, shape (HIGHEST, ASKED)."""
 
 
 @final
@@ -76,7 +78,7 @@ class Member:
             self._again = [restore, *first_calls]
 
     def _before(self) -> list[Call]:
-        self._polynomials: Callable[[Vector, float], Vector] | None = None
+        self._polynomials: Polynomials | None = None
         self._middle: Vector | None = None
         if self._way is None:
             return []
@@ -86,7 +88,8 @@ class Member:
             self._middle, buffer = _buffer(len(self.inputs))
             return [self._instance.setter(self.inputs, buffer)]
         highest = HIGHEST if self.part.takes_curves else 1
-        which, self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
+        self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
+        which = self._polynomials.which
         known = [(*self.curves[k].data[self.curves[k].order :], *[self._signals.zero] * HIGHEST) for k, _ in which]
         self._begun: Indices = np.array([d[order] for d, (_, order) in zip(known, which, strict=True)], dtype=np.intp)
         self._of: Indices = np.array([k for k, _ in which], dtype=np.intp)
@@ -163,8 +166,10 @@ class Member:
                 if self._way == "polynomial":
                     self._derivatives[:] = derivatives
                 else:
-                    rows = derivatives.reshape(-1, HIGHEST) * size**_ORDERS
-                    self._inside[:] = ends[0, self.sources] + (rows @ _POWERS).T
+                    self._inside[:] = ends[0, self.sources]
+                    rows = derivatives.reshape(-1, HIGHEST) * powers(size)[1 : HIGHEST + 1]
+                    for row, factors in zip(rows.T, INSIDE, strict=True):
+                        self._inside += np.outer(factors, row)
             elif self._middle is not None:
                 begin, end = ends[:, self.sources]
                 self._middle[:] = np.where(held, begin, (begin + end) / 2)
@@ -173,7 +178,7 @@ class Member:
     def step_in_thirds(self) -> Vector:
         """The same where nothing feeds it; returns what its outputs were on the way, shape (2, outputs)."""
         bus, found = self._bus, []
-        start, size, end = bus.start.value, bus.size.value, bus.end
+        start, size, end = bus.start.value, bus.size.value, bus.end.value
         points = [start, start + size / 3, start + 2 * size / 3, end]
         for here, there in pairwise(points):
             bus.turn(here, there)
@@ -181,6 +186,35 @@ class Member:
             found.append(self._read.copy())
         bus.turn(start, end)
         return np.array(found[:2])
+
+    def record(self) -> MemberRecord:
+        """The same, for compiled code."""
+        self.calls = calls = [*self._first[: bool(self._again)], *(self._again or self._first)]
+        record = MemberRecord(
+            repeated=bool(self._again),
+            sloped=self.sloped,
+            calls=records(calls),
+            count=len(calls),
+            inputs=len(self.inputs),
+            outputs=len(self.outputs),
+            value=self.values.start,
+            slope=self.slopes.start,
+        )
+        record.point(sources=self.sources, roots=self._roots, set_values=self._set_values)
+        record.point(read=self._read, slopes=self._slope_values)
+        if self.sloped and self.inputs:
+            record.point(rates=self.rates, rate_values=self._rate_values)
+        if self._middle is not None:
+            record.way = MEAN
+            record.point(shape=self._middle)
+        if (curves := self._polynomials) is not None:
+            record.derivatives, record.terms = curves.terms.shape
+            record.known = len(curves.known)
+            record.point(signals=curves.known, scaling=curves.scaling, after=curves.after)
+            record.point(term=curves.terms, factors=curves.factors, begun=self._begun, of=self._of)
+            record.way = POLYNOMIAL if self._way == "polynomial" else AT_INSTANTS
+            record.point(shape=self._derivatives if self._way == "polynomial" else self._inside)
+        return record
 
     def begin_anew(self) -> None:
         """Forget everything."""
@@ -214,31 +248,27 @@ class Member:
         if self.sloped:
             self._rate_values[:] = now[self.rates]
 
-    def derivatives(self, depends: Depends) -> tuple[list[tuple[int, int]], Callable[[], Vector]]:
+    def derivatives(self, depends: Depends) -> tuple[list[tuple[int, int]], list[Call], list[Vector]]:
         """∂(outputs)/∂(inputs) that are not 0, column by column.
 
-        :returns: (output, input), their places among those of the member, of each; and what calculates them at the
-            present instant.
+        :returns: (output, input), their places among those of the member, of each; the calls that calculate them at
+            the present instant, and where those put them.
         """
         pairs: list[tuple[int, int]] = []
         calls: list[Call] = []
         values: list[Vector] = []
-        seed = (c_double * 1)(1.0)
         for k, known in enumerate(self.inputs if self.part.fmu.differentiates else ()):
             rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, known.name))]
             if rows:
                 column, buffer = _buffer(len(rows))
-                calls.append(self._instance.directional([self.outputs[i] for i in rows], [known], seed, buffer))
+                calls.append(self._instance.directional([self.outputs[i] for i in rows], [known], _ALONG, buffer))
                 values.append(column)
                 pairs += [(i, k) for i in rows]
+        return pairs, list(self._instance.together(calls)), values
 
-        together = self._instance.together(calls)
 
-        def calculated() -> Vector:
-            self._bus.perform(together)
-            return np.concatenate(values) if values else np.empty(0)
-
-        return pairs, calculated
+_ALONG = (c_double * 1)(1.0)
+"""The direction of one input."""
 
 
 def _buffer(size: int, buffer: Array[c_double] | None = None) -> tuple[Vector, Array[c_double]]:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import lru_cache
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
-from liaisons.cosim.coupling.signals import Curve, Vector
+from liaisons.cosim.coupling.signals import Curve, Indices, Vector
 
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
 
-_DENSE = 4096
-"""Matrices up to this size are multiplied faster as they are than by their non-zeros."""
+_POWERS = 2 * 3 + 2
+"""So many powers of the size of a step occur."""
 
 # Coefficients of the powers m+1 ... 2m+1 of θ = (τ - t)/H, for a polynomial that has value and m derivatives 0 at
 # θ = 0, from its value and derivatives at θ = 1 (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
@@ -28,6 +28,7 @@ _LAST = {
 }
 
 
+@cache
 def coefficients(count: int) -> NDArray[np.float64]:
     """Coefficients of the powers of θ, shape (2 count, 2 count), from ``count`` data at θ = 0 and as many at θ = 1.
 
@@ -39,43 +40,64 @@ def coefficients(count: int) -> NDArray[np.float64]:
     return np.block([[first, np.zeros((count, count))], [-last @ taylor, last]])
 
 
-def polynomials(
-    curves: Sequence[Curve], width: int, highest: int
-) -> tuple[list[tuple[int, int]], Callable[[Vector, float], Vector]]:
+def powers(size: float) -> Vector:
+    """1, H, H², ...: products, which compiled code rounds alike."""
+    return np.multiply.accumulate([1.0] + [size] * (_POWERS - 1))
+
+
+@final
+@dataclass(frozen=True)
+class Polynomials:
     """Derivatives of some inputs at the begin of a step, a linear function of the signals at both its ends.
+
+    :param which: input and order of each derivative.
+    :param known: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.
+    :param terms: of each derivative those of the known that it is a sum of, with ``factors``; shape (derivatives,
+        terms).
+    :param after: by which power of H it is divided then.
+    """
+
+    which: Sequence[tuple[int, int]]
+    known: Indices
+    scaling: Indices
+    terms: Indices
+    factors: NDArray[np.float64]
+    after: Indices
+
+    def __call__(self, ends: Vector, size: float) -> Vector:
+        """The derivatives.
+
+        :param ends: the signals at t and t + H, flat.
+        :param size: H [s].
+        """
+        scales = powers(size)
+        data = ends[self.known] * scales[self.scaling]
+        total = np.zeros(len(self.which))
+        for terms, factors in zip(self.terms.T, self.factors.T, strict=True):  # in this order: rounded alike everywhere
+            total += factors * data[terms]
+        return total / scales[self.after]
+
+
+def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomials:
+    """How inputs move in a step.
 
     :param curves: what each input follows.
     :param width: number of signals at one end.
     :param highest: order of the highest derivative; 1 leaves straight lines.
-    :returns: input and order of each derivative; and what calculates them from the signals at t and t + H, flat, and
-        H [s].
     """
     which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
-    rows, columns, factors, after = [], [], [], []
+    known: dict[tuple[int, int], int] = {}
+    terms = np.zeros((len(which), 6), dtype=np.intp)
+    factors = np.zeros(terms.shape)
+    after = np.empty(len(which), dtype=np.intp)
     for row, (k, order) in enumerate(which):
         curve = curves[k] if highest > 1 else curves[k].alone()
-        power = order + curve.order
-        after.append(-power)
-        if power >= 2 * len(curve.data):
-            continue
-        for place, factor in enumerate(coefficients(len(curve.data))[power]):
-            end, i = divmod(place, len(curve.data))
-            rows.append(row)
-            columns.append((end * width + curve.data[i], i))
-            factors.append(factor * math.factorial(power))
-    known = {column: k for k, column in enumerate(dict.fromkeys(columns))}
-    shape = len(which), len(known)
-    sparse = coo_array((factors, (rows, [known[column] for column in columns])), shape)
-    matrix: Any = sparse.toarray() if math.prod(shape) <= _DENSE else sparse.tocsr()
-    signals = np.array([signal for signal, _ in known], dtype=np.intp)
-    powers = np.array([power for _, power in known], dtype=float), np.array(after, dtype=float)
-
-    @lru_cache(maxsize=2)
-    def scales(size: float) -> tuple[Vector, Vector]:  # the matrix is that for H = 1; H changes by rounding at least
-        return size ** powers[0], size ** powers[1]
-
-    def derivatives(ends: Vector, size: float) -> Vector:
-        before, after = scales(size)
-        return after * (matrix @ (before * ends[signals]))
-
-    return which, derivatives
+        count, power = len(curve.data), order + curve.order
+        data = [(end * width + index, i) for end in (0, 1) for i, index in enumerate(curve.data)]
+        after[row] = power
+        terms[row] = known.setdefault(data[0], len(known))  # beyond them, times 0
+        if power < 2 * count:
+            terms[row, : 2 * count] = [known.setdefault(datum, len(known)) for datum in data]
+            factors[row, : 2 * count] = coefficients(count)[power] * math.factorial(power)
+    signals, scaling = np.array(list(known), dtype=np.intp).reshape(-1, 2).T.copy()
+    return Polynomials(which, signals, scaling, terms, factors, after)

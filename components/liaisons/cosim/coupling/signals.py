@@ -43,10 +43,6 @@ def driven(feeds: Feeds, source: Place) -> Place:
     return next(target for target, other in feeds.items() if other == source)
 
 
-_SMALLEST = 1e-3
-"""What is always 0 but for rounding has this size, a part of 1, FMI's nominal value where none is given."""
-
-
 @final
 @dataclass(frozen=True)
 class Curve:
@@ -75,6 +71,10 @@ class Signals:
     :param places: the outputs, those of one component side by side.
     :param alone: components that are not told how their inputs move.
     :ivar sloped: components that give derivatives of their outputs.
+    :ivar ends: all at t and at t + H; ``earlier`` those at the point before t, ``since`` how long ago that was.
+    :ivar rates: index of the derivative of each.
+    :ivar sizes: the largest value of each unit so far; ``kinds`` says for each output, which of them is its.
+    :ivar result: room for what one evaluation gives.
     :ivar held: whether what a curve begins with goes on as it was known at t, to jump at t + H.
     """
 
@@ -92,13 +92,14 @@ class Signals:
         self.ends = np.zeros((2, self.zero + 1))
         self.before, self.now = self.ends  # at t, and the present guess at t + H
         self.earlier = np.zeros(self.zero + 1)  # at the point before t
-        self._since = 0.0  # how long ago that was; 0: there was none
+        self.since = np.zeros(1)  # how long ago that was; 0: there was none
         self.held = np.zeros(self.zero + 1, dtype=bool)
-        self._rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
+        self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
         for place, k in self.index.items():
-            self._rates[k] = self._rate(place)
-        self._kinds = self._units()
-        self._sizes = np.zeros(int(self._kinds.max(initial=-1)) + 1)
+            self.rates[k] = self._rate(place)
+        self.kinds = self._units()
+        self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
+        self.result = np.zeros(self.zero + 1)
 
     def slope(self, place: Place) -> int:
         """Index of the slope of an output; that of the zero if there is none.
@@ -164,19 +165,19 @@ class Signals:
 
     def predict(self, size: float) -> None:
         """A first guess at t + H: along the cubic through the last two points, or the parabola at the first."""
-        rates, n = self._rates, self.count
+        rates, n, since = self.rates, self.count, float(self.since[0])
         x, v = self.before, self.before[rates]
-        if self._since == 0:
+        if since == 0:
             self.now[:] = x + size * (v + size / 2 * v[rates])
         else:
-            s = size / self._since
-            back, fall, rise = self.earlier - x, self.earlier[rates] * self._since, v * self._since
+            s = size / since
+            back, fall, rise = self.earlier - x, self.earlier[rates] * since, v * since
             cubic = fall + rise + 2 * back
             square = fall + 2 * rise + 3 * back
             guess = x + s * (rise + s * (square + s * cubic))
             unknown = rates == self.zero
             guess[unknown] = (x - s * back)[unknown]
-            slopes = (rise + s * (2 * square + 3 * s * cubic)) / self._since
+            slopes = (rise + s * (2 * square + 3 * s * cubic)) / since
             last = (rates >= n) & (rates < self.zero)
             guess[rates[last]] = slopes[last]
             self.now[:] = guess
@@ -186,33 +187,24 @@ class Signals:
         """Go on from the end of the step."""
         self.earlier[:] = self.before
         self.before[:] = self.now
-        self._since = size
+        self.since[:] = size
         self.measure()
 
     def measure(self) -> None:
         """Note how large the signals of each unit are."""
-        self._sizes = self._present_sizes()
-
-    def _present_sizes(self) -> Vector:
-        sizes = self._sizes.copy()
-        np.maximum.at(sizes, self._kinds, np.abs(self.now[: self.count]))
-        return sizes
-
-    def scales(self, size: float) -> Vector:
-        """What errors are compared with: the largest value of this unit so far; of slopes, that over H."""
-        scales = np.maximum(self._present_sizes(), _SMALLEST)[self._kinds]
-        return np.concatenate([scales, scales / size, [1.0]])
+        np.maximum.at(self.sizes, self.kinds, np.abs(self.now[: self.count]))
 
     def begin_anew(self) -> None:
         """Forget everything."""
         self.rewind((np.zeros_like(self.ends), np.zeros_like(self.earlier), 0.0))
-        self._sizes[:] = 0.0
+        self.sizes[:] = 0.0
+        self.result[:] = 0.0
         self.held[:] = False
 
     def snapshot(self) -> Snapshot:
         """What :meth:`rewind` needs."""
-        return self.ends.copy(), self.earlier.copy(), self._since
+        return self.ends.copy(), self.earlier.copy(), float(self.since[0])
 
     def rewind(self, snapshot: Snapshot) -> None:
         """Forget what was since the snapshot."""
-        self.ends[:], self.earlier[:], self._since = snapshot
+        self.ends[:], self.earlier[:], self.since[:] = snapshot

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes as c
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -25,39 +26,56 @@ class Carrier:
     """Whole variables of one type, one behind the other in a buffer, and the scalars that are wanted of them.
 
     :param references: value references of the variables, in FMI 3.0 each once.
-    :param buffer: room for all their elements; ``scratch`` is the same as NumPy sees it.
+    :param of: the type of C of their elements, so many as ``size``.
     :param wanted: which of the scalars of the call these are.
     :param places: where those stand in the buffer.
     """
 
     base: str
     references: tuple[int, ...]
-    buffer: c.Array[Any]
-    scratch: NDArray[Any]
-    wanted: NDArray[np.intp]
-    places: NDArray[np.intp]
+    of: Any
+    size: int
+    wanted: Sequence[int]
+    places: Sequence[int]
+
+    @cached_property
+    def buffer(self) -> c.Array[Any]:
+        """Room for all elements."""
+        return (self.of * self.size)()
+
+    @cached_property
+    def scratch(self) -> NDArray[Any]:
+        """The same as NumPy sees it."""
+        return np.ctypeslib.as_array(self.buffer)
 
     @property
     def whole(self) -> bool:
         """Whether the scalars are all that the buffer holds."""
-        return len(self.places) == len(self.buffer)
+        return len(self.places) == self.size
 
     @property
     def direct(self) -> bool:
         """Whether the scalars are just what the buffer holds, doubles in this order."""
-        in_order = np.array_equal(self.places, np.arange(len(self.buffer)))
-        return self.base in {"Real", "Float64"} and in_order and len(self.wanted) == len(self.places)
+        return self.base in {"Real", "Float64"} and list(self.places) == list(range(self.size))
 
     def taken(self, read: Transfer, values: NDArray[np.float64]) -> int:
         """Read the buffer, and hand on what is wanted of it."""
         status = read()
-        values[self.wanted] = self.scratch[self.places]
+        values[self._targets] = self.scratch[self._sources]
         return status
 
     def given(self, write: Transfer, values: NDArray[np.float64]) -> int:
         """Write the buffer, with these values within what stands in it."""
-        self.scratch[self.places] = values[self.wanted]
+        self.scratch[self._sources] = values[self._targets]
         return write()
+
+    @cached_property
+    def _targets(self) -> NDArray[np.intp]:
+        return np.array(self.wanted, dtype=np.intp)
+
+    @cached_property
+    def _sources(self) -> NDArray[np.intp]:
+        return np.array(self.places, dtype=np.intp)
 
 
 def carriers(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> list[Carrier]:
@@ -65,9 +83,10 @@ def carriers(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) ->
 
     :param types: those of C, by the types in the names of FMI's functions.
     """
-    bases = dict.fromkeys(variable.base for variable in variables)
-    wanted = {base: [k for k, variable in enumerate(variables) if variable.base == base] for base in bases}
-    return [carrier(fmu, variables, wanted[base], base, types[base]) for base in bases]
+    wanted: dict[str, list[int]] = {}
+    for k, variable in enumerate(variables):
+        wanted.setdefault(variable.base, []).append(k)
+    return [carrier(fmu, variables, places, base, types[base]) for base, places in wanted.items()]
 
 
 def carrier(
@@ -83,12 +102,10 @@ def carrier(
         begin = begins.setdefault(variable.reference, size) if fmu.version == 3 else size
         if begin == size:
             references.append(variable.reference)
-            array = fmu.variables.whole(variable.name)
+            array = fmu.variables.whole(variable.name) if fmu.version == 3 else None
             size += array.size if array else 1
         places.append(begin + variable.position)
-    buffer = (of * size)()
-    indices = np.array(wanted, dtype=np.intp), np.array(places, dtype=np.intp)
-    return Carrier(base, tuple(references), buffer, np.ctypeslib.as_array(buffer), *indices)
+    return Carrier(base, tuple(references), of, size, wanted, places)
 
 
 def counted(references: Sequence[int]) -> tuple[object, object]:

@@ -9,7 +9,7 @@ from ctypes import CDLL, Array, addressof, byref, c_char_p, c_double, c_int, c_s
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import fmpy
 from fmpy.fmi2 import (
@@ -20,7 +20,7 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
+from liaisons.cosim.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.instances.carriers import Carrier
 from liaisons.cosim.instances.protocol import DISCARD, Loaded, Numbers, Scalars
 from liaisons.errors import SimulationError
@@ -64,7 +64,19 @@ class Instance2(Loaded, ABC):
         return instantiate(*words, byref(self._callbacks), _NO, _YES)
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        return self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
+        call = self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
+        (given, count), (known, many) = _references(unknowns), _references(knowns)
+        call.kept = more = (c_void_p * 2)(addressof(known), addressof(seed))
+        return call.recorded(
+            DERIVE_2,
+            function=call.func,
+            instance=self._pointer.value,
+            given=addressof(given),
+            count=count.value,
+            values=addressof(values),
+            size=many.value,
+            more=addressof(more),
+        )
 
     def _forget(self, library: CDLL) -> None:
         _instances.pop(self._handle, None)
@@ -99,10 +111,23 @@ class CoSimulation2(Instance2):
         return call.recorded(STEP_2, function=call.func, instance=self._pointer.value)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._prepared("shape", *_references(variables), (c_int * len(orders))(*orders), values)
+        return self._of_orders("shape", variables, orders, values)
 
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        return self._prepared("slope", *_references(variables), (c_int * len(orders))(*orders), values)
+        return self._of_orders("slope", variables, orders, values)
+
+    def _of_orders(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
+        (references, count), (many, _) = _references(variables), _numbers(tuple(orders), c_int)
+        call = self._prepared(action, references, count, many, values)
+        return call.recorded(
+            ORDERS_2,
+            function=call.func,
+            instance=self._pointer.value,
+            given=addressof(references),
+            count=count.value,
+            values=addressof(values),
+            more=addressof(many),
+        )
 
     def _end(self) -> float | None:
         if any(status >= DISCARD for status, _ in self._said):
@@ -117,14 +142,14 @@ class CoSimulation2(Instance2):
         return None
 
 
-def _references(variables: Scalars) -> tuple[Array[c_uint], c_size_t]:
+def _references(variables: Scalars) -> tuple[Array[Any], c_size_t]:
     return _numbers(tuple(variable.reference for variable in variables))
 
 
 @lru_cache(maxsize=1024)
-def _numbers(references: tuple[int, ...]) -> tuple[Array[c_uint], c_size_t]:
+def _numbers(numbers: tuple[int, ...], of: Any = c_uint) -> tuple[Array[Any], c_size_t]:
     """Shared by all instances, as functions are: what a thousand of them have in common stays in the cache."""
-    return (c_uint * len(references))(*references), c_size_t(len(references))
+    return (of * len(numbers))(*numbers), c_size_t(len(numbers))
 
 
 @fmi2CallbackLoggerTYPE

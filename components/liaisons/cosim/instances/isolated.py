@@ -109,7 +109,7 @@ def library() -> c.CDLL | None:
     """The code of the shared memory; None where there is no such thing."""
     if sys.platform != "linux":
         return None
-    return loaded(Path(__file__).with_suffix(".c"), "FMUs are not isolated")
+    return loaded((Path(__file__).with_suffix(".c"),), "FMUs are not isolated")
 
 
 @final

@@ -7,7 +7,20 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from ctypes import CDLL, CFUNCTYPE, Array, byref, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p, cast
+from ctypes import (
+    CDLL,
+    CFUNCTYPE,
+    Array,
+    addressof,
+    byref,
+    c_char_p,
+    c_double,
+    c_int,
+    c_size_t,
+    c_uint32,
+    c_void_p,
+    cast,
+)
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -16,7 +29,7 @@ import fmpy
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import Action, Call, Failure
+from liaisons.cosim.calls import RESTORE, SAVE, Action, Call, Failure
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.instances.carriers import Carrier, Transfer, carriers
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
@@ -245,7 +258,11 @@ class Loaded(Instance):
     def states(self) -> tuple[Call, Call]:
         state = c_void_p()
         self._states.append(state)
-        return self._prepared("save", byref(state)), self._prepared("restore", state)
+        save, restore = self._prepared("save", byref(state)), self._prepared("restore", state)
+        where = {"instance": self._pointer.value, "values": addressof(state)}
+        return save.recorded(SAVE, function=save.func, **where), restore.recorded(
+            RESTORE, function=restore.func, **where
+        )
 
     def begin_anew(self) -> None:
         self._initialized = False

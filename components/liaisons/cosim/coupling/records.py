@@ -1,0 +1,140 @@
+"""What compiled code knows of a coupled step: the structures of ``coupling.c``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from ctypes import POINTER, Structure, c_double, c_int, c_size_t, c_ssize_t, c_void_p
+from typing import Any, final
+
+from numpy.typing import NDArray
+
+from liaisons.cosim.calls import Call
+from liaisons.cosim.calls import Record as CallRecord
+
+POLYNOMIAL, ASKED, MEAN = range(1, 4)
+"""How inputs move within a step, if not as they are set."""
+
+Fields = list[tuple[str, Any]]
+
+
+def _numbers(*names: str) -> Fields:
+    return [(name, c_size_t) for name in names]
+
+
+def _flags(*names: str) -> Fields:
+    return [(name, c_int) for name in names]
+
+
+def _pointers(*names: str) -> Fields:
+    return [(name, c_void_p) for name in names]
+
+
+class _Record(Structure):
+    """A structure that remembers the arrays that it points to."""
+
+    def point(self, **arrays: NDArray[Any]) -> None:
+        """Point to arrays, by the names of the fields."""
+        for name, array in arrays.items():
+            setattr(self, name, array.ctypes.data)
+            setattr(self, f"_{name}", array)
+
+
+@final
+class EliminationRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.elimination.Elimination`."""
+
+    _fields_ = [
+        *_numbers("n"),
+        ("smallest_pivot", c_double),
+        *_flags("ordered"),
+        *_pointers("values", "row_turns", "column_turns", "pivots", "work"),
+        *_pointers("given_starts", "above_starts", "below_starts", "given_rows", "above_rows", "below_rows"),
+        *_pointers("places", "upper", "lower"),
+    ]
+
+
+@final
+class NewtonRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.newton.Newton`."""
+
+    _fields_ = [
+        *_flags("ready"),
+        ("calls", POINTER(CallRecord)),
+        *_numbers("count", "entries"),
+        *_pointers("derivatives", "slots", "powers", "factors", "values"),
+        *_numbers("numbers"),
+        ("elimination", POINTER(EliminationRecord)),
+        *_pointers("order"),
+    ]
+
+
+@final
+class MemberRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.member.Member`."""
+
+    _fields_ = [
+        *_flags("way", "repeated", "sloped"),
+        ("calls", POINTER(CallRecord)),
+        *_numbers("count", "inputs", "outputs", "value", "slope"),
+        *_pointers("sources", "rates", "roots", "set_values", "rate_values", "read", "slopes"),
+        *_numbers("derivatives", "terms", "known"),
+        *_pointers("signals", "scaling", "term", "after", "begun", "of", "factors", "shape"),
+    ]
+
+
+@final
+class GroupRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.group.Group`."""
+
+    _fields_ = [
+        *_flags("cyclic"),
+        ("newton", POINTER(NewtonRecord)),
+        ("members", POINTER(MemberRecord)),
+        *_numbers("count", "n", "valued"),
+        *_pointers("unknowns", "kinds", "errors"),
+        ("tolerance", c_double),
+    ]
+
+
+@final
+class HandedRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.handed.Handed`."""
+
+    _fields_ = [
+        *_numbers("given", "made"),
+        *_pointers("given_values", "given_slopes", "given_roots", "made_values"),
+        *_pointers("past", "spans", "depth", "jumped", "stairs", "instants", "others", "ask"),
+    ]
+
+
+@final
+class FailureRecord(Structure):
+    """Where a step has failed."""
+
+    _fields_ = [*_numbers("group", "member"), ("call", c_ssize_t), *_numbers("iteration"), *_flags("deriving")]
+
+
+@final
+class SystemRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.coupled.Coupled`."""
+
+    _fields_ = [
+        *_numbers("outputs", "kinds", "count"),
+        *_pointers("before", "now", "earlier", "since", "sizes", "result", "rates", "kind"),
+        ("groups", POINTER(GroupRecord)),
+        ("handed", POINTER(HandedRecord)),
+        *_pointers("held", "drive", "inside"),
+        *_numbers("orders", "instants"),
+        *_pointers("room", "scratch"),
+        ("failure", FailureRecord),
+    ]
+
+
+DIVERGED = -2
+"""What advancing returns besides statuses and :data:`liaisons.cosim.calls.RAISED`."""
+
+
+def records(calls: Iterable[Call]) -> Any:
+    """An array of how calls are made."""
+    found = [call.compiled() for call in calls]
+    return (CallRecord * len(found))(*found)
