@@ -22,6 +22,8 @@ After = Literal["rests", "repeats", "ends"]
 
 _NEAR = 1e-5
 """Size of the differences by which the FMUs' multipliers are measured."""
+_STILL = 1e-6
+"""What is off by less has not moved."""
 _SAME = 1e-10
 """Part of a round that is owed to rounding."""
 
@@ -193,7 +195,7 @@ class Held:
                     raise
                 return False
             off = np.abs(self.deviation(run)[places])
-            return bool(np.all(off[:, -1] <= 0.05 * np.max(off)))
+            return bool(np.all(off[:, -1] <= max(0.05 * np.max(off), _STILL)))
 
         low, high = 0.0, first
         if not comes_back(low):

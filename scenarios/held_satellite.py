@@ -1,0 +1,67 @@
+"""A satellite that was turned by 180° is held against a push: its wheels take the momentum, and it stays.
+
+M 8.3 with a lever d on the axis z, at which a force F acts along the inertial x axis.  The motors turn the satellite
+at least ∫ λ² dt, and feedback round this plan holds it on the way and at its end.  What the push has given,
+H = d ∫ F dt about y, is conserved: no wheel can change it.  So a satellite whose wheels stand turns for ever, at the
+rate H/J_yy; held, it comes to rest where it was, and the wheel along y, which is turned by 180° with it, keeps -H/J_w.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from liaisons import ActiveCoordinate, Claims, Parameter, hold, panels, plan, scenario, simulate, within
+from liaisons.models import Satellite
+
+WHEELS, J, J_WHEEL = ("wheel_1", "wheel_2", "wheel_3"), 12.0, 0.1
+LEVER, FORCE, BEGIN, LASTS, STOP = 0.5, 0.02, 12.0, 4.0, 80.0
+MOMENTUM = LEVER * FORCE * LASTS / 2
+
+
+class PushedSatellite(Satellite):
+    """The satellite, and a force at a lever on its axis z."""
+
+    lever = Parameter(LEVER, "m", "distance from the centre of mass to where the force acts")
+    push = ActiveCoordinate("N", "force along the inertial x axis")
+
+    def potential_energy(self) -> ca.SX:
+        return -self.push * self.lever * self.attitude.matrix[0, 2]
+
+
+def push(t: float) -> tuple[float, float, float]:
+    """F sin² between begin and end, and its rates."""
+    w = 2 * np.pi / LASTS
+    phase, size = w * (t - BEGIN), FORCE / 2 * (BEGIN <= t < BEGIN + LASTS)
+    return size * (1 - np.cos(phase)), size * w * np.sin(phase), size * w**2 * np.cos(phase)
+
+
+@scenario
+def main(claim: Claims) -> None:
+    end = {"attitude": (0, 0, 0, 1)} | {f"{wheel}_dot": 0 for wheel in WHEELS}
+    regulator = hold(plan(PushedSatellite, WHEELS, end=end, duration=10.0, minimize="effort"))
+    claim.verdicts += regulator.verify()
+    one = np.abs(regulator.multipliers[:3])
+    claim(f"{', '.join(regulator.conserved)} have the multiplier 1", one, 1.0, within(1e-8, because="integrated so"))
+
+    held = regulator.simulate(STOP, inputs={"push": push})
+    free = simulate(PushedSatellite, q_w_0=0.0, q_z_0=1.0, inputs={"push": push}, stop_time=STOP, step_size=0.25)
+    name = "PushedSatellite."
+    why = "after 64 s the slowest correction has decayed to 1e-5 of what it was"
+    kept = held[f"{name}wheel_2_dot"][-1]
+    claim("the wheel keeps -H/J_w", kept, -MOMENTUM / J_WHEEL, within(1e-4, "rad/s", because=why))
+    vector = np.array([held[f"{name}q_{c}"] for c in "wxy"])
+    claim("the satellite is where it was", vector[:, -1], 0.0, within(1e-6, because=why))
+    turned = 2 * np.arcsin(np.hypot(free["q_w"], free["q_x"]))
+    late = MOMENTUM / J * (STOP - BEGIN - LASTS / 2)
+    small = within(1e-5, "rad", because="the lever turns by 7e-3 rad meanwhile: its cosine")
+    claim("with wheels that stand it turns by H t/J_yy", turned[-1], late, small)
+
+    way, wheels = panels(
+        ("a push on a satellite that was turned", "t [s]", "off by [rad]"),
+        ("the wheels take its momentum", "t [s]", "wheel along y [rad/s]"),
+    )
+    way.plot(held.time, 2 * np.linalg.norm(regulator.deviation(held)[:4], axis=0), label="held")
+    way.plot(free.time, turned, "--", label="wheels that stand")
+    wheels.plot(held.time, held[f"{name}wheel_2_dot"], label="held")
+    wheels.axhline(-MOMENTUM / J_WHEEL, linestyle="--", label="-H/J_w")

@@ -1,0 +1,55 @@
+"""A swing is pumped against friction, round by round: by the plan alone it drifts off, held it comes back.
+
+K Ex. 6 with M 8.1: a child raises and lowers itself so that a round ends as it began, and ``plan`` finds how with least
+∫ l''² dt.  Beside this motion a round maps (θ, p_θ) to first order by a matrix M, whose determinant by Liouville's
+theorem is exp(-ηT), whatever the child does.  So one multiplier may lie outside of the unit circle, and does.  With
+feedback that reads θ and p_θ all of them lie inside, and an error shrinks by the greatest of them in each round.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from liaisons import Claims, hold, panels, plan, scenario, within
+from liaisons.models import Pendulum
+
+START, OFF, FRICTION, ROUNDS = 0.5, 0.1, 0.1, 9
+ROUND = float(Pendulum.period(theta_0=START, theta_dot_0=0.0, length=1.0, gravity=9.81))
+
+
+@scenario
+def main(claim: Claims) -> None:
+    motion = plan(
+        "Pendulum",
+        "length",
+        start={"theta": START, "length": 1.0},
+        closed=["length", "theta", "p_theta"],
+        duration=ROUND,
+        minimize="length_ddot**2",
+        friction=FRICTION,
+    )
+    claim.verdicts += motion.verify()
+    held = hold(motion)
+    alone = replace(held, gains=0 * held.gains)
+    claim.verdicts += held.verify()
+    M = alone.measured()[:2, :2]
+    differences = within(1e-8, because="differences of 1e-5 on both sides of the motion")
+    claim("Liouville: det M of the FMUs", np.linalg.det(M), np.exp(-FRICTION * ROUND), differences)
+    free = np.abs(np.linalg.eigvals(M)).max()
+    claim.below("by the plan alone an error grows: 1/|μ|", 1 / free, 1.0, within(0, because="by 0.5 %, measured"))
+
+    ends = ROUND * np.arange(1, ROUNDS + 1)
+    angle, rounds = panels(
+        ("pumped against friction", "t [s]", "θ [rad]"), ("at the ends of rounds", "round", "|off| [rad]")
+    )
+    for regulator, label in ((held, "held"), (alone, "the plan alone")):
+        run = regulator.simulate(ends[-1], theta_0=START + OFF)
+        theta = regulator.deviation(run)[0, np.searchsorted(run.time, ends - 1e-6)]
+        angle.plot(run.time, run["Pendulum.theta"], linewidth=0.8, label=label)
+        rounds.semilogy(ends / ROUND, np.abs(theta), "o", label=label)
+        if regulator is held:
+            small = within(5e-3, because="an error of 1e-3 rad is not quite small, and what shrinks faster is left")
+            claim("an error shrinks by μ a round", theta[-1] / theta[-2], np.abs(held.multipliers[0]), small)
+    rounds.semilogy(ends / ROUND, OFF * np.abs(held.multipliers[0]) ** (ends / ROUND), label="predicted")
