@@ -25,7 +25,7 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
     :param hamiltonian: H(q_1, ..., q_n, p_1, ..., p_n), of arrays of complex numbers, analytic: no abs, no max.
     :param start: q and p at t = 0, shape (2n,).
     :param times: when to look [s], ascending from 0 or later, any shape; the last is > 0.
-    :returns: shape (2n, *times.shape).
+    :returns: shape ``(2n, *times.shape)``.
     :raises ValidityError: for an odd number of values, times that go back, or an H that is not finite on the way.
     """
     from scipy.integrate import solve_ivp

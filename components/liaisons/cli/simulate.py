@@ -69,6 +69,7 @@ def simulate(
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
     plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
+    diagram: Annotated[Path | None, option("FILE.svg", "draw the FMUs of a system, and what is connected")] = None,
     isolated: Annotated[
         float, option("[S]", "FMUs in processes of their own, where a call may take so long (default: 60 s)")
     ] = 0.0,
@@ -81,7 +82,10 @@ def simulate(
 
     wanted = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
-    _system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=wanted, isolated=limit)
+    system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=wanted, isolated=limit)
+    if diagram:
+        system.diagram(diagram)
+        print(f"diagram: {diagram}")
     figure = None if plot is None else Path(plot or f"{asked.title}.png")
     _check_writable(csv, parquet, figure)
 

@@ -1,126 +1,272 @@
-"""A picture of a system as SVG: its FMUs in boxes, sources left of what they feed, arrows for what is connected.
+"""A picture of a system as SVG: its FMUs as blocks with ports, what is connected, and in which order they are called.
 
-A triple, a point or an array is one arrow, with two heads where the force goes back.  The mouse over a box shows start
-values, over an arrow the variables.  Whatever text is shown is escaped: names come from FMUs of any make.
+Sources stand left of what they feed.  A triple, a point or an array is one port, an arrow with two heads takes the
+force back.  The mouse over a block shows start values, over an arrow the variables.  Whatever text is shown is escaped:
+names come from FMUs of any make.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from html import escape
+from itertools import zip_longest
+from pathlib import Path
+from typing import final
 
 from liaisons.array_names import split
 from liaisons.cosim import schedule
 from liaisons.cosim.connections import Connection
 from liaisons.cosim.parts import Part, Port
+from liaisons.files import replacing
 
 _MOST = 60
-"""So many boxes are drawn."""
-_WIDTH, _HEIGHT = 150, 44
-"""Of a box [px]."""
-_COLUMN, _ROW, _MARGIN = 320, 84, 48
-"""From one box to the next, to the right and down, and around all [px]."""
-_LINES = 3
-"""So many ports are named at an arrow."""
+"""So many blocks are drawn."""
+_WIDTH, _HEAD, _LINE = 170, 47, 16
+"""Of a block, of its title, of a port [px]."""
+_GAP, _SPACE, _MARGIN = 70, 34, 32
+"""Between columns, between blocks of one, around all [px]."""
+_COLUMNS = 6
+"""So many stand side by side; longer rows are broken."""
+_LANE = 7
+"""Between arrows that run side by side [px]."""
+_FREE = 4
+"""So many ports of an FMU are drawn that are not connected."""
+_LETTER = 6.0
+"""Width of one [px]."""
 
-_HEAD = (
-    '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" '
+_ARROW = (
+    '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" markerHeight="7" '
     'orient="auto-start-reverse"><path d="M0 0 8 4 0 8z" fill="currentColor"/></marker></defs>'
 )
-_STYLE = 'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11" text-anchor="middle"'
+_STYLE = 'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11"'
 
 
-def diagram(name: str, parts: Mapping[str, Part], connections: Collection[Connection]) -> str:
-    """The picture, as an SVG element.
+@final
+@dataclass(frozen=True, slots=True)
+class Diagram:
+    """An SVG element; a notebook shows it."""
+
+    svg: str
+
+    def write(self, path: Path | str) -> None:
+        """Write it as a file."""
+        with replacing(Path(path)) as whole:
+            whole.write_text(self.svg, encoding="utf-8")
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Wire:
+    """What one port hands to another: names of parts and ports, and the connections that it is made of."""
+
+    source: tuple[str, str]
+    target: tuple[str, str]
+    connections: list[Connection]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Where an FMU stands, and its ports from above: left what it takes, right what it gives."""
+
+    part: Part
+    column: int
+    left: list[str]
+    right: list[str]
+
+    @property
+    def height(self) -> int:
+        return _HEAD + _LINE * max(len(self.left), len(self.right))
+
+
+def diagram(name: str, parts: Mapping[str, Part], connections: Collection[Connection]) -> Diagram:
+    """The picture of a system.
 
     :param name: of the system.
     """
+    feeds = {c.target.place: c.source.place for c in connections}
     forward = {c.target.place: c.source.place for c in connections if not c.back}
+    groups = schedule.groups(parts, feeds)
+    turns = {part: turn for turn, group in enumerate(groups, 1) for part in group}
     drawn = schedule.order(parts, forward)[:_MOST]
-    corners = _corners(drawn, {(source, target) for (target, _), (source, _) in forward.items()})
-    boxes = [_box(parts[part], *corner) for part, corner in corners.items()]
-    arrows = [_arrow(wires, corners) for wires in _wired(connections, corners)]
-    width, height = (max((corner[k] for corner in corners.values()), default=0) for k in (0, 1))
-    width, height = width + _WIDTH + _MARGIN, height + _HEIGHT + 2 * _MARGIN
+    wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]
+    blocks = _blocks(drawn, parts, {(source, target) for (target, _), (source, _) in forward.items()}, wires)
+    corners, bottoms = _corners(blocks)
+    bodies = [_body(block, *corners[part], turns[part], wires) for part, block in blocks.items()]
+    arrows = _arrows(wires, blocks, corners, bottoms)
     more = len(parts) - len(drawn)
     title = f"{name}, and {more} FMUs more" if more else name
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" {_STYLE}>{_HEAD}'
-        f"{_text(width / 2, 20, title, bold=True)}{''.join(arrows)}{''.join(boxes)}</svg>"
+    words = ["numbers: the order in which the FMUs are stepped"] if len(drawn) > 1 else []
+    if any(len(group) > 1 for group in groups):
+        words.append("those with the same number feed each other")
+    legend = "; ".join(words)
+    right = max((x for x, _ in corners.values()), default=_MARGIN) + _WIDTH + _MARGIN
+    width = max(right, 2 * _MARGIN + _LETTER * max(len(legend), len(_cut(title, 60))))
+    height = max(bottoms, default=2 * _MARGIN) + (_SPACE if wires else 0)
+    return Diagram(
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height}" width="{width:g}" {_STYLE}>{_ARROW}'
+        f"{_text(_MARGIN, 20, _cut(title, 60), bold=True)}{''.join(arrows)}{''.join(bodies)}"
+        f"{_text(_MARGIN, height - 10, legend, faint=True)}</svg>"
     )
 
 
-def _corners(ordered: Iterable[str], pairs: Collection[tuple[str, str]]) -> dict[str, tuple[int, int]]:
-    """Upper left corners of the boxes: each right of what feeds it, those of a column below each other."""
-    columns: dict[str, int] = {}
-    for name in ordered:
-        columns[name] = max((columns[s] + 1 for s, t in pairs if t == name and s in columns), default=0)
-    members = {column: [name for name in columns if columns[name] == column] for column in columns.values()}
-    highest = max(map(len, members.values()), default=0)
-    return {
-        name: (_MARGIN + column * _COLUMN, _MARGIN + row * _ROW + (highest - len(names)) * _ROW // 2)
-        for column, names in members.items()
-        for row, name in enumerate(names)
-    }
+def _wires(connections: Iterable[Connection]) -> list[_Wire]:
+    """What ports are connected with; what takes a force back belongs to the port that moves."""
+    found: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
+    for c in connections:
+        source, target = _whole(c.source, "_force" if c.back else ""), _whole(c.target, "_load" if c.back else "")
+        if source[-2:] == target[-2:] and source[-2:] in {"_x", "_y", "_z"}:
+            source, target = source[:-2], target[:-2]
+        ends = (c.source.place[0], source), (c.target.place[0], target)
+        ends = (ends[1], ends[0]) if c.back else ends
+        found.setdefault(ends, _Wire(*ends, [])).connections.append(c)
+    return list(found.values())
 
 
-def _wired(connections: Iterable[Connection], drawn: Collection[str]) -> Iterable[list[Connection]]:
-    """The connections between two boxes, those that take forces back among them."""
-    wires: dict[tuple[str, str], list[Connection]] = {}
-    for connection in connections:
-        source, target = connection.source.place[0], connection.target.place[0]
-        if source in drawn and target in drawn:
-            wires.setdefault((target, source) if connection.back else (source, target), []).append(connection)
-    return wires.values()
-
-
-def _box(part: Part, x: float, y: float) -> str:
-    starts = "\n".join(f"{name} = {value!r}" for name, value in part.starts.items())
-    return (
-        f'<g><title>{escape(starts)}</title><rect x="{x}" y="{y}" width="{_WIDTH}" height="{_HEIGHT}" rx="5" '
-        f'fill="currentColor" fill-opacity="0.08"/>{_text(x + _WIDTH / 2, y + 19, part.name, bold=True)}'
-        f"{_text(x + _WIDTH / 2, y + 35, part.fmu.path.stem)}</g>"
-    )
-
-
-def _arrow(wires: list[Connection], corners: Mapping[str, tuple[int, int]]) -> str:
-    """From right to left edge; where that would go backwards, from below to below."""
-    forth = [connection for connection in wires if not connection.back]
-    source, target = (forth[0].source, forth[0].target) if forth else (wires[0].target, wires[0].source)
-    (x, y), (to_x, to_y) = corners[source.place[0]], corners[target.place[0]]
-    if x < to_x:
-        x, y, to_y = x + _WIDTH, y + _HEIGHT / 2, to_y + _HEIGHT / 2
-        bend = (to_x - x) / 2
-        path = f"M{x} {y}C{x + bend} {y} {to_x - bend} {to_y} {to_x} {to_y}"
-        middle = (x + to_x) / 2, (y + to_y) / 2
-    else:
-        x, to_x, y, to_y = x + 0.6 * _WIDTH, to_x + 0.4 * _WIDTH, y + _HEIGHT, to_y + _HEIGHT
-        low = max(corner[1] for corner in corners.values()) + _HEIGHT + _MARGIN
-        path = f"M{x} {y}C{x} {low} {to_x} {low} {to_x} {to_y}"
-        middle = (x + to_x) / 2, (y + to_y + 6 * low) / 8
-    names = list(dict.fromkeys(_named(connection) for connection in forth))
-    lines = names[:_LINES] + ([f"and {len(names) - _LINES} more"] if len(names) > _LINES else [])
-    words = "".join(_text(middle[0], middle[1] - 6 - 13 * k, line) for k, line in enumerate(reversed(lines)))
-    both = ' marker-start="url(#liaisons-head)"' if len(forth) < len(wires) else ""
-    variables = escape("\n".join(map(str, wires)))
-    return f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/>{words}</g>'
-
-
-def _named(connection: Connection) -> str:
-    """What is connected with what: of triples their values, of arrays and points themselves."""
-    source, target = _whole(connection.source), _whole(connection.target)
-    if source[-2:] == target[-2:] and source[-2:] in {"_x", "_y", "_z"}:
-        source, target = source[:-2], target[:-2]
-    return f"{source} → {target}"
-
-
-def _whole(port: Port) -> str:
+def _whole(port: Port, suffix: str) -> str:
+    """The name of the triple, or of the array, that a variable is a part of."""
+    port = port.without(suffix) or port
     triple, _ = port.curve()
     return split(triple[0].name if triple else port.name)[0]
 
 
-def _text(x: float, y: float, words: str, *, bold: bool = False) -> str:
-    """One line, shortened to the width that there is."""
-    words = words if len(words) <= 26 else f"{words[:25]}…"
+def _free(part: Part, causality: str) -> list[str]:
+    """Ports of an FMU of ours, the same on the page: coordinates, and points for their coordinates."""
+    names = {
+        name: Port(part, name)
+        for name, entry in part.fmu.variables.entries.items()
+        if entry.like.causality == causality and f"{name}_ddot" in part.fmu.variables
+    }
+    found = [name for name, port in names.items() if port.triple()]
+    points = {name[:-2] for name in found if name[-2:] in {"_x", "_y", "_z"}}
+    return list(dict.fromkeys(name[:-2] if name[:-2] in points else name for name in found))
+
+
+def _blocks(
+    drawn: Iterable[str], parts: Mapping[str, Part], pairs: Collection[tuple[str, str]], wires: Collection[_Wire]
+) -> dict[str, _Block]:
+    """Each right of what feeds it, with the ports that are connected, and then a few that are not."""
+    before: dict[str, list[str]] = {}
+    for source, target in pairs:
+        before.setdefault(target, []).append(source)
+    found: dict[str, _Block] = {}
+    for name in drawn:
+        part = parts[name]
+        column = max((found[source].column + 1 for source in before.get(name, ()) if source in found), default=0)
+        ends = [wire.target[1] for wire in wires if wire.target[0] == name]
+        begins = [wire.source[1] for wire in wires if wire.source[0] == name]
+        left, right = (
+            list(dict.fromkeys([*used, *(free if len(free) <= _FREE else ())]))
+            for used, free in ((ends, _free(part, "input")), (begins, _free(part, "output")))
+        )
+        found[name] = _Block(part, column, left, right)
+    return found
+
+
+def _corners(blocks: Mapping[str, _Block]) -> tuple[dict[str, tuple[int, int]], list[int]]:
+    """Upper left corners of the blocks, and where each row of columns ends."""
+    corners: dict[str, tuple[int, int]] = {}
+    bottoms: list[int] = []
+    top = _MARGIN + 10
+    columns: dict[int, list[str]] = {}
+    for name, block in blocks.items():
+        columns.setdefault(block.column, []).append(name)
+    for first in range(0, len(columns), _COLUMNS):
+        side_by_side = [columns[column] for column in range(first, min(first + _COLUMNS, len(columns)))]
+        for line in zip_longest(*side_by_side):
+            for k, name in enumerate(line):
+                if name is not None:
+                    corners[name] = _MARGIN + k * (_WIDTH + _GAP), top
+            top += max(blocks[name].height for name in line if name is not None) + _SPACE
+        bottoms.append(top)
+        top += _SPACE
+    return corners, bottoms
+
+
+def _body(block: _Block, x: int, y: int, turn: int, wires: Collection[_Wire]) -> str:
+    part = block.part
+    starts = "\n".join(f"{name} = {value!r}" for name, value in part.starts.items())
+    dashes = ' stroke-dasharray="5 3"' if part.isolated else ""
+    size = f'width="{_WIDTH}" height="{block.height}"'
+    lines = [
+        f"<title>{escape(starts)}</title>",
+        f'<rect x="{x}" y="{y}" {size} rx="5" fill="currentColor" fill-opacity="0.07"{dashes}/>',
+        _text(x + 10, y + 17, _cut(part.name, 22), bold=True),
+        _text(x + _WIDTH - 10, y + 17, str(turn), anchor="end", faint=True),
+        _text(x + 10, y + 32, _cut(f"{part.fmu.path.stem}{', isolated' if part.isolated else ''}", 24), faint=True),
+    ]
+    most = int((_WIDTH - 24) / _LETTER)
+    for side, names, anchor in ((0, block.left, "start"), (_WIDTH, block.right, "end")):
+        opposite = block.right if side == 0 else block.left
+        for k, name in enumerate(names):
+            at = y + _HEAD + _LINE * k
+            used = any((part.name, name) in (wire.source, wire.target)[:: 1 if side else -1][:1] for wire in wires)
+            room = max(most // 2, most - len(opposite[k])) if k < len(opposite) else most
+            fill = "currentColor" if used else "none"
+            lines.append(f'<circle cx="{x + side}" cy="{at}" r="2.5" fill="{fill}"/>')
+            lines.append(_text(x + abs(side - 8), at + 4, _cut(name, room), anchor=anchor, faint=not used))
+    return f"<g>{''.join(lines)}</g>"
+
+
+def _arrows(
+    wires: Iterable[_Wire],
+    blocks: Mapping[str, _Block],
+    corners: Mapping[str, tuple[int, int]],
+    bottoms: list[int],
+) -> list[str]:
+    """From the right of a block to the left of the next one; all others below what lies between."""
+    lanes = 0
+    drawn = []
+    for wire in wires:
+        (source, port), (target, other) = wire.source, wire.target
+        one, two = blocks[source], blocks[target]
+        x, y = corners[source][0] + _WIDTH, corners[source][1] + _HEAD + _LINE * one.right.index(port)
+        to_x, to_y = corners[target][0], corners[target][1] + _HEAD + _LINE * two.left.index(other)
+        row, to_row = one.column // _COLUMNS, two.column // _COLUMNS
+        if two.column == one.column + 1 and row == to_row:
+            path = f"M{x} {y}C{x + _GAP / 2} {y} {to_x - _GAP / 2} {to_y} {to_x} {to_y}"
+        else:
+            lane = lanes % 6 * _LANE
+            lanes += 1
+            out, into = x + 12 + lane, to_x - 12 - lane
+            low = bottoms[min(row, to_row)] - _SPACE + 14 + lane
+            path = _cornered([(x, y), (out, y), (out, low), (into, low), (into, to_y), (to_x, to_y)])
+        both = ' marker-start="url(#liaisons-head)"' if any(c.back for c in wire.connections) else ""
+        variables = escape("\n".join(map(str, wire.connections)))
+        drawn.append(f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/></g>')
+    return drawn
+
+
+def _cornered(points: list[tuple[float, float]]) -> str:
+    """A line of horizontal and vertical pieces with round corners."""
+    words = [f"M{points[0][0]:g} {points[0][1]:g}"]
+    for before, at, after in zip(points, points[1:], points[2:], strict=False):
+        (ax, ay), (bx, by) = (_towards(at, other) for other in (before, after))
+        words.append(f"L{ax:g} {ay:g}Q{at[0]:g} {at[1]:g} {bx:g} {by:g}")
+    return "".join([*words, f"L{points[-1][0]:g} {points[-1][1]:g}"])
+
+
+def _towards(at: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """A little way from one point to another, half of it at most."""
+    dx, dy = other[0] - at[0], other[1] - at[1]
+    length = max(abs(dx), abs(dy))
+    part = min(6.0, length / 2) / length if length else 0.0
+    return at[0] + part * dx, at[1] + part * dy
+
+
+def _cut(words: str, most: int) -> str:
+    """Shortened to the width that there is."""
+    return words if len(words) <= most else f"{words[: most - 1]}…"
+
+
+def _text(x: float, y: float, words: str, *, bold: bool = False, faint: bool = False, anchor: str = "start") -> str:
     weight = ' font-weight="bold"' if bold else ""
-    return f'<text x="{x}" y="{y}" stroke="none" fill="currentColor"{weight}>{escape(words)}</text>'
+    opacity = ' fill-opacity="0.65"' if faint else ""
+    return (
+        f'<text x="{x:g}" y="{y:g}" stroke="none" fill="currentColor" text-anchor="{anchor}"{weight}{opacity}>'
+        f"{escape(words)}</text>"
+    )

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liaisons.arguments import as_path, shown
 from liaisons.cosim.connections import Connection, connect
 from liaisons.cosim.description import DefaultExperiment
-from liaisons.cosim.diagram import diagram
+from liaisons.cosim.diagram import Diagram, diagram
 from liaisons.cosim.drives import Function
 from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
 from liaisons.cosim.run import performed
@@ -209,8 +209,20 @@ class System:
         lines += [f"  {connection}" for connection in self._connections.values()]
         return "\n".join(lines)
 
+    def diagram(self, path: Path | str | None = None) -> Diagram:
+        """Draw the FMUs as blocks with ports, what is connected, and the order in which they are stepped.
+
+        :param path: of an SVG file, if one is to be written.
+        :returns: the picture, which a notebook shows.
+        :raises SimulationError: if the file cannot be written.
+        """
+        drawn = diagram(self.name, self._parts, self.connections)
+        if path is not None:
+            drawn.write(as_path("diagram: path", path))
+        return drawn
+
     def _repr_html_(self) -> str:
-        return diagram(self.name, self._parts, self.connections)
+        return self.diagram().svg
 
 
 def simulate(
