@@ -71,7 +71,7 @@ def test_single_variables(system: System) -> None:
         ("cubic.y discrete.level", ["cubic.y (Real)", "discrete.level (Integer)", "of one type"]),
         ("discrete.late discrete.level", ["discrete.late (Boolean)", "discrete.level (Integer)"]),
         ("discrete.late mass.q_force", ["discrete.late (Boolean)", "mass.q_force (Real)"]),
-        ("discrete.gear discrete.level", ["discrete.gear (Enumeration)", "discrete.level (Integer)"]),
+        ("discrete.gear probe.u", ["discrete.gear (Enumeration)", "probe.u (Real)"]),
         ("discrete.label probe.u", ["discrete.label (String)", "probe.u (Real)"]),
         ("faulty.hidden probe.u", ["faulty.hidden (local)", "probe.u (input)"]),
         ("spring.lenght mass.q", ["Spring.fmu has no variable 'lenght'; did you mean 'length'"]),

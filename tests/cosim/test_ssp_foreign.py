@@ -142,7 +142,7 @@ DOUBLED = '<c:LinearTransformation factor="2"/>'
         (component("a", source="https://example.org/a.fmu"), ["component a", "outside the archive"]),
         ('<Component name="a"/>', ["component a has no source"]),
         (component("a", "Cubic", type="application/x-ssp-package"), ["component a", "x-ssp-package", "only FMUs"]),
-        (component("a", "Cubic", implementation="ModelExchange"), ["component a asks for ModelExchange"]),
+        (component("a", "Cubic", implementation="ScheduledExecution"), ["component a asks for ScheduledExecution"]),
         ('<Component source="resources/Cubic.fmu"/>', ["a Component without name"]),
         (component("a", "Cubic") * 2, ["two elements are called a"]),
         (component("a", "Spring", bound(real("stiffness", "much"))), ["stiffness = 'much'", "no Real"]),

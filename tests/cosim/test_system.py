@@ -285,6 +285,8 @@ def test_integers_and_booleans_are_connected(fmu: FmuPaths, coupling: Literal["g
     result = system.simulate(1.0, H, coupling=coupling)
     assert result["two.seen"].tolist() == [0, -1, -2, 10 - 3, 10 - 4]
     assert result["probe.echo"].tolist() == result["one.count"].tolist() == [0, -1, -2, -3, -4]
+    shifted = wired("one.gear -> two.level", one=fmu("Discrete"), two=fmu("Discrete")).simulate(1.0, H)
+    assert shifted["two.seen"].tolist() == shifted["one.gear"].tolist() == [1, 1, 2, 2, 2]
     goes_back = wired(links[0], one=fmu("Discrete"), two=fmu("Discrete"))
     with pytest.raises(SimulationError, match=r"reals only, but one\.count -> two\.level is of type Integer: choose"):
         goes_back.simulate(1.0, H, coupling="implicit")

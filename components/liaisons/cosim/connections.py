@@ -125,7 +125,7 @@ def connect_scalars(first: Port, second: Port, conversion: Conversion | None = N
 
 def _fits(source: Scalar, target: Scalar) -> bool:
     """Whether every value of the source is one of the target, and is handed over as such."""
-    if source.type == target.type == "Integer":
+    if {source.type, target.type} in ({"Integer"}, {"Integer", "Enumeration"}):
         (least, most), (lowest, highest) = RANGES[source.base], RANGES[target.base]
         return lowest <= least and most <= highest
     same = source.type == target.type and source.type in NUMBERS

@@ -17,6 +17,7 @@ from liaisons.ssp.xml import path, tag, units
 Path = tuple[str, ...]
 """Names of elements from the outermost system, which is (), inwards."""
 
+_IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
 _FMU = "application/x-fmu-sharedlibrary"
 _MOST_COMPONENTS, _LONGEST_WAY = 10_000, 1000  # beyond that reading would take minutes
 
@@ -259,9 +260,8 @@ def _source(part: Element, here: Path) -> str:
     name, kind, source = ".".join(here), part.get("type", _FMU), part.get("source")
     if kind != _FMU:
         raise SimulationError(f"component {name} is of type {kind!r}; only FMUs ({_FMU}) can be simulated")
-    if part.get("implementation", "any") not in {"any", "CoSimulation"}:
-        wanted = part.get("implementation")
-        raise SimulationError(f"component {name} asks for {wanted}; only co-simulation is there: export it for that")
+    if (wanted := part.get("implementation", "any")) not in _IMPLEMENTATIONS:
+        raise SimulationError(f"component {name} asks for {wanted}; what is there is {', '.join(_IMPLEMENTATIONS)}")
     if not source:
         raise SimulationError(f"component {name} has no source: a sketch without an FMU cannot be simulated")
     return source
