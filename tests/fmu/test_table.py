@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -142,7 +143,7 @@ def test_a_table_goes_through_an_archive_and_into_no_flat_system(tmp_path: Path)
     """Two of them in one archive are two FMUs, and a start value beside a table leaves it."""
     t = np.linspace(0, 2, 151)
     system = System("tables")
-    moves = {"length": tabulated(t, 1 + 0.1 * np.sin(t)), "pivot_x": tabulated(t, np.cos(t))}
+    moves: Any = {"length": tabulated(t, 1 + 0.1 * np.sin(t)), "pivot_x": tabulated(t, np.cos(t))}
     system.add("swing", "Pendulum", **moves)
     system.write_ssp(tmp_path / "tables.ssp", stop_time=2.0, step_size=0.1)
     again = System.from_ssp(tmp_path / "tables.ssp")

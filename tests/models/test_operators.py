@@ -15,7 +15,7 @@ from liaisons.models import CATALOGUE, Constant, FourierSeries, Pendulum, Planne
 OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
 
 
-def _knots(*knots: tuple[float, float, float, float]) -> dict[str, np.ndarray]:
+def _knots(*knots: tuple[float, float, float, float]) -> dict[str, Any]:
     columns = np.pad(np.transpose(knots), ((0, 0), (0, 100 - len(knots))))
     return dict(zip(("instant", "value", "rate", "acceleration"), columns, strict=True))
 
