@@ -184,8 +184,9 @@ DISCRETE = Source(
         V("level", "input", start=0, kind="Integer"),
         V("armed", "input", start="false", kind="Boolean"),
         V("seen", "output", needs=("level", "armed")),
+        V("word", "input", start="early", kind="String"),
     ),
-    outputs="v[0] = -4 * t; v[1] = t > 0.5; v[2] = 1 + (t > 0.25); v[4] = 2 * t; v[6] = 1; v[7] = v[5]; "
+    outputs="v[0] = -4 * t; v[1] = v[3] = t > 0.5; v[2] = 1 + (t > 0.25); v[4] = 2 * t; v[6] = 1; v[7] = v[5]; "
     "v[10] = v[8] + 10 * v[9];",
     options='canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true"',
     experiment='<DefaultExperiment stopTime="1" stepSize="0.25"/>',

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from making import FmuPaths, Trace
+from making import FmuPaths, Trace, wired
 
+from liaisons import Result, compare
 from liaisons.cosim import IncompleteError, Interrupted, simulate
 from liaisons.errors import SimulationError
 
@@ -35,6 +36,8 @@ def test_default_begin_is_that_of_the_file(fmu: FmuPaths, trace: Trace) -> None:
     assert result.time.tolist() == result["x"].tolist() == [2.0, 2.5, 3.0]
     assert "Late setup tolerance=-1 start=2 stop=3" in trace()
     assert simulate(fmu("Late"), stop_time=2.5).time.tolist() == [2.0, 2.5]
+    assert wired(one=fmu("Late"), other=fmu("Late")).simulate(3.0, 0.5).time[0] == 2.0
+    assert wired(one=fmu("Late"), other=fmu("Cubic")).simulate(3.0, 0.5).time[0] == 0.0
 
 
 def test_missing_default_is_asked_for(fmu: FmuPaths) -> None:
@@ -44,7 +47,7 @@ def test_missing_default_is_asked_for(fmu: FmuPaths) -> None:
         simulate(fmu("Cubic"), stop_time=1.0)
 
 
-def test_whatever_has_numbers_is_recorded(fmu: FmuPaths, tmp_path: Path) -> None:
+def test_whatever_has_numbers_or_strings_is_recorded(fmu: FmuPaths, tmp_path: Path) -> None:
     expected = {
         "count": [0, -1, -2, -3, -4],
         "late": [0, 0, 0, 1, 1],
@@ -55,17 +58,56 @@ def test_whatever_has_numbers_is_recorded(fmu: FmuPaths, tmp_path: Path) -> None
         "level": np.zeros(5),
         "armed": np.zeros(5),
         "seen": np.zeros(5),
+        "label": ["früh"] * 3 + ["late"] * 2,
+        "word": ["früh"] * 5,
     }
-    result = simulate(fmu("Discrete"), raised=True)
+    result = simulate(fmu("Discrete"), raised=True, word="früh")
     assert set(result.names) == expected.keys()
     for name, values in expected.items():
         np.testing.assert_array_equal(result[name], values)
     result.to_csv(tmp_path / "discrete.csv")
     table = np.genfromtxt(tmp_path / "discrete.csv", delimiter=",", names=True)
     np.testing.assert_array_equal(table["count"], expected["count"])
+    again = Result.from_csv(tmp_path / "discrete.csv")
+    assert [again[name].tolist() for name in result] == [result[name].tolist() for name in result]
+    assert compare(result, again).relative == 0
     assert simulate(fmu("Discrete"), record=["raised", "lamp"]).values.tolist() == [[0] * 5, [1] * 5, [0] * 5]
-    with pytest.raises(SimulationError, match=r"Discrete\.label is String and cannot be recorded"):
-        simulate(fmu("Discrete"), record="label")
+    with pytest.raises(SimulationError, match=r"Discrete\.label is String of an isolated FMU and cannot be recorded"):
+        simulate(fmu("Discrete"), record="label", isolated=True)
+
+
+def test_what_jumps_is_drawn_in_steps(fmu: FmuPaths, tmp_path: Path) -> None:
+    figure = simulate(fmu("Discrete")).plot("twice", "gear", "label", path=tmp_path / "steps.png")
+    styles = {line.get_label(): line.get_drawstyle() for axes in figure.axes for line in axes.lines}
+    assert styles == {"twice": "default", "gear": "steps-post", "label": "steps-post"}
+    assert [text.get_text() for text in figure.axes[-1].get_yticklabels()] == ["", "late"]
+
+
+def test_strings_are_handed_on(fmu: FmuPaths) -> None:
+    system = wired("one.label -> other.word", one=(fmu("Discrete"), {"word": "früh"}), other=fmu("Discrete"))
+    result = system.simulate(1.0, 0.25)
+    assert result["other.word"].tolist() == result["one.label"].tolist() == ["früh"] * 3 + ["late"] * 2
+    apart = wired("one.label -> other.word", one=fmu("Discrete"), other=(fmu("Discrete"), {"isolated": True}))
+    with pytest.raises(SimulationError, match="hands on strings, which isolated FMUs cannot: do not isolate other"):
+        apart.simulate(1.0, 0.25)
+
+
+def test_integers_and_booleans_are_driven(fmu: FmuPaths) -> None:
+    result = simulate(fmu("Discrete"), inputs={"level": lambda t: round(4 * t), "armed": lambda t: t > 0.5})
+    assert result["seen"].tolist() == [0, 1, 2, 13, 14]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("level", 0.5, "its function returns 0.5 at t = 0 s, expected an integer from -2147483648"),
+        ("armed", 2, "its function returns 2 at t = 0 s, expected False or True"),
+        ("word", 0, "Discrete.word is String; only numbers can be driven"),
+    ],
+)
+def test_drives_fit_the_types(fmu: FmuPaths, name: str, value: float, words: str) -> None:
+    with pytest.raises(SimulationError, match=words):
+        simulate(fmu("Discrete"), inputs={name: lambda _: value})
 
 
 @pytest.mark.parametrize("record", ["y_dot", ["y_dot"]])
@@ -109,7 +151,7 @@ def test_functions_of_single_inputs(fmu: FmuPaths) -> None:
     [
         ({"lenght": math.sin}, "no variable 'lenght'; did you mean 'length'"),
         ({"seen": math.sin}, r"inputs: Spring\.seen is of causality 'output'"),
-        ({"input_reconstruction": math.sin}, "is Integer"),
+        ({"input_reconstruction": math.sin}, r"inputs: Spring\.input_reconstruction is of causality 'parameter'"),
         ({"length": 1.0}, r"inputs: length = 1\.0 is no function of time"),
         (
             {"length_dot": lambda t: (t, t)},

@@ -17,6 +17,7 @@ from making import FmuPaths, Trace, wired
 
 from liaisons.cosim import IncompleteError, Interrupted, System, simulate
 from liaisons.errors import SimulationError
+from liaisons.sweeps import sweep
 
 Coupling = Literal["gauss-seidel", "jacobi"]
 
@@ -274,6 +275,8 @@ def test_fmu_that_ends_the_simulation_ends_it(
     result = system.simulate(1.0, H)
     assert result.time.tolist() == result["finite.x"].tolist() == times
     assert result["cubic.y"].tolist() == [t**3 for t in times]
+    swept = sweep(fmu("Finite"), {"last": [last, 2.0]}, "x", stop_time=1.0, step_size=H, workers=1)
+    assert (swept["x"].tolist(), swept.failures) == ([last, 1.0], {})
     finite = wired(finite=(fmu("Finite"), {"last": last}))
     assert 0.25 <= finite.simulate(1.0, H, error_tolerance=1e-3).time[-1] <= last
 

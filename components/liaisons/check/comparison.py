@@ -111,7 +111,7 @@ def compare(first: Result, second: Result) -> Comparison:
     Where all points of one, within that time, are points of the other, the values stand there and are taken as they
     are.  Else each result is interpolated at the points of the other: by cubic Hermite polynomials (error of fourth
     order in the step) where the rate ``x_dot`` of a signal ``x`` was recorded with it, else by straight lines (second
-    order), since nothing better is known of a signal that may jump.
+    order), since nothing better is known of a signal that may jump.  Strings differ by 1 or not at all.
 
     :raises ValidityError: if they have no signal or no time span in common, or a signal has different units or sizes.
     """
@@ -129,6 +129,8 @@ def compare(first: Result, second: Result) -> Comparison:
     differences = []
     for name in names:
         (one, one_by), (other, other_by) = (_at(result, name, times, exact=exact) for result in (first, second))
+        if np.dtype(object) in {one.dtype, other.dtype}:  # strings: the same or not
+            one, other = np.ones(one.shape), (one == other).astype(float)
         error = np.abs(one - other).reshape(len(times), -1)
         worst = np.max(error, axis=1)
         place = int(np.argmax(np.where(np.isnan(worst), np.inf, worst)))
@@ -196,6 +198,8 @@ def _at(result: Result, name: str, times: _Numbers, *, exact: bool) -> tuple[_Nu
         values = values.reshape(len(result.time), -1)
     if exact:
         return values[_nearest(result.time, times)], "same points"
+    if values.dtype == object:
+        return values[np.searchsorted(result.time, times, side="right") - 1], "same points"
     from scipy.interpolate import CubicHermiteSpline, interp1d  # half a second, which most commands need not wait
 
     rate = _rate(name)

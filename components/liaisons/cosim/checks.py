@@ -75,6 +75,8 @@ def _gains(parts: Mapping[str, Part], connections: Sequence[Connection], driven:
     """Whether an FMU of ours can be told how a smooth signal moves inside a step, and iterations carry all signals."""
     if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
         return False
+    if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
+        return False
     fed = {connection.target.place[0] for connection in connections if connection.source.variable.continuous}
     return any(parts[name].follows for name in {*fed, *(owner for owner, _ in driven)})
 
@@ -84,6 +86,12 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
 
     :raises SimulationError: naming a connection that it cannot.
     """
+    for connection in connections:
+        apart = [end.part.name for end in (connection.source, connection.target) if end.part.isolated]
+        if apart and connection.source.variable.type == "String":
+            raise SimulationError(
+                f"{connection} hands on strings, which isolated FMUs cannot: do not isolate {apart[0]}"
+            )
     for connection in connections if chosen in ITERATING else ():
         if connection.source.variable.type != "Real":
             raise SimulationError(

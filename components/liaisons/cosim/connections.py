@@ -18,7 +18,7 @@ from typing import final
 from liaisons.cosim.model_description import SAME, Conversion
 from liaisons.cosim.parts import Port
 from liaisons.cosim.starts import RANGES
-from liaisons.cosim.variables import NUMBERS, Scalar
+from liaisons.cosim.variables import RECORDED, Scalar
 from liaisons.errors import ConnectError
 
 
@@ -128,7 +128,7 @@ def _fits(source: Scalar, target: Scalar) -> bool:
     if {source.type, target.type} in ({"Integer"}, {"Integer", "Enumeration"}):
         (least, most), (lowest, highest) = RANGES[source.base], RANGES[target.base]
         return lowest <= least and most <= highest
-    same = source.type == target.type and source.type in NUMBERS
+    same = source.type == target.type and source.type in RECORDED
     return same or (source.type, target.type) == ("Integer", "Real")
 
 

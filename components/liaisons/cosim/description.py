@@ -14,7 +14,7 @@ import fmpy
 from liaisons.array_names import Shape, split
 from liaisons.cosim.archive import Archive, plain_file
 from liaisons.cosim.model_description import Description, Table, UnitDefinition, parse
-from liaisons.cosim.variables import NUMBERS, Variables
+from liaisons.cosim.variables import RECORDED, Variables
 from liaisons.errors import SimulationError, suggestion
 
 LONGEST = 1000
@@ -100,9 +100,13 @@ class Fmu:
         """
         return self._scalars({"Real"}, causalities, longest)
 
-    def recorded(self) -> list[str]:
-        """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`."""
-        return self._scalars(NUMBERS, ("output", "input"), LONGEST)
+    def recorded(self, types: Collection[str] = RECORDED) -> list[str]:
+        """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`.
+
+        Of an FMU that has none, so many of its local variables.
+        """
+        found = self._scalars(types, ("output", "input"), LONGEST)
+        return found or self._scalars(types, ("local",), LONGEST)[:LONGEST]
 
     def _scalars(self, types: Collection[str], causalities: Collection[str], longest: float) -> list[str]:
         return [

@@ -13,7 +13,7 @@ from typing import Literal, final
 from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.starts import Value, start_values, structural_sizes
-from liaisons.cosim.variables import NUMBERS, Scalar
+from liaisons.cosim.variables import NUMBERS, RECORDED, Scalar, VariableType
 from liaisons.errors import ConnectError, SimulationError
 from liaisons.processes import TIME_LIMIT
 
@@ -69,32 +69,30 @@ class Part:
             raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *points)}")
         return port
 
-    def numbers(self, name: str) -> list[str]:
+    @property
+    def carried(self) -> frozenset[VariableType]:
+        """Types of what can be read from it and given to it: strings have other numbers in another process."""
+        return NUMBERS if self.isolated else RECORDED
+
+    def recordable(self, name: str) -> list[str]:
         """Names of the scalars that a name stands for: itself, or all elements of an array.
 
-        :raises SimulationError: if there is none of this name, or its values are no numbers.
+        :raises SimulationError: if there is none of this name, or its values cannot be recorded.
         """
         names = self.fmu.elements(name) if name in self.fmu.arrays else [name]
-        found = [self._variable(element) for element in names]
+        found = [self.scalar(element) for element in names]
         for variable in found:
-            if variable.type not in NUMBERS:
-                raise SimulationError(
-                    f"{self.name}.{name} is {variable.type} and cannot be recorded: leave it out; what can is "
-                    f"{', '.join(sorted(NUMBERS))}"
-                )
+            if variable.type not in self.carried:
+                words = f"is {variable.type}{' of an isolated FMU' if self.isolated else ''} and cannot be recorded"
+                known = ", ".join(sorted(self.carried))
+                raise SimulationError(f"{self.name}.{name} {words}: leave it out; what can is {known}")
         return names
 
-    def real(self, name: str) -> Scalar:
-        """The real scalar of this name.
+    def scalar(self, name: str) -> Scalar:
+        """The scalar of this name.
 
-        :raises SimulationError: if there is none of this name, or it is of another type.
+        :raises SimulationError: with the nearest name, if there is none.
         """
-        found = self._variable(name)
-        if found.type != "Real":
-            raise SimulationError(f"{self.name}.{name} is {found.type}; only Real variables can be driven")
-        return found
-
-    def _variable(self, name: str) -> Scalar:
         if name not in self.fmu.variables:
             raise SimulationError(f"{self.name}: {self.fmu.unknown(name)}")
         return self.fmu.variables[name]

@@ -30,6 +30,7 @@ from liaisons.cosim.messages import logger
 from liaisons.cosim.parts import Part
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.simulation import Simulation
+from liaisons.cosim.texts import text
 from liaisons.errors import EndedError, SimulationError
 from liaisons.folders import passing_folder
 from liaisons.progress import progress_bar
@@ -137,7 +138,21 @@ class Run:
         simulation, loop = self._simulation, self._loop
         values = np.ascontiguousarray(loop.rows[: loop.done].T[self._columns])
         times, names = loop.times[: loop.done].copy(), tuple(simulation.recorded)
-        return Result(simulation.title, times, names, values, simulation.units, scene=simulation.scene)
+        kinds = {n: simulation.parts[p].fmu.variables[v].type for n, (p, v) in simulation.recorded.items()}
+        strings = [row for row, name in enumerate(names) if kinds[name] == "String"]
+        found, places = np.unique(values[strings], return_inverse=True)
+        values[strings] = places.reshape(values[strings].shape)
+        words = tuple(text(number).decode(errors="replace") for number in found)
+        return Result(
+            simulation.title,
+            times,
+            names,
+            values,
+            simulation.units,
+            texts={names[row]: words for row in strings},
+            jumping=simulation.jumping,
+            scene=simulation.scene,
+        )
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the begin."""

@@ -61,6 +61,11 @@ class Simulation:
         """Input -> how it follows from the output that feeds it, where it is not the same."""
         return {c.target.place: c.conversion for c in self.connections if c.conversion != SAME}
 
+    @cached_property
+    def jumping(self) -> frozenset[str]:
+        """Names in the result of what changes in jumps only."""
+        return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
+
     @property
     def scene(self) -> FmuScene:
         """What it looks like."""
@@ -127,7 +132,9 @@ def checked(
                 missing = "stop_time" if stop_time is None else "step_size"
                 raise SimulationError(f"{title}.fmu has no default {missing}: give one")
     recorded = _recorded(title, parts, record, also, single=single)
-    start_time = 0.0 if start_time is None else start_time
+    if start_time is None:
+        starts = {part.fmu.experiment.start_time or 0.0 for part in parts.values()} if times is None else {0.0}
+        start_time = starts.pop() if len(starts) == 1 else 0.0
     if error_tolerance is None:
         points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
     elif times is None:
@@ -175,10 +182,10 @@ def _recorded(
     """Name in the result -> what is recorded under it; of an array, all its elements."""
     names = [] if record is None else listed("record", record)
     all_of = () if record is not None else [next(iter(parts))] if single else parts
-    places = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded()]
+    places = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].carried)]
     for full in (*names, *also):
         owner, name = owned(title, parts, "record", full, single=single)
-        places += [(owner, scalar) for scalar in parts[owner].numbers(name)]
+        places += [(owner, scalar) for scalar in parts[owner].recordable(name)]
     return {place[1] if single else ".".join(place): place for place in places}
 
 

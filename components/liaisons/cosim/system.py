@@ -130,7 +130,7 @@ class System:
         stop_time: float | None = None,
         step_size: float | None = None,
         *,
-        start_time: float = 0.0,
+        start_time: float | None = None,
         times: ArrayLike | None = None,
         tolerance: float | None = None,
         coupling: Coupling | None = None,
@@ -147,7 +147,7 @@ class System:
         :param stop_time: end [s].
         :param step_size: distance of the communication points [s], t_i = start_time + i * step_size; the last step is
             shorter if need be.
-        :param start_time: begin [s].
+        :param start_time: begin [s]; None: that of the FMUs' default experiments if it is the same in all, else 0.
         :param times: the communication points themselves [s], increasing, in place of the three above.
         :param tolerance: relative tolerance of the FMUs' solvers; None leaves each its own.
         :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
@@ -157,7 +157,8 @@ class System:
         :param error_tolerance: error that a communication step may have in what is connected or recorded, relative to
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
             has the points that were chosen.
-        :param record: a name ``"component.variable"`` or several; all outputs and inputs that are numbers if None.
+        :param record: a name ``"component.variable"`` or several; all outputs and inputs if None, of an FMU that has
+            neither its local variables.
         :param inputs: ``"component.variable"`` -> function of time [s] that returns its value, or that of an active
             coordinate and its two rates, as for :func:`simulate`.
         :param progress: show a progress bar on stderr.
@@ -247,7 +248,7 @@ def simulate(
     :param start_time: begin [s].  (A *parameter* of this name can be set in a :class:`System`.)
     :param times: the communication points themselves [s], increasing, in place of the three above.
     :param tolerance: relative tolerance of the FMU's solver.
-    :param record: a name of a variable or several; all outputs and inputs that are numbers if None.
+    :param record: a name of a variable or several; all outputs and inputs if None, else the local variables.
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
         return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
         from a connected source.

@@ -20,6 +20,9 @@ VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "B
 NUMBERS: frozenset[VariableType] = frozenset({"Real", "Integer", "Enumeration", "Boolean"})
 """Types whose values are numbers in a result: of an enumeration its integers, of a Boolean 0 and 1."""
 
+RECORDED: frozenset[VariableType] = frozenset({*NUMBERS, "String"})
+"""Types that can be recorded and handed on."""
+
 _T = TypeVar("_T")
 
 

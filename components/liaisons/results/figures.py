@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,30 +56,39 @@ def draw(
     units: Mapping[str, str],
     *,
     joined: bool = True,
+    steps: Container[str] = (),
+    texts: Mapping[str, Sequence[str]] | None = None,
     path: Path | None = None,
 ) -> Figure:
     """Draw signals, those of one unit in one diagram, its legend beside it.
 
     :param over: label and values of the horizontal axis, shape (points,) or that of each signal.
     :param joined: by lines; else dots.
+    :param steps: names of what stays as it is until it jumps.
+    :param texts: name of a signal of strings -> what its values count.
     :param path: where to save the figure, which pyplot does not know then.
     :raises SimulationError: if the axis has another shape than a signal, or the file cannot be written.
     """
-    groups: dict[str, list[str]] = {}
+    texts = texts or {}
+    groups: dict[tuple[str, str], list[str]] = {}
     for name in signals:
-        groups.setdefault(units[name], []).append(name)
+        groups.setdefault((units[name], name if name in texts else ""), []).append(name)
     count = max(1, len(groups))
     figure = _new_figure(alone=path is not None)
     figure.set_size_inches(10.0, 1.0 + max(3.0, 1.6 * count))
     diagrams = figure.subplots(count, sharex=True, squeeze=False)[:, 0]
     label, x = over
-    for diagram, (unit, names) in zip(diagrams, groups.items(), strict=False):
+    for diagram, ((unit, text), names) in zip(diagrams, groups.items(), strict=False):
         for number, name in enumerate(names):
             if x.ndim > 1 and x.shape != signals[name].shape:
                 raise SimulationError(f"plot: {name} and {label} have different shapes; choose another over=...")
             style = {"color": f"C{number}", "linestyle": "-" if joined else "", "marker": "" if joined else "."}
+            if name in steps:
+                style["drawstyle"] = "steps-post"
             _draw_curves(diagram, name, x, signals[name], style)
         diagram.set_ylabel(f"[{unit}]" if unit else "")
+        if text:
+            diagram.set_yticks(range(len(texts[text])), texts[text])
         diagram.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize="small")
         diagram.grid(visible=True, alpha=0.3)
         diagram.margins(x=0.0)

@@ -58,6 +58,8 @@ class Result:
     :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
         (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
+    :param texts: name of a signal of strings -> those that its values count from 0.
+    :param jumping: names of signals that change in jumps only.
     :param scene: what was simulated looks like; None after reading from a file, a sweep or an ensemble.
     """
 
@@ -70,6 +72,8 @@ class Result:
     unfinished: tuple[int, ...] = ()
     errors: NDArray[np.float64] | None = None
     compiled: bool = False
+    texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    jumping: frozenset[str] = frozenset()
     scene: Scene | None = None
 
     def __post_init__(self) -> None:
@@ -79,12 +83,18 @@ class Result:
         object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
         object.__setattr__(self, "failures", MappingProxyType(dict(sorted(self.failures.items()))))
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """A signal or an array of them by its name.
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """A signal or an array of them by its name: numbers, or strings.
 
         :raises SimulationError: with the nearest name, if there is none of this name.
         """
-        return self._part(self.values, name)
+        values = self._part(self.values, name)
+        texts = self._texts(name)
+        return values if texts is None else np.array(texts, dtype=object)[values.astype(int)]
+
+    def _texts(self, name: str) -> tuple[str, ...] | None:
+        """Those of a signal, or of an array, whose elements have the same."""
+        return self.texts.get(self.names[self._arrays[name][0][0]] if name in self._arrays else name)
 
     def error(self, name: str) -> NDArray[np.float64]:
         """Estimated largest error of a signal of an ensemble, shape (cases,).
@@ -133,9 +143,10 @@ class Result:
 
     @property
     def rows(self) -> NDArray[Any]:
-        """The signals as a structured array with a field of doubles each."""
-        rows = np.empty(self.values.shape[1:], dtype=[(name, float) for name in self.names])
-        for name, values in zip(self.names, self.values, strict=True):
+        """The signals as a structured array with a field of doubles, or strings, each."""
+        columns = {name: self[name] for name in self.names}
+        rows = np.empty(self.values.shape[1:], dtype=[(name, values.dtype) for name, values in columns.items()])
+        for name, values in columns.items():
             rows[name] = values
         return rows
 
@@ -247,7 +258,7 @@ class Result:
         axes = dict(zip(index, map(np.ravel, np.meshgrid(*index.values(), indexing="ij")), strict=True))
         if self.time.size:  # the cases of a sweep count themselves
             yield from ((name, "s" if name == "time" else "", axis) for name, axis in axes.items())
-        yield from zip(self.names, map(self.units.__getitem__, self.names), map(np.ravel, self.values), strict=True)
+        yield from ((name, self.units[name], self[name].ravel()) for name in self.names)
         if "case" in axes:
             yield _FAILURE, "", self._reasons(axes["case"])
 
@@ -265,7 +276,12 @@ class Result:
         """
         first = 1 if names[-1:] != [_FAILURE] else 2 if names[:2] == ["time", "case"] else int(names[0] == "time")
         last = len(names) - (first != 1)  # of results over time alone, any name may be a signal's
-        numbers = np.array(contents[:last], dtype=float)
+        texts, rows = {}, [*contents[:last]]
+        for place, name in enumerate(names[first:last], start=first):
+            if not units[place] and len(rows[place]) and not any(map(_is_number, rows[place])):
+                found, places = np.unique(np.array(rows[place], dtype=str), return_inverse=True)
+                texts[name], rows[place] = tuple(found.tolist()), places.tolist()
+        numbers = np.array(rows, dtype=float)
         if len(set(names)) < len(names) or not numbers.size:
             raise ValueError("it has a name twice, or no numbers")
         time, values = numbers[0].copy() if first else np.empty(0), numbers[first:]
@@ -280,6 +296,8 @@ class Result:
             np.ascontiguousarray(values),
             dict(zip(names[first:last], units[first:last], strict=True)),
             failures={case: reason for case, reason in enumerate(failures) if reason},
+            texts=texts,
+            jumping=frozenset(texts),
         )
 
     def to_pandas(self) -> Any:
@@ -290,8 +308,7 @@ class Result:
         pandas = _extra("to_pandas", "pandas", "pandas")
         levels = [pandas.Index(axis, name=name) for name, axis in self.index.items()]
         index = levels[0] if len(levels) == 1 else pandas.MultiIndex.from_product(levels)
-        columns = zip(self.names, self.values, strict=True)
-        frame = pandas.DataFrame({name: values.ravel() for name, values in columns}, index=index)
+        frame = pandas.DataFrame({name: self[name].ravel() for name in self.names}, index=index)
         frame.attrs = {"title": self.title, "units": dict(self.units), "failures": dict(self.failures)}
         return frame
 
@@ -334,14 +351,19 @@ class Result:
         chosen = [name for group in names for name in listed("plot", group)]
         if over is None and not self.time.size and np.all(np.diff(self.values[0]) > 0):
             over = self.names[0]
-        signals = {name: self[name] for name in chosen or self.entries if chosen or name != over}
+        signals = {name: self._part(self.values, name) for name in chosen or self.entries if chosen or name != over}
         if not chosen:
             signals = {name: signals[name] for name in essential(signals, self.units)}
-        axis, values = next(iter(self.index.items())) if over is None else (over, self[over])
+        axis, values = next(iter(self.index.items())) if over is None else (over, self._part(self.values, over))
         unit = "s" if axis == "time" else self.units.get(axis)
         horizontal = f"{axis} [{unit}]" if unit else axis, values
         joined = bool(self.time.size) or over is not None
-        return draw(self.title, horizontal, signals, self.units, joined=joined, path=path)
+        steps = {name for name in signals if self.time.size and self._jumps(name)}
+        texts = {name: texts for name in signals if (texts := self._texts(name)) is not None}
+        return draw(self.title, horizontal, signals, self.units, joined=joined, steps=steps, texts=texts, path=path)
+
+    def _jumps(self, name: str) -> bool:
+        return (self.names[self._arrays[name][0][0]] if name in self._arrays else name) in self.jumping
 
     def animate(
         self,
@@ -386,6 +408,9 @@ class Result:
 
     def _did(self, name: str) -> dict[str, str]:
         values = self[name]
+        if self._texts(name) is not None:
+            start, end = values[[0, -1]] if values.ndim == 1 else ("", "")
+            return {"signal": self._sized(name), "unit": "-", "start": start, "end": end, "smallest": "", "largest": ""}
         start, end = (f"{value:.6g}" for value in values[[0, -1]]) if values.ndim == 1 else ("", "")
         sound = np.delete(values, list(self.failures), axis=1) if self.failures else values
         smallest, largest = (f"{f(sound):.6g}" if sound.size else "" for f in (np.min, np.max))
@@ -409,7 +434,7 @@ class Result:
         return f"<{self._headline()}: {', '.join(map(self._label, self.entries[:8]))}{rest}>"
 
     def _repr_html_(self) -> str:
-        curves = [curve(self[name]) for name in self.entries[:_MOST_ROWS]] if self.time.size else []
+        curves = [curve(self._part(self.values, name)) for name in self.entries[:_MOST_ROWS]] if self.time.size else []
         remarks = [f"case {case} failed: {reason}" for case, reason in islice(self.failures.items(), _MOST_ROWS)]
         motion, said = self._motion()
         remarks += said
@@ -449,6 +474,14 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
         self.result = result
+
+
+def _is_number(content: Any) -> bool:
+    try:
+        float(content)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _extra(what: str, package: str, extra: str, part: str = "") -> Any:

@@ -15,7 +15,7 @@ from typing import Protocol, TypeAlias
 
 from liaisons.cosim.parts import Part
 from liaisons.cosim.run import Run
-from liaisons.errors import LiaisonsError
+from liaisons.errors import EndedError, LiaisonsError
 from liaisons.results import Result
 from liaisons.sweeps.kept import evaluate
 from liaisons.sweeps.outcome import Failure, Outcome, failure
@@ -64,6 +64,10 @@ def session(task: Task) -> Iterator[Simulate]:
 
 
 def _simulated(run: Run, parts: Mapping[str, Part]) -> Result:
-    run.start(parts)
-    run.finish()
+    try:
+        run.start(parts)
+        run.finish()
+    except EndedError:
+        if run.reached() is None:
+            raise
     return run.result()

@@ -164,7 +164,9 @@ def _study(
         return owner, variable
 
     for name in kept:
-        scalar(name)
+        owner, variable = scalar(name)
+        if parts[owner].fmu.variables[variable].type == "String":
+            raise SweepError(f"keep {name!r}: a sweep keeps numbers, and this is a string")
     study = Study(simulation, {name: scalar(name) for name in cases}, cases, keep)
     study.starts(0)  # names that cannot be set are found before anything is simulated
     return study

@@ -1,6 +1,7 @@
 """Scalars of a call and the variables, whole arrays of FMI 3.0 among them, that carry them, by their types.
 
-The run of a system knows doubles only: integers stand for themselves there (exactly up to 2^53), a Boolean is 0 or 1.
+The run of a system knows doubles only: integers stand for themselves there (exactly up to 2^53), a Boolean is 0 or 1,
+and a string has its number in :mod:`liaisons.cosim.texts`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.cosim import texts
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.variables import Scalar
 
@@ -45,8 +47,8 @@ class Carrier:
 
     @cached_property
     def scratch(self) -> NDArray[Any]:
-        """The same as NumPy sees it."""
-        return np.ctypeslib.as_array(self.buffer)
+        """The same as NumPy sees it; of strings, their numbers."""
+        return np.zeros(self.size) if self.base == "String" else np.ctypeslib.as_array(self.buffer)
 
     @property
     def whole(self) -> bool:
@@ -61,12 +63,18 @@ class Carrier:
     def taken(self, read: Transfer, values: NDArray[np.float64]) -> int:
         """Read the buffer, and hand on what is wanted of it."""
         status = read()
+        if self.base == "String":
+            self.scratch[:] = [texts.number(text) for text in self.buffer]
         values[self._targets] = self.scratch[self._sources]
         return status
 
     def given(self, write: Transfer, values: NDArray[np.float64]) -> int:
         """Write the buffer, with these values within what stands in it."""
-        self.scratch[self._sources] = values[self._targets]
+        if self.base == "String":
+            for place, number in zip(self.places, values[self._targets].tolist(), strict=True):
+                self.buffer[place] = texts.text(number)
+        else:
+            self.scratch[self._sources] = values[self._targets]
         return write()
 
     @cached_property

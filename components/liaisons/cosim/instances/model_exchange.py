@@ -40,12 +40,16 @@ class _Motion:
     """How inputs move within the next step.
 
     :param orders: of the derivatives that are told, each of the input with the number in ``rows``.
+    :param told: where the derivatives stand, and which of them.
     :param places: of the inputs among all that are held.
     :ivar values: of the inputs, shape (inputs,); ``buffer`` is the same.
     """
 
-    def __init__(self, orders: Sequence[int], rows: Sequence[int], told: Numbers, places: NDArray[np.intp]) -> None:
-        self._orders, self._rows, self._told, self.places = np.array(orders), np.array(rows), told, places
+    def __init__(
+        self, orders: Sequence[int], rows: Sequence[int], told: tuple[Numbers, Sequence[int]], places: NDArray[np.intp]
+    ) -> None:
+        self._orders, self._rows, self._told = (np.array(numbers, dtype=np.intp) for numbers in (orders, rows, told[1]))
+        self._all, self.places = np.ctypeslib.as_array(told[0]), places
         self._factorials = np.array([math.factorial(order) for order in orders])
         self.buffer = (c_double * places.size)()
         self.values = np.ctypeslib.as_array(self.buffer)
@@ -53,7 +57,7 @@ class _Motion:
     def begin(self, time: float) -> None:
         """Take the inputs for what they are now [s]."""
         self._first, self._begin = self.values.copy(), time
-        self._slopes = np.ctypeslib.as_array(self._told) / self._factorials
+        self._slopes = self._all[self._told] / self._factorials
 
     def go(self, time: float) -> None:
         """Go to a time [s]."""
@@ -139,8 +143,10 @@ class ModelExchange(Loaded, ABC):
         return np.array(places, dtype=np.intp)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        inputs = list(dict.fromkeys(variables))
-        motion = _Motion(orders, [inputs.index(variable) for variable in variables], values, self._placed(inputs))
+        inputs = [variable for variable in dict.fromkeys(variables) if variable.continuous]  # others do not move
+        moving = [k for k, variable in enumerate(variables) if variable.continuous]
+        rows = [inputs.index(variables[k]) for k in moving]
+        motion = _Motion([orders[k] for k in moving], rows, (values, moving), self._placed(inputs))
         told = motion, self.getter(inputs, motion.buffer), super().setter(inputs, motion.buffer)
         return Call(setattr, self, "_motion", told).of("shape", self.failure)
 

@@ -1,0 +1,30 @@
+"""Strings of FMUs as numbers, which is all that a run hands on and records: each has its own, in this process."""
+
+from __future__ import annotations
+
+from itertools import count
+
+from liaisons.errors import SimulationError
+
+_numbers: dict[bytes, int] = {b"": 0}
+_texts: dict[int, bytes] = {0: b""}
+_next = count(1)
+
+
+def number(text: bytes | None) -> int:
+    """The number of a string."""
+    found = _numbers.get(text or b"")
+    if found is None:
+        found = _numbers.setdefault(text or b"", next(_next))
+        _texts[found] = text or b""
+    return found
+
+
+def text(number: float) -> bytes:
+    """The string of a number.
+
+    :raises SimulationError: if it is that of another process.
+    """
+    if number not in _texts:
+        raise SimulationError("a string has come from an isolated FMU, which cannot hand it on")
+    return _texts[int(number)]
