@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +156,54 @@ class Cart(Mechanism):
 '''
 
 
+def test_a_pendulum_on_paper_and_one_in_space_are_pulled_alike() -> None:
+    """A rod by its own coordinate, and by a submersion of Cartesian ones, whose constraints a guess must obey."""
+    goal: dict[str, Any] = {"duration": 3.0, "intervals": 10, "accuracy": 1e-6}
+    polar = plan(
+        "Pendulum",
+        "length",
+        start={"theta": 0.3},
+        end={"length": 1.2, "length_dot": 0, "theta": 0},
+        minimize="length_ddot**2",
+        **goal,
+    )
+    start = {"x": np.sin(0.3), "z": 1 - np.cos(0.3)}
+    end = {"rod": 1.2, "rod_dot": 0, "x": 0}
+    cartesian = plan("CartesianPendulum", start=start, end=end, minimize="rod_ddot**2", **goal)
+    assert cartesian.cost == pytest.approx(polar.cost, rel=1e-8)
+    replay = cartesian.replay()
+    assert replay["x"][-1] == pytest.approx(0, abs=1e-8)
+    assert replay["rod"][-1] == pytest.approx(1.2, abs=1e-8)
+
+
+def test_a_cat_in_space_turns_by_half_at_a_constant_bend() -> None:
+    """Φ = 2π J c/(I s² + J c²) of a loop at constant bend; where the halves are in line the azimuth says nothing."""
+    goal: dict[str, Any] = {"start": {"bend": (0.3, 2.8)}, "bounds": {"bend": (0.3, 2.8)}, "duration": 1.0}
+    motion = plan(
+        "SpatialCat", end=lambda m: [m.q_w, m.azimuth - 2 * np.pi], closed=["bend", "twist"], accuracy=None, **goal
+    )
+    bend = motion.sigma(np.linspace(0, 1, 11))["bend"]
+    c, s = np.cos(bend[0] / 2), np.sin(bend[0] / 2)
+    assert np.ptp(bend) < 1e-9
+    assert 2 * np.pi * 0.02 * c / (0.1 * s**2 + 0.02 * c**2) == pytest.approx(np.pi, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_a_shape_whose_coordinates_are_singular_is_named() -> None:
+    with pytest.raises(
+        PlanError, match=r"the effective mass of azimuth vanishes, so that there it may turn at no cost"
+    ):
+        plan("SpatialCat", end={"attitude": (0, 1, 0, 0)}, closed=True, duration=1.0)
+
+
+def test_nothing_to_do_costs_nothing() -> None:
+    motion = plan(
+        "Pendulum", "pivot_x", end={"theta": 0, "theta_dot": 0}, minimize="pivot_x_ddot**2", **CRANE, duration=1
+    )
+    assert motion.cost == pytest.approx(0, abs=1e-20)
+    assert all(verdict.passed for verdict in motion.verify())
+
+
 def test_a_mechanism_of_ones_own_whose_operator_may_jump(tmp_path: Path) -> None:
     """Order 0: only σ enters the motion.  ∫ u² dt of x'' = 4 (u - x) is the linear Gramian's."""
     (tmp_path / "cart.py").write_text(OWN)
@@ -194,6 +245,16 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
         "Pendulum",
         {"moves": "pivot_x", "start": {"theta": 0}, "bounds": {"pivot_x_force": (-1, 1)}, "duration": 1.0},
         "effective mass",
+    ),
+    "rates that may jump": (
+        "Pendulum",
+        {"moves": "pivot_x", "end": {"theta": 1, "pivot_x_dot": 0}, "duration": 1.0},
+        "pivot_x_dot may jump at no cost, so that no motion is the best: bound or weigh pivot_x_ddot",
+    ),
+    "a submersion's rate": (
+        "CartesianPendulum",
+        {"end": {"rod": 1.2}, "duration": 1.0},
+        "rod_dot may jump at no cost, so that no motion is the best: bound or weigh rod_ddot, or bound rod_force",
     ),
     "nothing to move": ("KeplerOrbit", {"duration": 1.0}, "no active coordinate"),
     "operator": ("Sinusoid", {"duration": 1.0}, "no active coordinate"),
@@ -247,18 +308,29 @@ def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch) 
     assert not all(verdict.passed for verdict in motion.verify())
 
 
-def test_an_interrupt_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
-    words = iter(["Solve_Succeeded", "User_Requested_Stop"])
-    run = transcription._run
+ENDLESS = """
+from liaisons.operators import plan, planning
 
-    def once(*arguments: Any, **options: Any) -> str:
-        run(*arguments, **options)
-        return next(words)
+solve = planning.solve
+def told(*arguments, **options):
+    found = solve(*arguments, **options)
+    print(found.status, flush=True)
+    return found
+planning.solve = told
+end = {"pivot_x": 0.3, "pivot_x_dot": 0, "theta": 0, "theta_dot": 0}
+goal = {"start": {"theta": 0}, "end": end, "duration": 4.0, "minimize": "pivot_x_ddot**2", "n": 2}
+print(plan("PendulumChain", "pivot_x", tries=999, **goal))
+"""
 
-    monkeypatch.setattr(transcription, "_run", once)
-    motion = plan("PlanarCat", end={"phi": -0.05}, bounds=LIMBS, tries=3, **CAT)
-    assert motion.solution.succeeded
-    assert not motion.proved
+
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupt_keeps_the_best_so_far() -> None:
+    with subprocess.Popen([sys.executable, "-c", ENDLESS], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert [process.stdout.readline() for _ in range(2)] == ["Solve_Succeeded\n"] * 2
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.read().endswith("not proved: it was stopped on the way>\n")
+    assert process.returncode == 0
 
 
 def test_least_effort_of_a_sphere_is_that_of_a_cubic() -> None:

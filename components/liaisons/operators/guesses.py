@@ -19,12 +19,14 @@ Array = NDArray[np.float64]
 def guesses(problem: Problem, intervals: int, count: int) -> list[Track]:
     """So many motions to start from, the best one first: loops where σ is closed, else ways from start to end.
 
-    Of a loop the states follow from the rates; on a way they are joined by straight lines.
+    Of loops the states follow from the rates; on ways they are joined by straight lines, unless constraints forbid it.
     """
-    found = list(_loops(problem, intervals) if _is_loop(problem) else _ways(problem, intervals, count))
-    if not _is_loop(problem):
-        return found[:count]
-    return sorted(found, key=lambda track: _miss(problem, track))[:count]
+    if _is_loop(problem):
+        return sorted(_loops(problem, intervals), key=lambda track: _miss(problem, track))[:count]
+    if not problem.constrained:
+        return list(_ways(problem, intervals, count))
+    track, _, _ = _blank(problem, intervals)
+    return [_followed(problem, track, _Way(problem, track.durations[0], k)) for k in range(count)]
 
 
 def duration_of(problem: Problem) -> float:
@@ -108,7 +110,7 @@ def _loops(problem: Problem, intervals: int) -> Iterator[Track]:
                 extremal = np.angle(mixture(len(places)) @ np.exp(1j * phases))
                 for first in (extremal,) if begins == "free" else (0.0, np.pi / 2, np.pi, -np.pi / 2):
                     shape = _Loop(centre, radius, phases - first, begins == "start", T)
-                    yield _followed(problem, track, places, shape)
+                    yield _followed(problem, track, shape)
 
 
 class _Loop:
@@ -124,18 +126,34 @@ class _Loop:
         return value, -self.radius * w * np.sin(angle), -self.radius * w**2 * np.cos(angle)
 
 
-def _followed(problem: Problem, track: Track, places: list[int], loop: _Loop) -> Track:
-    """States along a loop, by Runge and Kutta's method through all points."""
+class _Way:
+    """σ from start to end, at rest there; the k-th with waves on it."""
+
+    def __init__(self, problem: Problem, T: float, k: int) -> None:
+        at = {name: (x, problem.aims.get(name, x)) for name, x in zip(problem.states, problem.at_start, strict=True)}
+        ends = [at.get(name, (rest, rest)) for name, rest in zip(problem.moves, problem.rest, strict=True)]
+        self.begin, self.way, self.T = np.array([a for a, _ in ends]), np.array([b - a for a, b in ends]), T
+        size = (0.02 if k == 0 else 0.3) * (1 + np.abs(self.way).max())
+        self.waves = size * np.random.default_rng(k).normal(size=(len(ends), 3)) / np.arange(1, 4) ** 2
+
+    def __call__(self, t: float) -> tuple[Array, Array, Array]:
+        u, w = t / self.T, 2 * np.pi * np.arange(1, 4) / self.T
+        value = self.begin + self.way * u**3 * (10 - 15 * u + 6 * u**2) + self.waves @ (1 - np.cos(w * t))
+        rate = self.way * 30 * u**2 * (1 - u) ** 2 / self.T + self.waves @ (w * np.sin(w * t))
+        return value, rate, self.way * 60 * u * (1 - u) * (1 - 2 * u) / self.T**2 + self.waves @ (w**2 * np.cos(w * t))
+
+
+def _followed(problem: Problem, track: Track, motion: _Loop | _Way) -> Track:
+    """States along a motion of σ, by Runge and Kutta's method through all points."""
     times = np.unique(np.concatenate([track.breaks, track.instants]))
-    rates = [problem.states.index(f"{n}_dot") if f"{n}_dot" in problem.states else None for n in problem.moves]
+    given = [(f"{name}{end}", n, i) for i, name in enumerate(problem.moves) for n, end in enumerate(("", "_dot"))]
+    places = [(problem.states.index(name), n, i) for name, n, i in given if name in problem.states]
 
     def put(x: Array, t: float) -> tuple[Array, Array]:
-        sigma = loop(t)
+        sigma = motion(t)
         x = x.copy()
-        for i, (place, rate) in enumerate(zip(places, rates, strict=True)):
-            x[place] = sigma[0][i]
-            if rate is not None:
-                x[rate] = sigma[1][i]
+        for place, n, i in places:
+            x[place] = sigma[n][i]
         return x, sigma[problem.order]
 
     def slope(x: Array, t: float) -> Array:

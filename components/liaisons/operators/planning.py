@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby, pairwise
 from typing import Any
@@ -24,8 +24,8 @@ from liaisons.operators.problems import (
     move_names,
     problem_of,
 )
-from liaisons.operators.transcription import DEGREE, Arc, Array, Solution, Track, solve
-from liaisons.operators.verifying import hamiltonian_scale
+from liaisons.operators.transcription import DEGREE, INTERRUPTED, Arc, Array, Clock, Solution, Track, solve
+from liaisons.operators.verifying import NOTHING, hamiltonian_scale
 from liaisons.progress import progress_bar
 
 _NEAR = 1e-4
@@ -35,6 +35,10 @@ _ALIKE = 1e-3
 """How much more, relatively, a motion with arcs may cost than one whose mesh blurs the switches."""
 _MOST_INTERVALS = 100
 """How fine a mesh may become."""
+_LAW = 1e-6
+"""Of the Hamiltonian's terms: as constant as it has to be."""
+_SINGULAR = 1e-3
+"""An effective mass that is so small beside the others vanishes nearby."""
 _FEASIBLE = 1e-6
 """Residual of the equations below which what was stopped on the way is a motion at all."""
 
@@ -83,7 +87,7 @@ def plan(
     :param accuracy: the mesh is refined until the Hamiltonian is constant to this; None: it stays as it is.
     :param tries: how many motions to start from, where extremals compete; the best one is kept.
     :param guess: a plan of the same kind to start from.
-    :param time_limit: [s] of each solution; what there is then is returned, ``motion.proved`` False.
+    :param time_limit: [s]; what there is then, or at Ctrl-C, is returned, ``motion.proved`` False.
     :param progress: show a progress bar on stderr.
     :param values: parameters, and inputs that stay constant.
     :returns: the motion.  What IPOPT says is not enough: ``motion.verify()`` replays it through the FMUs.
@@ -106,21 +110,43 @@ def plan(
     finite("time_limit", time_limit, PlanError)
     problem = problem_of(goal)
     starts = guesses(problem, intervals, tries) if guess is None else [_warm(problem, guess, intervals)]
+    with progress_bar(f"plan {problem.name}" if progress else "", "{:.0f} of {:g} s", 0, time_limit) as show:
+        clock = Clock(time_limit, show)
+        best = _best(problem, starts, clock)
+        if best.proved:
+            try:
+                for finer in _refined(problem, best, np.inf if accuracy is None else accuracy, clock):
+                    best = finer
+            except KeyboardInterrupt:
+                best = replace(best, proved=False)
+    if minimize == "motion" and best.proved:
+        _refuse_singularity(problem, best)
+    return Plan(goal, problem, best)
+
+
+def _best(problem: Problem, starts: Sequence[Track], clock: Clock) -> Solution:
+    """The best of what comes of these starts; of those that come to an end in time.
+
+    :raises PlanError: if none leads to the end.
+    """
     found: list[Solution] = []
-    with progress_bar(f"plan {problem.name}" if progress else "", "{:g} of {:g} starts", 0, len(starts)) as show:
-        for track in starts:
-            found.append(solve(problem, track, seconds=time_limit))
-            show(len(found))
-            if not found[-1].proved:
-                break
+    for track in starts:
+        try:
+            found.append(solve(problem, track, clock))
+        except KeyboardInterrupt:
+            if not found:
+                raise
+            found[-1] = replace(found[-1], proved=False)
+        if not found[-1].proved:
+            break
     stopped = not found[-1].proved
     good = [one for one in found if one.succeeded or (stopped and one.residual < _FEASIBLE)]
+    if not good and found[-1].status in INTERRUPTED:
+        raise KeyboardInterrupt
     if not good:
-        raise PlanError(_obstacle(problem, starts[0], found[0], time_limit))
+        raise PlanError(_obstacle(problem, starts[0], found[0]))
     best = min(good, key=lambda one: (not one.succeeded, one.cost))
-    if stopped:
-        return Plan(goal, problem, replace(best, proved=False))
-    return Plan(goal, problem, _refined(problem, best, np.inf if accuracy is None else accuracy, time_limit))
+    return replace(best, proved=not stopped)
 
 
 def _duration(given: Any) -> tuple[float, float]:
@@ -145,22 +171,24 @@ def _warm(problem: Problem, guess: Plan, intervals: int) -> Track:
 # ---- switching instants -------------------------------------------------------------------------------------------
 
 
-def _refined(problem: Problem, solution: Solution, accuracy: float, seconds: float) -> Solution:
+def _refined(problem: Problem, solution: Solution, accuracy: float, clock: Clock) -> Iterator[Solution]:
     """The same motion with its arcs, on meshes twice as fine each until its Hamiltonian is constant."""
     while True:
         if len(solution.track.arcs) == 1:
-            solution = _with_arcs(problem, solution, seconds)
+            solution = _with_arcs(problem, solution, clock)
+        yield solution
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.track.arcs)
-        is_law = np.ptp(solution.hamiltonian) <= accuracy * hamiltonian_scale(problem, solution)
-        if is_law or sum(arc.intervals for arc in arcs) > _MOST_INTERVALS:
-            return solution
-        finer = solve(problem, solution.track.on(arcs, solution.track.durations), near=True, seconds=seconds)
+        is_law = np.ptp(solution.hamiltonian) <= max(accuracy * hamiltonian_scale(problem, solution), NOTHING)
+        if not solution.proved or is_law or sum(arc.intervals for arc in arcs) > _MOST_INTERVALS:
+            return
+        finer = solve(problem, solution.track.on(arcs, solution.track.durations), clock, near=True)
+        solution = finer if finer.succeeded else replace(solution, proved=finer.proved)
         if not finer.succeeded:
-            return solution
-        solution = finer
+            yield solution
+            return
 
 
-def _with_arcs(problem: Problem, solution: Solution, seconds: float) -> Solution:
+def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
     """The same motion with its arcs: where controls switch between bounds, the instants become unknowns.
 
     What is better is kept: where holding the rows does not work out, the solution stays as it is.
@@ -171,10 +199,10 @@ def _with_arcs(problem: Problem, solution: Solution, seconds: float) -> Solution
     moved = {i for i, label in enumerate(problem.path.labels) if label in problem.moves and problem.order > 0}
     if any(i in moved and dict(other.held).get(i, x) != x for one, other in pairwise(arcs) for i, x in one.held):
         return solution  # from one bound to another takes time: the mesh is too coarse to show on which arc
-    found = solve(problem, solution.track.on(arcs, durations), near=True, seconds=seconds)
+    found = solve(problem, solution.track.on(arcs, durations), clock, near=True)
     shortest = float(np.min(found.track.durations)) / float(durations.sum())
     alike = found.cost <= solution.cost + _ALIKE * max(abs(solution.cost), 1e-12)
-    return found if found.succeeded and alike and shortest > 1e-5 else solution
+    return found if found.succeeded and alike and shortest > 1e-5 else replace(solution, proved=found.proved)
 
 
 def _arcs(problem: Problem, solution: Solution) -> tuple[tuple[Arc, ...], Array]:
@@ -218,9 +246,29 @@ def _arcs(problem: Problem, solution: Solution) -> tuple[tuple[Arc, ...], Array]
 # ---- what stands in the way ---------------------------------------------------------------------------------------
 
 
-def _obstacle(problem: Problem, guess: Track, found: Solution, seconds: float) -> str:
+def _refuse_singularity(problem: Problem, solution: Solution) -> None:
+    """Refuse a motion through a place where a coordinate costs nothing, and of which no mesh can tell how it goes."""
+    track, count = solution.track, len(problem.moves)
+    if np.ptp(solution.hamiltonian) <= _LAW * hamiltonian_scale(problem, solution):
+        return
+    points = track.inner.shape[1]
+    masses = np.array(problem.mass.map(points)(track.inner, track.controls)).reshape(count, points, count)
+    sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
+    worst = int(np.argmin(sizes[:, 0]))
+    if sizes[worst, 0] > _SINGULAR * sizes.max():
+        return
+    name = problem.moves[int(np.argmax(np.abs(directions[worst, :, 0])))]
+    raise PlanError(
+        f"{problem.name}: at t = {track.instants[worst]:.4g} s the effective mass of {name} vanishes, so that there it "
+        "may turn at no cost: keep away from such a shape by bounds"
+    )
+
+
+def _obstacle(problem: Problem, guess: Track, found: Solution) -> str:
     """Why there is no plan: the nearest end that was reached, and the bounds that are in the way."""
-    nearest = solve(problem, guess, soft=True, seconds=seconds)
+    if not found.proved:
+        return f"{problem.name}: no motion was found in time ({found.status}); raise time_limit"
+    nearest = solve(problem, guess, soft=True)
     end = np.array(problem.end.function(nearest.track.knots[:, -1])).ravel()
     off = np.maximum(problem.end.low - end, end - problem.end.high)
     names, low, high = problem.end.labels, problem.end.low, problem.end.high
@@ -235,7 +283,7 @@ def _obstacle(problem: Problem, guess: Track, found: Solution, seconds: float) -
     active = [
         f"{name} = {bound:g}"
         for i, name, bound in ends
-        if np.any(np.abs(nearest.path[i] - bound) <= 1e-4 * max(1.0, abs(bound)))
+        if np.isfinite(bound) and np.any(np.abs(nearest.path[i] - bound) <= 1e-4 * max(1.0, abs(bound)))
     ]
     T = nearest.track.durations.sum()
     if np.isclose(T, problem.duration[1]):

@@ -87,6 +87,8 @@ class Problem:
     end: Rows
     closed: tuple[int, ...]  # states that end as they start
     duration: tuple[float, float]
+    constrained: bool  # the states obey constraints, which straight lines would break
+    mass: ca.Function  # Θ of the states
     fmu_starts: Callable[[NDArray[np.float64], NDArray[np.float64]], dict[str, float]]  # start values of the FMU
 
 
@@ -370,9 +372,13 @@ class Reader:
             rows.append(_Row(name, known[name], np.nan_to_num(low + margin, nan=-np.inf), _inf(high - margin)))
         return rows
 
+    def _mass(self) -> ca.SX:
+        """The effective mass Θ of what is moved."""
+        return ca.jacobian(ca.vertcat(*(self.signals[f"{name}_force"] for name in self.goal.moves)), self.a)
+
     def _cost(self) -> ca.SX:
         forces = ca.vertcat(*(self.signals[f"{name}_force"] for name in self.goal.moves))
-        theta = ca.jacobian(forces, self.a)
+        theta = self._mass()
         minimize = self.goal.minimize
         if minimize == "time":
             return ca.SX(1)
@@ -431,8 +437,10 @@ class Reader:
         order = self._order(asked)
         if order == 0:
             asked = replace(asked, start=[row for row in asked.start if row.label not in goal.moves])
-        if order == 2:
+        if order == 2 and self.depends(ca.vertcat(asked.cost, *(row.expression for row in asked.path)), self.a):
             asked = replace(asked, start=[*asked.start, *self._at_rest({row.label for row in asked.start})])
+        elif order == 2:
+            self._refuse_impulses(asked)
         states = self._states(order)
         closed = self._closed({state.name for state in states})
         gone = self._conserved(states, asked.start) - set(closed)
@@ -483,6 +491,10 @@ class Reader:
             end=rows(asked.end, "end", X),
             closed=tuple(names.index(name) for name in closed if name in names),
             duration=goal.duration,
+            constrained=any(
+                getattr(self.component, kind, ()) for kind in ("constraints", "non_holonomic", "submersions")
+            ),
+            mass=ca.Function("mass", [X, chosen], [known(self._mass())]),
             fmu_starts=self._fmu_starts(signals, tuple(self.signals)),
         )
 
@@ -570,8 +582,19 @@ class Reader:
 
     def _refuse_unbounded_forces(self, path: list[_Row]) -> None:
         if any(row.label.endswith(("_force", "_power")) for row in path):
-            forces = ca.vertcat(*(self.signals[f"{name}_force"] for name in self.goal.moves))
-            self._refuse_singular(ca.jacobian(forces, self.a), "bounds on forces")
+            self._refuse_singular(self._mass(), "bounds on forces")
+
+    def _refuse_impulses(self, asked: _Asked) -> None:
+        """Refuse given rates where these may jump: there is no least cost then, but ever shorter impulses."""
+        rates = [f"{name}_dot" for name in self.goal.moves]
+        given = [row.label for row in (*asked.start, *asked.end) if row.label in rates]
+        through = [item.name for item in getattr(self.component, "submersions", ()) if item.name in self.goal.moves]
+        if given or through:
+            name = (given or [f"{through[0]}_dot"])[0].removesuffix("_dot")
+            what = f"{name}_dot may jump at no cost, so that no motion is the best: bound or weigh {name}_ddot"
+            raise PlanError(
+                f"{self.name}: {what}, or bound {name}_force{f', or leave {name}_dot free' if given else ''}"
+            )
 
     def _refuse_momenta(self, end: list[_Row]) -> None:
         """Refuse to bring to rest what has a conserved momentum."""

@@ -11,7 +11,7 @@ be held at a bound, which is how switching instants are found to the last digits
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,7 +26,8 @@ DEGREE = 5
 
 Array = NDArray[np.float64]
 _GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-_STOPPED = ("Interrupted", "User_Requested_Stop", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
+INTERRUPTED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")  # Ctrl-C, as CasADi passes it on
+_STOPPED = (*INTERRUPTED, "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
 
 
 def _coefficients() -> tuple[Array, Array, Array]:
@@ -99,6 +100,27 @@ class Track:
         return Track(arcs, durations, knots, inner, controls)
 
 
+class Clock:
+    """How long solutions may take, all together, and who is told at each iteration.
+
+    :param limit: [s].
+    :param show: is told how many seconds have passed.
+    """
+
+    def __init__(self, limit: float = 60.0, show: Callable[[float], None] | None = None) -> None:
+        self._begun, self._limit, self._show = time.perf_counter(), limit, show
+
+    @property
+    def left(self) -> float:
+        """[s]."""
+        return max(1e-2, self._limit - (time.perf_counter() - self._begun))
+
+    def tick(self, _iteration: int) -> None:
+        """An iteration has passed."""
+        if self._show is not None:
+            self._show(min(time.perf_counter() - self._begun, self._limit))
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """What IPOPT has made of it."""
@@ -140,18 +162,18 @@ class _Program:
 def solve(
     problem: Problem,
     guess: Track,
+    clock: Clock | None = None,
     *,
     soft: bool = False,
     shift: Array | None = None,
     near: bool = False,
-    seconds: float = 60.0,
 ) -> Solution:
     """Solve the problem on the mesh of the guess.
 
+    :param clock: a limit; what there is then is returned as not proved.
     :param soft: come as near to the end as possible, at any cost, instead of reaching it.
     :param shift: added to the values at the end.
     :param near: the guess is all but the solution: stay with it.
-    :param seconds: time limit; what there is then is returned as not proved.
     """
     begun = time.perf_counter()
     program = _collocated(problem, guess)
@@ -169,7 +191,7 @@ def solve(
     nothing: tuple[list[int], Any] = ([], None)
     given, reached = nothing if soft else _within(opti, problem.end, end)
     opti.minimize(ca.sumsqr(end - np.clip(0.0, problem.end.low, problem.end.high)) if soft else program.cost)
-    status = _run(opti, near=near, seconds=seconds)
+    status = _run(opti, near=near, clock=clock or Clock())
 
     def value(expression: Any, *shape: int) -> Array:
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
@@ -244,7 +266,7 @@ def _collocated(problem: Problem, guess: Track) -> _Program:
     )
 
 
-def _run(opti: ca.Opti, *, near: bool, seconds: float) -> str:
+def _run(opti: ca.Opti, *, near: bool, clock: Clock) -> str:
     """IPOPT's word."""
     ipopt = {
         "print_level": 0,
@@ -256,14 +278,13 @@ def _run(opti: ca.Opti, *, near: bool, seconds: float) -> str:
         "acceptable_iter": 25,
         "bound_relax_factor": 0.0,
         "max_iter": 1500,
-        "max_wall_time": float(seconds),
+        "max_wall_time": clock.left,
     }
     stay = {"mu_init": 1e-7, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
+    opti.callback(clock.tick)  # also keeps the last iterate for one who interrupts
     opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | stay})
     try:
         opti.solve()
-    except KeyboardInterrupt:
-        return "Interrupted"
     except RuntimeError:  # the status says why
         if not opti.stats():
             raise

@@ -11,6 +11,9 @@ from liaisons.operators.problems import Problem, Rows
 from liaisons.operators.transcription import Arc, Array, Solution, solve
 from liaisons.results import Result
 
+NOTHING = 1e-10
+"""What IPOPT leaves of multipliers; nothing that is smaller can be told from 0."""
+_RELATIVE = 1e-6
 _SHIFT = 1e-4
 """By how much the end is moved to see what that costs."""
 
@@ -56,7 +59,7 @@ def _law(problem: Problem, solution: Solution) -> list[Verdict]:
     points = track.inner.shape[1]
     running = np.array(problem.cost.map(points)(track.inner, track.controls)).ravel()
     H = solution.hamiltonian / hamiltonian_scale(problem, solution)
-    why = "relative to its terms; an extremal that the mesh resolves keeps it to 1e-8"
+    why = f"relative to its terms, or {NOTHING:g}; an extremal that the mesh resolves keeps it to 1e-8"
     found = [verdict("the Hamiltonian is constant", error=float(np.ptp(H)), tolerance=1e-6, reason=why)]
     low, high = problem.duration
     if low < track.durations.sum() * (1 - 1e-9) and track.durations.sum() < high * (1 - 1e-9):
@@ -78,7 +81,7 @@ def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
     points = track.inner.shape[1]
     running = np.array(problem.cost.map(points)(track.inner, track.controls)).ravel()
     rates = np.array(problem.rates.map(points)(track.inner, track.controls))
-    return max(1e-300, float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))))
+    return max(NOTHING / _RELATIVE, float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))))
 
 
 def _meshes(problem: Problem, solution: Solution) -> list[Verdict]:
@@ -86,7 +89,7 @@ def _meshes(problem: Problem, solution: Solution) -> list[Verdict]:
     track = solution.track
     finer = tuple(replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in track.arcs)
     second = solve(problem, track.on(finer, track.durations), near=True)
-    scale = max(1e-12, abs(solution.cost))
+    scale = max(NOTHING / _RELATIVE, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
     text = f"a mesh of {_count(finer)} intervals costs the same as one of {_count(track.arcs)}"
     found = [verdict(text, error=error, tolerance=1e-6, reason="relative")]
