@@ -17,12 +17,14 @@ from typing import final
 import numpy as np
 
 from liaisons.cosim import explicit, schedule
-from liaisons.cosim.adaptive import adapted
+from liaisons.cosim.adaptive import adapted, kinds
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
 from liaisons.cosim.coupling.coupled import Coupled
 from liaisons.cosim.coupling.signals import watched
 from liaisons.cosim.drives import SIGNALS
+from liaisons.cosim.estimate import Estimate, Worst
+from liaisons.cosim.following import Begin, followed
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.interrupts import deferred_interrupts
 from liaisons.cosim.loop import Loop
@@ -72,6 +74,7 @@ class Run:
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
+            self._begin, self._estimate = self._estimating()
             self._loop = Loop(self._step, self._bus, times)
             self._back = self._saved() if self.repeats else []
             self._stack = stack.pop_all()
@@ -109,6 +112,7 @@ class Run:
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._settle)
+        bus.perform(self._begin.calls)
         self._loop.add(begin, bus.values)
 
     def finish(self, look: Callable[[float], None] | None = None) -> None:
@@ -137,7 +141,16 @@ class Run:
         simulation, loop = self._simulation, self._loop
         values = np.ascontiguousarray(loop.rows[: loop.done].T[self._columns])
         times, names = loop.times[: loop.done].copy(), tuple(simulation.recorded)
-        return Result(simulation.title, times, names, values, simulation.units, scene=simulation.scene)
+        self._estimate.begin_anew(self._begin.values)
+        error = self._estimate(loop.rows[: loop.done], times)
+        return Result(
+            simulation.title, times, names, values, simulation.units, coupling_error=error, scene=simulation.scene
+        )
+
+    @property
+    def worst(self) -> Worst | None:
+        """The largest coupling error of the steps in the result that was taken last."""
+        return self._estimate.worst
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the begin."""
@@ -151,6 +164,14 @@ class Run:
         others = [call for name in self._instances for call in self._other_readings(name)]
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
         return [first], [settle, *others], [coupled.advance, *others]
+
+    def _estimating(self) -> tuple[Begin, Estimate]:
+        """The derivatives that are taken at the begin, and what estimates coupling errors."""
+        simulation, bus, coupled = self._simulation, self._bus, self._coupled
+        gains = {} if coupled is None else coupled.gains
+        begin = Begin(simulation, self._instances, bus, gains)
+        inputs = followed(simulation, bus, {} if coupled is None else coupled.slopes, {**gains, **begin.gains})
+        return begin, Estimate(inputs, bus.index, kinds(simulation, bus))
 
     def _other_readings(self, name: str) -> list[Call]:
         places = self._bus.others(name)
@@ -194,4 +215,7 @@ def performed(simulation: Simulation, *, progress: bool = False) -> Result:
                 raise IncompleteError(str(error), run.result()) from error
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
             raise Interrupted(f"{reached}; .result of this exception has what there is", run.result()) from None
-        return run.result()
+        result = run.result()
+        if run.worst is not None:
+            run.worst.warn()
+        return result

@@ -57,6 +57,8 @@ class Result:
         its journal tries them again.
     :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
         (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.
+    :param coupling_error: of a simulation, estimate of what each step has added to the error of a signal by coupling,
+        relative to its size, the largest of all, shape (times,).
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param scene: what was simulated looks like; None after reading from a file, a sweep or an ensemble.
     """
@@ -69,12 +71,15 @@ class Result:
     failures: Mapping[int, str] = field(default_factory=dict)
     unfinished: tuple[int, ...] = ()
     errors: NDArray[np.float64] | None = None
+    coupling_error: NDArray[np.float64] | None = None
     compiled: bool = False
     scene: Scene | None = None
 
     def __post_init__(self) -> None:
         self.time.flags.writeable = False
         self.values.flags.writeable = False
+        if self.coupling_error is not None:
+            self.coupling_error.flags.writeable = False
         arrays = {name: self.units.get(self.names[rows[0]], "") for name, (rows, _) in self._arrays.items()}
         object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
         object.__setattr__(self, "failures", MappingProxyType(dict(sorted(self.failures.items()))))
