@@ -140,3 +140,15 @@ def test_incomplete_run_has_one_too(component: FmuPaths) -> None:
         system.simulate(2.0, 0.2)
     error = caught.value.result.coupling_error  # type: ignore[attr-defined] - an IncompleteError
     assert error.shape == caught.value.result.time.shape  # type: ignore[attr-defined] - likewise
+
+
+def test_verified_run_has_the_differences_from_half_the_step(component: FmuPaths) -> None:
+    system = _pair(component, 1.0, 0.5, -0.2)
+    result, fine = system.simulate(1.0, 0.02, verify=True), system.simulate(1.0, 0.01)
+    for name in ("upper.theta", "lower.theta"):
+        expected = np.abs(result[name] - fine[name][::2])
+        np.testing.assert_allclose(result.error(name), expected, rtol=0, atol=1e-10)  # instants differ by rounding
+    assert 0 < np.max(result.error("lower.theta")) < 1e-4
+    with pytest.raises(LiaisonsError, match=r"simulate\(verify=True\)"):
+        fine.error("lower.theta")
+    assert "half the step" in result.summary()[0]

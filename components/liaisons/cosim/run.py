@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import final
@@ -186,9 +187,10 @@ class Run:
         return [restore for _, restore in states]
 
 
-def performed(simulation: Simulation, *, progress: bool = False) -> Result:
+def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:
     """Run a simulation from its begin to its end, or until an FMU ends it.
 
+    :param verify: run it once more, at half the steps, and keep the differences in ``errors`` of the result.
     :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
         what was computed until then.
     :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
@@ -218,4 +220,15 @@ def performed(simulation: Simulation, *, progress: bool = False) -> Result:
         result = run.result()
         if run.worst is not None:
             run.worst.warn()
-        return result
+        return _verified(simulation, result) if verify else result
+
+
+def _verified(simulation: Simulation, result: Result) -> Result:
+    """The result with its differences from one at half the steps."""
+    middles = (result.time[:-1] + result.time[1:]) / 2
+    times = np.insert(result.time, np.arange(1, len(result.time)), middles)
+    with Run(replace(simulation, times=times.tolist(), error_tolerance=None)) as run:
+        run.start()
+        run.finish()
+        fine = run.result()
+    return replace(result, errors=np.abs(result.values - fine.values[:, ::2]))

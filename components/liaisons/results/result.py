@@ -56,7 +56,8 @@ class Result:
     :param unfinished: those of them that the machine did not finish, rather than the model refused: the same sweep with
         its journal tries them again.
     :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
-        (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.
+        (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.  Of a simulation
+        that was verified, differences from a run with steps half as long, shape (len(names), times).
     :param coupling_error: of a simulation, estimate of what each step has added to the error of a signal by coupling,
         relative to its size, the largest of all, shape (times,).
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
@@ -92,12 +93,13 @@ class Result:
         return self._part(self.values, name)
 
     def error(self, name: str) -> NDArray[np.float64]:
-        """Estimated largest error of a signal of an ensemble, shape (cases,).
+        """Estimated largest error of a signal of an ensemble, shape (cases,); of a verified simulation, shape (times,).
 
         :raises SimulationError: for an unknown name, or if there is no estimate.
         """
         if self.errors is None:
-            raise SimulationError(f"the result of {self.title} has no error estimate; leave estimate=False out")
+            cure = "simulate(verify=True) compares with half the step" if self.scene else "leave estimate=False out"
+            raise SimulationError(f"the result of {self.title} has no error estimate; {cure}")
         return self._part(self.errors, name)
 
     def _part(self, of: NDArray[np.float64], name: str) -> NDArray[np.float64]:
@@ -395,6 +397,8 @@ class Result:
         sound = np.delete(values, list(self.failures), axis=1) if self.failures else values
         smallest, largest = (f"{f(sound):.6g}" if sound.size else "" for f in (np.min, np.max))
         ends = {"start": start, "end": end, "smallest": smallest, "largest": largest}
+        if self.errors is not None and self.scene is not None:
+            ends["half the step"] = f"{np.max(np.abs(self.error(name))):.1e}"
         return {"signal": self._sized(name), "unit": self.units[name] or "-", **ends}
 
     def _sized(self, name: str) -> str:
