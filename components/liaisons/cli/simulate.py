@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
 from typer.core import TyperCommand
 
 from liaisons.array_names import split
@@ -68,6 +69,9 @@ def simulate(
     record: Annotated[str, option("NAME,...", "show only these signals (default: outputs and inputs)")] = "",
     csv: Annotated[Path | None, option("FILE", "write the signals to a file")] = None,
     parquet: Annotated[Path | None, option("FILE", "write the signals to a Parquet file")] = None,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="simulate again at half the step, show the differences")
+    ] = False,
     plot: Annotated[str | None, option("[FILE]", "draw the signals (default: NAME.png)")] = None,
     diagram: Annotated[Path | None, option("FILE.svg", "draw the FMUs of a system, and what is connected")] = None,
     isolated: Annotated[
@@ -104,7 +108,7 @@ def simulate(
                 print(f"{what}: {file}{words}")
 
     try:
-        result = performed(asked, progress=len(asked.times) > 1e4)
+        result = performed(asked, progress=len(asked.times) > 1e4, verify=verify)
     except (IncompleteError, Interrupted) as error:
         write(error.result, f", up to t = {error.result.time[-1]:.10g} s")
         raise
@@ -130,7 +134,8 @@ def _taken_out(result: Result, wanted: Collection[str]) -> tuple[Result, list[st
             )
     names = tuple(result.names[row] for row in kept)
     units = {name: result.units[name] for name in names}
-    return replace(result, names=names, values=result.values[kept], units=units), lines
+    errors = None if result.errors is None else result.errors[kept]
+    return replace(result, names=names, values=result.values[kept], units=units, errors=errors), lines
 
 
 def _check_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:

@@ -39,8 +39,8 @@ def adapted(
     tolerance = simulation.error_tolerance
     assert tolerance is not None
     order = 1 if coupled is None else coupled.order  # p, the error of a step being of order p + 1 in its size
-    kinds = _kinds(simulation, bus)
-    sizes = np.zeros(int(kinds.max(initial=-1)) + 1)
+    numbers = kinds(simulation, bus)
+    sizes = np.zeros(int(numbers.max(initial=-1)) + 1)
     saves, restores = zip(*(instance.states() for instance in instances.values()), strict=True)
     now, first, end = simulation.times
     size, shortest = min(first - now, end - now), _SHORTEST * (end - now)
@@ -57,7 +57,7 @@ def adapted(
             coupled.signals.rewind(snapshot)
 
     while now < end:
-        np.maximum.at(sizes, kinds, np.abs(bus.values))
+        np.maximum.at(sizes, numbers, np.abs(bus.values[: len(numbers)]))
         then = end if end - now <= size * (1 + 1e-9) else now + size
         middle = (now + then) / 2
         bus.perform(saves)
@@ -66,8 +66,9 @@ def adapted(
             whole = stepped(now, then)
             go_back(*before)
             half, last = stepped(now, middle), stepped(middle, then)
-            scales = np.where(sizes > 0, sizes, 1.0)[kinds]
-            error = float(np.max(np.abs(last - whole) / scales, initial=0.0)) / (2**order - 1) / tolerance
+            scales = np.where(sizes > 0, sizes, 1.0)[numbers]
+            off = np.abs(last - whole)[: len(numbers)]
+            error = float(np.max(off / scales, initial=0.0)) / (2**order - 1) / tolerance
             reason = f"the error of a step of {then - now:.3g} s is {error:.3g} times error_tolerance"
         except RefusedError as failure:
             half = last = bus.values
@@ -84,7 +85,7 @@ def adapted(
             raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
 
 
-def _kinds(simulation: Simulation, bus: Bus) -> NDArray[np.intp]:
+def kinds(simulation: Simulation, bus: Bus) -> NDArray[np.intp]:
     """What is on the bus, numbered by its unit; what is no Real or a function of time is compared with itself only."""
     variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
 

@@ -47,7 +47,9 @@ class Bus:
         self.inputs = _by_component(order, feeds)
         places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
         self.index = {place: k for k, place in enumerate(places)}
-        self.values = np.zeros(len(places))
+        most = sum((1 + len(self.inputs[name])) * (1 + len(self.outputs(name))) for name in order)
+        self._store = np.zeros(len(places) + most)  # with room for slopes, and derivatives by inputs
+        self.values = self._store[: len(places)]
         self.start, self.size, self.end = c_double(), c_double(), c_double()
 
     def turn(self, start: float, end: float) -> None:
@@ -94,6 +96,17 @@ class Bus:
     def buffer(self, places: Sequence[Place]) -> Array[c_double]:
         """The same for foreign functions."""
         return (c_double * len(places)).from_buffer(self.view(places).data)
+
+    def source(self, input_: Place) -> int | None:
+        """Where what feeds an input stands; None if nothing does."""
+        return self.index[self._feeds[input_]] if input_ in self._feeds else None
+
+    def room(self, size: int) -> tuple[int, NDArray[np.float64], Array[c_double]]:
+        """Further numbers without names, recorded with the rest: where the first is, and both views of them."""
+        first = len(self.values)
+        self.values = self._store[: first + size]
+        view = self.values[first:]
+        return first, view, (c_double * size).from_buffer(view.data) if size else (c_double * 0)()
 
     def copies(self, inputs: Sequence[Place]) -> list[Call]:
         """Calls that copy to inputs what feeds them, neighbours at once, or convert it."""

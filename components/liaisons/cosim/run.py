@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import final
@@ -17,12 +18,14 @@ from typing import final
 import numpy as np
 
 from liaisons.cosim import explicit, schedule
-from liaisons.cosim.adaptive import adapted
+from liaisons.cosim.adaptive import adapted, kinds
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
 from liaisons.cosim.coupling.coupled import Coupled
 from liaisons.cosim.coupling.signals import watched
 from liaisons.cosim.drives import SIGNALS
+from liaisons.cosim.estimate import Estimate, Worst
+from liaisons.cosim.following import Begin, followed
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.interrupts import deferred_interrupts
 from liaisons.cosim.loop import Loop
@@ -73,6 +76,7 @@ class Run:
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
+            self._begin, self._estimate = self._estimating()
             self._loop = Loop(self._step, self._bus, times)
             self._back = self._saved() if self.repeats else []
             self._stack = stack.pop_all()
@@ -110,6 +114,7 @@ class Run:
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._settle)
+        bus.perform(self._begin.calls)
         self._loop.add(begin, bus.values)
 
     def finish(self, look: Callable[[float], None] | None = None) -> None:
@@ -143,6 +148,8 @@ class Run:
         found, places = np.unique(values[strings], return_inverse=True)
         values[strings] = places.reshape(values[strings].shape)
         words = tuple(text(number).decode(errors="replace") for number in found)
+        self._estimate.begin_anew(self._begin.values)
+        error = self._estimate(loop.rows[: loop.done], times)
         return Result(
             simulation.title,
             times,
@@ -151,8 +158,14 @@ class Run:
             simulation.units,
             texts={names[row]: words for row in strings},
             jumping=simulation.jumping,
+            coupling_error=error,
             scene=simulation.scene,
         )
+
+    @property
+    def worst(self) -> Worst | None:
+        """The largest coupling error of the steps in the result that was taken last."""
+        return self._estimate.worst
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the begin."""
@@ -167,6 +180,14 @@ class Run:
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
         return [first], [settle, *others], [coupled.advance, *others]
 
+    def _estimating(self) -> tuple[Begin, Estimate]:
+        """The derivatives that are taken at the begin, and what estimates coupling errors."""
+        simulation, bus, coupled = self._simulation, self._bus, self._coupled
+        gains = {} if coupled is None else coupled.gains
+        begin = Begin(simulation, self._instances, bus, gains)
+        inputs = followed(simulation, bus, {} if coupled is None else coupled.slopes, {**gains, **begin.gains})
+        return begin, Estimate(inputs, bus.index, kinds(simulation, bus))
+
     def _other_readings(self, name: str) -> list[Call]:
         places = self._bus.others(name)
         variables = self._simulation.parts[name].fmu.variables
@@ -180,9 +201,10 @@ class Run:
         return [restore for _, restore in states]
 
 
-def performed(simulation: Simulation, *, progress: bool = False) -> Result:
+def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:
     """Run a simulation from its begin to its end, or until an FMU ends it.
 
+    :param verify: run it once more, at half the steps, and keep the differences in ``errors`` of the result.
     :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
         what was computed until then.
     :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
@@ -209,4 +231,18 @@ def performed(simulation: Simulation, *, progress: bool = False) -> Result:
                 raise IncompleteError(str(error), run.result()) from error
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
             raise Interrupted(f"{reached}; .result of this exception has what there is", run.result()) from None
-        return run.result()
+        result = run.result()
+        if run.worst is not None:
+            run.worst.warn()
+        return _verified(simulation, result) if verify else result
+
+
+def _verified(simulation: Simulation, result: Result) -> Result:
+    """The result with its differences from one at half the steps."""
+    middles = (result.time[:-1] + result.time[1:]) / 2
+    times = np.insert(result.time, np.arange(1, len(result.time)), middles)
+    with Run(replace(simulation, times=times.tolist(), error_tolerance=None)) as run:
+        run.start()
+        run.finish()
+        fine = run.result()
+    return replace(result, errors=np.abs(result.values - fine.values[:, ::2]))

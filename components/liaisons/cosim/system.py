@@ -137,6 +137,7 @@ class System:
         error_tolerance: float | None = None,
         record: str | Iterable[str] | None = None,
         inputs: Mapping[str, Function] | None = None,
+        verify: bool = False,
         progress: bool = False,
     ) -> Result:
         """Simulate from the start.
@@ -161,6 +162,7 @@ class System:
             neither its local variables.
         :param inputs: ``"component.variable"`` -> function of time [s] that returns its value, or that of an active
             coordinate and its two rates, as for :func:`simulate`.
+        :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
         :param progress: show a progress bar on stderr.
         :returns: the signals at all communication points; an FMU that ends the simulation ends it, with a warning.
         :raises SimulationError: for a bad argument or an FMU that cannot be initialized; after that
@@ -183,7 +185,7 @@ class System:
         )
         begin, first, *_ = points = simulation.times
         self.experiment = DefaultExperiment(begin, points[-1], first - begin if step_size is None else step_size)
-        return performed(simulation, progress=progress)
+        return performed(simulation, progress=progress, verify=verify)
 
     @property
     def parts(self) -> Mapping[str, Part]:

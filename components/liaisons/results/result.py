@@ -56,7 +56,10 @@ class Result:
     :param unfinished: those of them that the machine did not finish, rather than the model refused: the same sweep with
         its journal tries them again.
     :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
-        (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.
+        (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.  Of a simulation
+        that was verified, differences from a run with steps half as long, shape (len(names), times).
+    :param coupling_error: of a simulation, estimate of what each step has added to the error of a signal by coupling,
+        relative to its size, the largest of all, shape (times,).
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param texts: name of a signal of strings -> those that its values count from 0.
     :param jumping: names of signals that change in jumps only.
@@ -71,6 +74,7 @@ class Result:
     failures: Mapping[int, str] = field(default_factory=dict)
     unfinished: tuple[int, ...] = ()
     errors: NDArray[np.float64] | None = None
+    coupling_error: NDArray[np.float64] | None = None
     compiled: bool = False
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     jumping: frozenset[str] = frozenset()
@@ -79,6 +83,8 @@ class Result:
     def __post_init__(self) -> None:
         self.time.flags.writeable = False
         self.values.flags.writeable = False
+        if self.coupling_error is not None:
+            self.coupling_error.flags.writeable = False
         arrays = {name: self.units.get(self.names[rows[0]], "") for name, (rows, _) in self._arrays.items()}
         object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
         object.__setattr__(self, "failures", MappingProxyType(dict(sorted(self.failures.items()))))
@@ -97,12 +103,13 @@ class Result:
         return self.texts.get(self.names[self._arrays[name][0][0]] if name in self._arrays else name)
 
     def error(self, name: str) -> NDArray[np.float64]:
-        """Estimated largest error of a signal of an ensemble, shape (cases,).
+        """Estimated largest error of a signal of an ensemble, shape (cases,); of a verified simulation, shape (times,).
 
         :raises SimulationError: for an unknown name, or if there is no estimate.
         """
         if self.errors is None:
-            raise SimulationError(f"the result of {self.title} has no error estimate; leave estimate=False out")
+            cure = "simulate(verify=True) compares with half the step" if self.scene else "leave estimate=False out"
+            raise SimulationError(f"the result of {self.title} has no error estimate; {cure}")
         return self._part(self.errors, name)
 
     def _part(self, of: NDArray[np.float64], name: str) -> NDArray[np.float64]:
@@ -415,6 +422,8 @@ class Result:
         sound = np.delete(values, list(self.failures), axis=1) if self.failures else values
         smallest, largest = (f"{f(sound):.6g}" if sound.size else "" for f in (np.min, np.max))
         ends = {"start": start, "end": end, "smallest": smallest, "largest": largest}
+        if self.errors is not None and self.scene is not None:
+            ends["half the step"] = f"{np.max(np.abs(self.error(name))):.1e}"
         return {"signal": self._sized(name), "unit": self.units[name] or "-", **ends}
 
     def _sized(self, name: str) -> str:

@@ -21,6 +21,7 @@ from liaisons.cosim.coupling.records import GroupRecord, HandedRecord, SystemRec
 from liaisons.cosim.coupling.signals import Curve, Signals
 from liaisons.cosim.drives import SIGNALS
 from liaisons.cosim.instances import Instance
+from liaisons.cosim.schedule import Place
 from liaisons.cosim.simulation import Simulation
 from liaisons.errors import SimulationError
 
@@ -97,6 +98,16 @@ class Coupled:
             handed.begin_anew()
         for group in self._groups:
             group.begin_anew()
+
+    @property
+    def slopes(self) -> dict[Place, int]:
+        """Outputs whose slopes are on the bus, and where."""
+        return {place: k for group in self._groups for member in group.members for place, k in member.slopes_at.items()}
+
+    @property
+    def gains(self) -> dict[tuple[Place, Place], int]:
+        """Outputs and inputs, and where on the bus the derivative of the one by the other is."""
+        return {pair: k for group in self._groups for member in group.members for pair, k in member.gains.items()}
 
     @property
     def order(self) -> int:

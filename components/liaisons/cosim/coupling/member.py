@@ -18,7 +18,7 @@ from liaisons.cosim.coupling.records import MEAN, POLYNOMIAL, MemberRecord, reco
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
 from liaisons.cosim.instances.protocol import ASKED, Instance
 from liaisons.cosim.parts import Part, Port, Way
-from liaisons.cosim.schedule import Depends
+from liaisons.cosim.schedule import Depends, Place
 
 _TIMES = np.arange(1, ASKED + 1) / ASKED
 """Where it asks for inputs inside a step of length 1."""
@@ -68,7 +68,9 @@ class Member:
         self._put: list[Call] = [instance.setter(self.inputs, self._set)] if inputs else []
         self._match: list[Call] = [*self._put, *self._get]
         self._slope_values = np.zeros(len(outputs))
+        self.slopes_at: dict[Place, int] = {}  # on the bus
         self._incline = self._inclination()
+        self.gains: dict[tuple[Place, Place], int] = {}  # output and input -> where the derivative is on the bus
         first_calls = [*self._before(), instance.stepper(bus.start, bus.size), *self._after()]
         self._first: list[Call] = first_calls
         self._again: list[Call] = []
@@ -107,7 +109,8 @@ class Member:
         """Tell how fast the inputs change, and read how fast the outputs do."""
         if not self.sloped:
             return []
-        self._slope_values, buffer = _buffer(len(self.outputs))
+        first, self._slope_values, buffer = self._bus.room(len(self.outputs))
+        self.slopes_at = {(self.name, output.name): first + k for k, output in enumerate(self.outputs)}
         read = self._instance.output_derivatives(self.outputs, [1] * len(self.outputs), buffer)
         if not self.inputs:
             return [read]
@@ -248,9 +251,10 @@ class Member:
         if self.sloped:
             self._rate_values[:] = now[self.rates]
 
-    def derivatives(self, depends: Depends) -> tuple[list[tuple[int, int]], list[Call], list[Vector]]:
+    def derivatives(self, depends: Depends, *, record: bool) -> tuple[list[tuple[int, int]], list[Call], list[Vector]]:
         """∂(outputs)/∂(inputs) that are not 0, column by column.
 
+        :param record: they are recorded, where :attr:`gains` says.
         :returns: (output, input), their places among those of the member, of each; the calls that calculate them at
             the present instant, and where those put them.
         """
@@ -260,7 +264,10 @@ class Member:
         for k, known in enumerate(self.inputs if self.part.fmu.differentiates else ()):
             rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, known.name))]
             if rows:
-                column, buffer = _buffer(len(rows))
+                first, column, buffer = self._bus.room(len(rows)) if record else (0, *_buffer(len(rows)))
+                if record:
+                    of = (self.name, known.name)
+                    self.gains |= {((self.name, self.outputs[i].name), of): first + j for j, i in enumerate(rows)}
                 calls.append(self._instance.directional([self.outputs[i] for i in rows], [known], _ALONG, buffer))
                 values.append(column)
                 pairs += [(i, k) for i in rows]

@@ -47,7 +47,7 @@ class Newton:
         self._derivatives: list[Vector] = []
         number = 0
         for member in members:
-            pairs, calls, derivatives = member.derivatives(depends)
+            pairs, calls, derivatives = member.derivatives(depends, record=not initial)
             self.calls += calls
             self._derivatives += derivatives
             for i, k in pairs:

@@ -1,0 +1,154 @@
+"""What a run says of its coupling error: against flattened steps from the same states, and in words."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from making import FmuPaths, wired
+
+from liaisons import System, flatten
+from liaisons.cosim import Result, simulate
+from liaisons.cosim.schedule import Coupling
+from liaisons.errors import LiaisonsError
+
+SEEN = ("upper.bob_x", "upper.bob_z", "upper.bob_x_dot", "upper.bob_z_dot")
+ALSO = ("upper.theta", "upper.theta_dot", "lower.theta", "lower.theta_dot")
+
+
+@pytest.fixture(scope="module")
+def whole(component: FmuPaths, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flatten(_pair(component, 1.0, 0.0, 0.0), tmp_path_factory.mktemp("flat"))
+
+
+def _pair(component: FmuPaths, mass: float, upper: float, lower: float) -> System:
+    first = component("Pendulum"), {"theta_0": upper}
+    second = component("Pendulum"), {"theta_0": lower, "mass": mass}
+    return wired("upper.bob -> lower.pivot", upper=first, lower=second)
+
+
+def _true(result: Result, whole: Path, k: int, mass: float, seen: tuple[str, ...]) -> float:
+    """Error of the step that ends at point k, relative to what is largest of the unit so far."""
+    H = result.time[k] - result.time[k - 1]
+    state: dict[str, Any] = {
+        f"{name}.theta{rate}_0": result[f"{name}.theta{rate}"][k - 1]
+        for name in ("upper", "lower")
+        for rate in ("", "_dot")
+    }
+    state["lower.mass"] = mass
+    end = simulate(whole, stop_time=H, step_size=H, tolerance=1e-13, **state)
+    errors = []
+    for name in seen:
+        alike = [other for other in result.names if result.units[other] == result.units[name]]
+        size = max(float(np.max(np.abs(result[other][: k + 1]))) for other in alike)
+        errors.append(abs(end[name][-1] - result[name][k]) / size)
+    return max(errors)
+
+
+@pytest.mark.parametrize(
+    ("coupling", "masses", "seen"),
+    [
+        ("implicit", (0.1, 1.0, 10.0), SEEN),
+        ("waveform", (0.1, 0.4), SEEN),
+        ("gauss-seidel", (0.1, 0.4), SEEN + ALSO),
+        ("jacobi", (0.1, 0.4), SEEN + ALSO),
+    ],
+)
+def test_estimate_is_that_of_a_flattened_step_from_the_same_state(
+    component: FmuPaths, whole: Path, coupling: Coupling, masses: tuple[float, ...], seen: tuple[str, ...]
+) -> None:
+    ratios = []
+    for mass in masses:
+        for upper, lower in ((1.2, -0.6), (0.5, 0.3), (-1.0, 2.0)):
+            for H in (0.02, 0.01, 0.005):
+                result = _pair(component, mass, upper, lower).simulate(10 * H, H, tolerance=1e-11, coupling=coupling)
+                assert result.coupling_error is not None
+                ratios += [result.coupling_error[k] / _true(result, whole, k, mass, seen) for k in (3, 6, 10)]
+    good = [1 / 10 < ratio < 10 for ratio in ratios]
+    assert np.mean(good) >= 0.95, np.quantile(ratios, (0.0, 0.05, 0.5, 0.95, 1.0))
+
+
+def test_whip_is_warned_of_and_a_step_that_would_do_is_named(
+    component: FmuPaths, whole: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Balances of energy below 1e-8 say nothing of it: the lower angle is 1.7 rad off at H = 0.02."""
+    system = _pair(component, 9.2, 1.2, -0.6)
+    coarse = system.simulate(4.0, 0.02)
+    (record,) = caplog.records
+    assert "lower.pivot_x_force -> upper.bob_x_load" in record.message
+    assert "a step_size of" in record.message
+    truth = simulate(whole, times=coarse.time, tolerance=1e-12, **_starts(9.2, 1.2, -0.6))
+    assert np.max(np.abs(coarse["lower.theta"] - truth["lower.theta"])) > 0.1
+    assert coarse.coupling_error is not None
+    assert np.max(coarse.coupling_error) > 1e-3
+    caplog.clear()
+    enough = float(record.message.split("a step_size of ")[1].split(" s ")[0])
+    fine = system.simulate(4.0, enough)
+    assert fine.coupling_error is not None
+    assert np.max(fine.coupling_error) < 1e-4
+    assert caplog.records == []
+
+
+def _starts(mass: float, upper: float, lower: float) -> dict[str, Any]:
+    return {"lower.mass": mass, "upper.theta_0": upper, "lower.theta_0": lower}
+
+
+@pytest.mark.parametrize("prefix", ["", "fmi3/"])
+def test_estimate_of_a_signal_into_a_force(component: FmuPaths, prefix: str) -> None:
+    """Made from points, x_force is off by 19/720 H⁴ f⁽⁴⁾ in the mean; its integral over a step is what x' is off."""
+    H, omega = 0.02, 3.0
+    mass = component(f"{prefix}Oscillator"), {"x_0": 1.0}
+    result = wired(mass=mass).simulate(4.0, H, inputs={"mass.x_force": lambda t: math.sin(omega * t)})
+    size = np.maximum.accumulate(np.abs(result["mass.x_dot"]))
+    middle = result.time[4:] - 2 * H  # of the five points that are looked at
+    expected = 19 / 720 * H**5 * omega**4 * np.abs(np.sin(omega * middle)) / size[4:]
+    assert result.coupling_error is not None
+    # the fourth difference is f⁽⁴⁾ but for a part (ω H)²
+    np.testing.assert_allclose(result.coupling_error[4:], expected, rtol=(omega * H) ** 2, atol=1e-12)
+
+
+def test_jumps_are_no_error(component: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
+    result = wired(mass=component("Oscillator")).simulate(2.0, 0.1, inputs={"mass.x_force": lambda t: float(t > 0.95)})
+    assert result.coupling_error is not None
+    assert np.max(result.coupling_error) < 1e-12
+    assert caplog.records == []
+
+
+def test_one_fmu_alone_has_none(component: FmuPaths) -> None:
+    alone = simulate(component("Pendulum"), stop_time=1.0, step_size=0.1)
+    assert alone.coupling_error is not None
+    assert not alone.coupling_error.any()
+
+
+def test_what_foreign_fmus_hand_each_other_is_estimated_by_what_they_do(fmu: FmuPaths) -> None:
+    def worst(H: float) -> float:
+        result = wired("mass.q -> spring.length", mass=(fmu("Cart"), {"q_0": 1.0}), spring=fmu("Buffer")).simulate(
+            2.0, H
+        )
+        assert result.coupling_error is not None
+        return float(np.max(result.coupling_error))
+
+    assert worst(0.1) / worst(0.05) == pytest.approx(8.0, rel=0.3)  # of a step, where the whole is of second order
+
+
+def test_incomplete_run_has_one_too(component: FmuPaths) -> None:
+    system = _pair(component, 10.0, 0.3, -0.5)
+    with pytest.raises(LiaisonsError) as caught:
+        system.simulate(2.0, 0.2)
+    error = caught.value.result.coupling_error  # type: ignore[attr-defined] - an IncompleteError
+    assert error.shape == caught.value.result.time.shape  # type: ignore[attr-defined] - likewise
+
+
+def test_verified_run_has_the_differences_from_half_the_step(component: FmuPaths) -> None:
+    system = _pair(component, 1.0, 0.5, -0.2)
+    result, fine = system.simulate(1.0, 0.02, verify=True), system.simulate(1.0, 0.01)
+    for name in ("upper.theta", "lower.theta"):
+        expected = np.abs(result[name] - fine[name][::2])
+        np.testing.assert_allclose(result.error(name), expected, rtol=0, atol=1e-10)  # instants differ by rounding
+    assert 0 < np.max(result.error("lower.theta")) < 1e-4
+    with pytest.raises(LiaisonsError, match=r"simulate\(verify=True\)"):
+        fine.error("lower.theta")
+    assert "half the step" in result.summary()[0]
