@@ -31,6 +31,7 @@ ORDER = (
     "rewriting",
     "iftomm",
     "plans",
+    "planners",
 )
 QUIET = 0.2  # cores that others may keep busy
 
