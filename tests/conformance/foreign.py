@@ -45,7 +45,9 @@ def table(folder: Path, limit: float) -> None:
             maker, version = description.generationTool or "not said", description.fmiVersion
             kinds = [kind for kind, name in KINDS.items() if getattr(description, name) is not None] or ["none"]
         except Exception as error:  # noqa: BLE001 - whatever fmpy stumbles over
-            maker, version, kinds = f"fmpy: {_short(error, path)}", "", ["none"]
+            words = f"fmpy: {_short(error, path)}", _simulated(path, {"stop_time": 1.0, "step_size": 1 / POINTS})[1]
+            _say(f"| {path.relative_to(folder)} | | | none | {words[1]} | {words[0]} |")
+            continue
         for kind in kinds:
             outcome, difference = _told(path, kind, limit)
             outcomes["as fmpy" if difference[:1].isdigit() else "else"] += 1

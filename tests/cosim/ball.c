@@ -87,7 +87,11 @@ Status F(SetContinuousStates)(Component c, const Real x[], size_t n) {
     return 0;
 }
 Status F(GetContinuousStates)(Component c, Real x[], size_t n) { memcpy(x, c, n * sizeof *x); return 0; }
-Status F(GetNominalsOfContinuousStates)(Component c, Real x[], size_t n) { (void)c; while (n--) x[n] = 1; return 0; }
+Status F(GetNominalsOfContinuousStates)(Component c, Real x[], size_t n) {
+    (void)c;
+    while (n--) x[n] = 0; /* as some tools say that they know none */
+    return 0;
+}
 Status F(GetEventIndicators)(Component c, Real z[], size_t n) { (void)n; z[0] = ((Ball *)c)->real[H]; return 0; }
 static Status derivatives(Component c, Real x[]) {
     Ball *b = c;

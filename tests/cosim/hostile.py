@@ -300,7 +300,7 @@ FMUS: dict[str, tuple[str, Write]] = {
     "link": ("is a symbolic link", beside(b"resources/a", b"/etc/passwd", mode=stat.S_IFLNK | 0o777)),
     "NUL in a name": ("is no name of a file", beside(b"resources/a\0b", b"!")),
     "name that is no UTF-8": ("can't decode", beside(b"\xff\xfe", b"!", flags=0x800)),
-    "name twice": ("is there twice", text(GOOD, *[Member(b"resources/a", b"1")] * 2)),
+    "name twice": ("is there twice", text(GOOD, *(Member(b"resources/a", c) for c in (b"1", b"2")))),
     "file that is a folder": (
         "cannot be read or unpacked",
         text(GOOD, Member(b"resources", b"1"), Member(b"resources/a", b"2")),

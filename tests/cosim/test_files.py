@@ -59,6 +59,13 @@ def test_platform_folder_without_its_library(changed: Change, file: str, words: 
         read(path)
 
 
+def test_file_may_be_inside_twice_if_it_is_the_same(changed: Change) -> None:
+    path = changed(lambda name, data: (name, data))
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("modelDescription.xml", archive.read("modelDescription.xml"))
+    assert simulate(path, stop_time=1.0, step_size=0.5)["y"].tolist() == [0.0, 0.125, 1.0]
+
+
 def test_platform_may_be_named_by_its_tuple(changed: Change) -> None:
     path = changed(lambda name, data: (name.replace(f"/{fmpy.platform}/", f"/{fmpy.platform_tuple}/"), data))
     assert simulate(path, stop_time=2, step_size=2)["y"][-1] == 8.0  # exact: 2**3

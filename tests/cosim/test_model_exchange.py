@@ -46,13 +46,18 @@ def heights(times: NDArray) -> tuple[NDArray, NDArray]:
 
 def exchange_only(path: Path, folder: Path) -> Path:
     """The FMU without its Co-Simulation."""
-    with ZipFile(path) as source, ZipFile(folder / f"only_{path.name}", "w") as target:
+    return copied(path, folder, rb"<CoSimulation\b([^>]*/>|.*?</CoSimulation>)")
+
+
+def copied(path: Path, folder: Path, without: bytes) -> Path:
+    """The FMU, its model description without what fits a pattern."""
+    with ZipFile(path) as source, ZipFile(folder / path.name, "w") as target:
         for name in source.namelist():
             content = source.read(name)
             if name == "modelDescription.xml":
-                content = re.sub(rb"<CoSimulation\b([^>]*/>|.*?</CoSimulation>)", b"", content, flags=re.DOTALL)
+                content = re.sub(without, b"", content, flags=re.DOTALL)
             target.writestr(name, content)
-    return folder / f"only_{path.name}"
+    return folder / path.name
 
 
 def test_ball_bounces_when_it_has_to(ball: Path) -> None:
@@ -60,6 +65,13 @@ def test_ball_bounces_when_it_has_to(ball: Path) -> None:
     height, bounces = heights(result.time)
     np.testing.assert_allclose(result["h"], height, atol=TIGHT)
     assert result["bounces"].tolist() == bounces.tolist()
+
+
+def test_without_a_step_it_is_looked_at_500_times(ball: Path, tmp_path: Path) -> None:
+    silent = copied(ball, tmp_path, rb' stepSize="0.01"')
+    result = simulate(silent, stop_time=2.5)
+    assert len(result.time) == 501
+    np.testing.assert_allclose(result["h"], heights(result.time)[0], atol=TIGHT)
 
 
 def test_time_events_belong_to_the_communication_point_that_they_fall_on(ball: Path) -> None:

@@ -150,7 +150,8 @@ class Archive:
             raise SimulationError(f"{self.path}: has {len(listed)} files inside; no more than {_MOST_MEMBERS} are read")
         for member in listed:
             reason = _objection(member)
-            if member.filename in found and not member.is_dir():
+            other = found.get(member.filename, member)
+            if (other.CRC, other.file_size) != (member.CRC, member.file_size):  # some tools write the same file twice
                 reason = "is there twice"
             if reason:
                 raise SimulationError(f"{self.path}: {_short(member.orig_filename)} inside {reason}; export it anew")

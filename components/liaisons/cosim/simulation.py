@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from liaisons.arguments import finite, listed, named, numbers
 from liaisons.cosim import checks
 from liaisons.cosim.connections import Connection
+from liaisons.cosim.description import Fmu
 from liaisons.cosim.drives import Drive, Function, drives
 from liaisons.cosim.memory import check_memory
 from liaisons.cosim.model_description import SAME, Conversion
@@ -24,6 +25,8 @@ from liaisons.errors import SimulationError, suggestion
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""
+_POINTS = 500
+"""So often an FMU of Model Exchange is looked at if neither it nor the user says how often."""
 _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 """What FMUs hand each other has to fit within this part of the tolerance, but not better than rounding allows."""
 
@@ -122,19 +125,19 @@ def checked(
     :raises SimulationError: for a bad argument.
     """
     if single:
-        own = next(iter(parts.values())).fmu.experiment
+        fmu = next(iter(parts.values())).fmu
+        own = fmu.experiment
         tolerance = own.tolerance if tolerance is None else tolerance
         if times is None:
             start_time = own.start_time if start_time is None else start_time
             stop_time = own.stop_time if stop_time is None else stop_time
-            step_size = own.step_size if step_size is None else step_size
+            step_size = _own_step(fmu, start_time or 0.0, stop_time) if step_size is None else step_size
             if stop_time is None or step_size is None:
                 missing = "stop_time" if stop_time is None else "step_size"
                 raise SimulationError(f"{title}.fmu has no default {missing}: give one")
     recorded = _recorded(title, parts, record, also, single=single)
     if start_time is None:
-        starts = {part.fmu.experiment.start_time or 0.0 for part in parts.values()} if times is None else {0.0}
-        start_time = starts.pop() if len(starts) == 1 else 0.0
+        start_time = _common_start(parts) if times is None else 0.0
     if error_tolerance is None:
         points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
     elif times is None:
@@ -160,6 +163,19 @@ def checked(
     checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
     checks.inputs(parts, feeds, driven)
     return Simulation(title, parts, connections, driving, recorded, points, tolerance, chosen, error_tolerance)
+
+
+def _own_step(fmu: Fmu, start_time: float, stop_time: float | None) -> float | None:
+    """The communication step of an FMU [s]; in Model Exchange, where it says nothing, a part of the whole."""
+    if fmu.experiment.step_size is None and fmu.exchanges and stop_time is not None:
+        return (stop_time - start_time) / _POINTS
+    return fmu.experiment.step_size
+
+
+def _common_start(parts: Mapping[str, Part]) -> float:
+    """The begin [s] that all FMUs say of themselves, else 0."""
+    starts = {part.fmu.experiment.start_time or 0.0 for part in parts.values()}
+    return starts.pop() if len(starts) == 1 else 0.0
 
 
 def owned(title: str, parts: Mapping[str, Part], what: str, name: str, *, single: bool) -> Place:

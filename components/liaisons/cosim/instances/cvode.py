@@ -113,8 +113,9 @@ class Cvode:
             self._check(_root_init(self._memory, count, self._functions[1]))
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
-        """Begin anew at this time [s] from :attr:`states`, which have these nominal values."""
-        self._largest[: self.states.size] = np.abs(nominals) * self._tolerance
+        """Begin anew at this time [s] from :attr:`states`, which have these nominal values; 0 is none, and 1 then."""
+        sizes = np.abs(nominals)
+        self._largest[: self.states.size] = np.where(sizes > 0, sizes, 1.0) * self._tolerance
         self._check(_set_tolerances(self._memory, self._tolerance, self._errors))
         self._check(_restart(self._memory, time, self._vector))
 
