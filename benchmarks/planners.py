@@ -4,11 +4,12 @@
 
 Each file in ``planners/`` is what a user writes who has nothing but the package, without blanks and docstrings: **ours
 begin with energies, those of the others with equations of motion derived by hand**, which have to be right, and with
-a guess.  Rockit collocates as we do, at five Legendre points an interval, its controls splines.  dymos has Radau points
-of fifth order, and of OpenMDAO's optimizers SLSQP, since no wheel brings it IPOPT: it is given few intervals, and the
-crane only, since on the satellite SLSQP comes to its limit of iterations 5 % above the least cost.  opty is left out:
-cyipopt, which it needs, has no wheel and builds only where IPOPT is installed.  Times are processor times of
-all that is done after importing: equations, transcription, derivatives, solution.
+a guess.  Rockit collocates as we do, at five Legendre points an interval; its controls are splines of fourth order,
+with which it did best.  dymos has Radau points of fifth order, and of OpenMDAO's optimizers SLSQP, since no wheel
+brings it IPOPT: it is given few intervals, and the crane only, since on the satellite SLSQP comes to its limit of
+iterations 5 % above the least cost.  opty is left out: cyipopt, which it needs, has no wheel and builds only where
+IPOPT is installed.  Times are processor times of all that is done after importing: equations, transcription,
+derivatives, solution.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from plans import PROBLEMS, Problem
 
 FOLDER = HERE / "planners"
 NAMES = {"crane": "crane, least ∫ a²", "satellite": "satellite, half a turn by two wheels"}
-TOOLS = {"liaisons": (10, 20), "rockit": (10, 20, 40), "dymos": (4,)}
+TOOLS = {"liaisons": (10, 20), "rockit": (10, 20), "dymos": (4,)}
 """Intervals that each is given."""
 
 

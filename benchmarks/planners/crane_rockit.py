@@ -8,7 +8,7 @@ def solve(intervals: int) -> float:
     """∫ a² dt of the trolley."""
     ocp = Ocp(T=3.0)
     x, v, angle, rate = (ocp.state() for _ in range(4))
-    a = ocp.control(order=2)
+    a = ocp.control(order=4)
     ocp.set_der(x, v)
     ocp.set_der(v, a)
     ocp.set_der(angle, rate)

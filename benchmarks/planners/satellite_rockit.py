@@ -10,7 +10,7 @@ def solve(intervals: int) -> float:
     """∫ ½ φ'·Θφ' dt of two wheels."""
     ocp = Ocp(T=2.0)
     q = ocp.state(4)
-    wheels = ocp.control(2, order=2)
+    wheels = ocp.control(2, order=4)
     wx, wy = -WHEEL / J * wheels[0], -WHEEL / J * wheels[1]
     ocp.set_der(
         q, vertcat(-q[1] * wx - q[2] * wy, q[0] * wx - q[3] * wy, q[0] * wy + q[3] * wx, q[1] * wy - q[2] * wx) / 2
