@@ -84,7 +84,8 @@ def followed(simulation: Simulation, bus: Bus, slopes: Mapping[Place, int], gain
     found: list[Followed] = []
     for target, source in feeds.items():
         name, part = target[0], parts[target[0]]
-        if source[0] != SIGNALS and parts[source[0]].fmu.variables[source[1]].type != "Real":
+        giver, given_as = target if source[0] == SIGNALS else source
+        if parts[giver].fmu.variables[given_as].type != "Real":
             continue
         own = columns[source]
         places, order = curve(parts, feeds, source)
