@@ -65,8 +65,8 @@ def _ways(problem: Problem, intervals: int, count: int) -> Iterator[Track]:
     def states(u: Array) -> Array:
         rise, rate, _ = smooth(u)
         found = problem.at_start[:, None] + way[:, None] * rise
-        if len(turned) == 4:
-            found[turned] /= np.linalg.norm(found[turned], axis=0)
+        if len(turned) == 4:  # all of them 0 where w alone is given as 0
+            found[turned] /= np.maximum(np.linalg.norm(found[turned], axis=0), 1e-9)
         for name in problem.moves:
             if f"{name}_dot" in problem.states and name in problem.states:
                 found[problem.states.index(f"{name}_dot")] = way[problem.states.index(name)] * rate

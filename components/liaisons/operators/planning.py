@@ -24,7 +24,7 @@ from liaisons.operators.problems import (
     move_names,
     problem_of,
 )
-from liaisons.operators.transcription import DEGREE, INTERRUPTED, Arc, Array, Clock, Solution, Track, solve
+from liaisons.operators.transcription import DEGREE, INTERRUPTED, Arc, Array, Clock, Solution, Track, path_rates, solve
 from liaisons.operators.verifying import NOTHING, hamiltonian_scale
 from liaisons.progress import progress_bar
 
@@ -208,8 +208,9 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
 def _arcs(problem: Problem, solution: Solution) -> tuple[tuple[Arc, ...], Array]:
     """Arcs on which the same rows are at their bounds, and their durations."""
     path, track = problem.path, solution.track
-    slope = path.function.jac_sparsity(0, 1)  # of the rows with respect to the controls
-    holdable = [i for i, label in enumerate(path.labels) if label in problem.moves or i in set(slope.row())]
+    reached = [function.jac_sparsity(0, 1).row() for function in (path.function, path_rates(problem))]
+    by_controls = {i for rows in reached[: 1 + (problem.order > 0)] for i in rows}  # at once, or by their rates
+    holdable = [i for i, label in enumerate(path.labels) if label in problem.moves or i in by_controls]
     span = np.where(np.isfinite(path.high - path.low), path.high - path.low, 1.0)
 
     def held(column: Array) -> tuple[tuple[int, float], ...]:

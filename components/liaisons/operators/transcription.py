@@ -312,9 +312,11 @@ def _bounded(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
 def _bound(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
     """Rows of the path in their ranges, or held: at the collocation points, of states at the ends of intervals, too.
 
-    A coordinate that is moved is held at its bound by its control: it comes there at the arc's begin, and stays.
+    A coordinate that is moved is held at its bound by its control, and what depends on states alone by its rate: it
+    comes there at the arc's begin, and stays.
     """
-    start = problem.start
+    start, instant = problem.start, set(problem.path.function.jac_sparsity(0, 1).row())  # rows with controls
+    rates = path_rates(problem).map(program.inner.shape[1])(program.inner, program.controls)
     given = {label for label, low, high in zip(start.labels, start.low, start.high, strict=True) if low == high}
     first = 0
     for arc in arcs:
@@ -330,12 +332,24 @@ def _bound(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Progr
                 opti.subject_to(ca.vec(program.controls[problem.moves.index(label), inner]) == 0)
                 continue
             row = ca.vec(program.path[i, inner])
+            if i in held and problem.order > 0 and i not in instant:
+                begin = problem.path.function(program.knots[:, first], program.controls[:, first * DEGREE])
+                opti.subject_to(begin[i] == held[i])
+                opti.subject_to(ca.vec(rates[i, inner]) == 0)
+                continue
             opti.subject_to(row == held[i] if i in held else _bounded(opti, low, row, high))
             if label in problem.states and i not in held:
                 between = program.knots[problem.states.index(label), max(first, 1) : last]
                 if between.numel():
                     opti.subject_to(_bounded(opti, low, ca.vec(between), high))
         first = last
+
+
+def path_rates(problem: Problem) -> ca.Function:
+    """d/dt of the rows of the path, as far as they depend on states."""
+    X, U = ca.SX.sym("X", len(problem.states)), ca.SX.sym("U", len(problem.controls))
+    rows = problem.path.function(X, U)
+    return ca.Function("path_rates", [X, U], [ca.densify(ca.jtimes(rows, X, problem.rates(X, U)))])
 
 
 def _anchor(opti: ca.Opti, problem: Problem, program: _Program) -> None:
