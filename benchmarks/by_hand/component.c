@@ -76,7 +76,7 @@ Instance *component_open(double tolerance, int symplectic_steps, int counting) {
     for (int i = 0; i < ACTIVITIES; i++) counted.motions[i] = (Motion){counted_all, counted_coupled};
     if (counting) evaluated = 0;
     Instance *instance = core_new(counting ? &counted : &model, &options);
-    Status status = core_setup(instance, 0, tolerance);
+    Status status = core_setup(instance, 0, NULL, tolerance);
     for (size_t i = 0; i < settable; i++) references[i] = first + (unsigned)i;
     memcpy(values, k, model.parameters * sizeof *k);
     memcpy(values + model.parameters, u, model.inputs * sizeof *u);
