@@ -26,6 +26,7 @@ ORDER = (
     "energy_drift",
     "chains",
     "composition_cost",
+    "isolated",
     "sweeps",
     "ensembles",
     "rewriting",

@@ -35,7 +35,8 @@ def component_library(model: Model, folder: Path, *by_hand: str) -> ctypes.CDLL:
     sources = [path for path in sorted(folder.glob("*.c")) if not path.name.startswith(("fmi", "face"))]
     library = compile_library(folder, "component", [*sources, *(BY_HAND / name for name in ("component.c", *by_hand))])
     library.component_open.restype = ctypes.c_void_p
-    library.component_advance.restype = ctypes.c_double
+    library.component_advance.restype = library.component_rates.restype = ctypes.c_double
+    library.component_evaluations.restype = ctypes.c_long
     return library
 
 

@@ -122,7 +122,7 @@ double chain_start(double tolerance) {
     const struct mallinfo2 before = mallinfo2();
     instance = core_new(&model, &options);
     const struct mallinfo2 after = mallinfo2();
-    if (instance == NULL || core_setup(instance, 0, tolerance) != SUCCESS) return 0;
+    if (instance == NULL || core_setup(instance, 0, NULL, tolerance) != SUCCESS) return 0;
     core_enter_initialization(instance);
     if (core_exit_initialization(instance) != SUCCESS) return 0;
     return (double)(after.uordblks + after.hblkhd) - (double)(before.uordblks + before.hblkhd);

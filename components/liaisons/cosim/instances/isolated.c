@@ -5,7 +5,6 @@
    until one is refused.  Whoever waits looks for a moment whether it is over already, and sleeps then.  The functions of
    the parent have the shapes of FMI 2.0's, so that loop.c can call them. */
 #define _GNU_SOURCE
-#include <errno.h>
 #include <limits.h>
 #include <linux/futex.h>
 #include <sched.h>
@@ -64,9 +63,9 @@ static double now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static int slept(uint32_t *word, uint32_t value, double seconds) {
+static void sleep_on(uint32_t *word, uint32_t value, double seconds) {
     const struct timespec t = {(time_t)seconds, (long)(1e9 * (seconds - (double)(time_t)seconds))};
-    return syscall(SYS_futex, word, FUTEX_WAIT, value, &t, NULL, 0) == 0 ? 0 : errno;
+    syscall(SYS_futex, word, FUTEX_WAIT, value, &t, NULL, 0);
 }
 
 static void wake(uint32_t *word) { syscall(SYS_futex, word, FUTEX_WAKE, 1, NULL, NULL, 0); }
@@ -102,7 +101,8 @@ static int lost(Far *far) {
     uint32_t made = look(&c->made), before = made;
     for (double begin = now(); made != c->posted; made = look(&c->made)) {
         if (made != before) before = made, begin = now();
-        if (slept(&c->made, made, SLICE) == EINTR && interrupted(far)) return INTERRUPTED;
+        sleep_on(&c->made, made, SLICE);
+        if (interrupted(far)) return INTERRUPTED;
         if (ended(far) && !all_made(c)) return ENDED;
         if (now() - begin > far->limit && look(&c->made) == made) return LATE;
     }
@@ -185,7 +185,7 @@ EXPORT int next(Channel *c, int status) {
     for (;; report(c, OK)) {
         while (!soon(c, 0)) {
             put_up(&c->child_sleeps, 1);
-            if (all_made(c)) slept(&c->posted, c->made, PATIENCE);
+            if (all_made(c)) sleep_on(&c->posted, c->made, PATIENCE);
             put_up(&c->child_sleeps, 0);
         }
         const int number = c->numbers[c->made % ROOM];
