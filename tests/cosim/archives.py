@@ -86,7 +86,7 @@ def outcome(archive: Path) -> str:
     if done.returncode:
         return _short(said[-1].removeprefix("liaisons: error: ").replace(f"{archive}: ", "") if said else "crashed")
     notes = f", {len(said)} notes" if said else ""
-    return f"runs: {len(re.findall(r'^[^ ]+  ', done.stdout, re.MULTILINE)) - 1} signals{notes}"
+    return f"runs: {len(re.findall(r'^[^ ]+  ', done.stdout, re.MULTILINE)) - 2} signals{notes}"
 
 
 def _short(words: str) -> str:
