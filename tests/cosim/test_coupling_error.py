@@ -152,3 +152,38 @@ def test_verified_run_has_the_differences_from_half_the_step(component: FmuPaths
     with pytest.raises(LiaisonsError, match=r"simulate\(verify=True\)"):
         fine.error("lower.theta")
     assert "half the step" in result.summary()[0]
+
+
+def test_steps_that_nobody_gives_are_as_short_as_they_have_to_be(
+    component: FmuPaths, whole: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    system = _pair(component, 9.2, 1.2, -0.6)
+    result, again = (system.simulate(2.0, tolerance=1e-9) for _ in range(2))
+    np.testing.assert_array_equal(result.values, again.values)
+    np.testing.assert_allclose(np.diff(result.time), 0.01, rtol=1e-9)  # the pendulum's own step is the grid
+    assert result.coupling_error is not None
+    assert 0 < np.max(result.coupling_error) <= 1e-9
+    truth = simulate(whole, times=result.time, tolerance=1e-12, **_starts(9.2, 1.2, -0.6))
+    # 1e-9 a step, amplified by two whips of 30 each
+    assert np.max(np.abs(result["lower.theta"] - truth["lower.theta"])) < 1e-5
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize("prefix", ["", "fmi3/"])
+def test_steps_follow_a_signal_and_shorten_where_it_moves_fast(component: FmuPaths, prefix: str) -> None:
+    mass = component(f"{prefix}Oscillator"), {"x_0": 0.0}
+    system = wired(mass=mass)
+    instants: list[float] = []
+
+    def push(t: float) -> float:
+        instants.append(t)
+        return math.exp(-(((t - 1.0) / 0.05) ** 2))
+
+    system.simulate(2.0, inputs={"mass.x_force": push}, tolerance=1e-10)
+    steps = np.diff(np.unique(instants))
+    assert np.min(steps) < 0.5 * np.max(steps)
+
+
+def test_steps_without_coupling_are_those_of_the_fmus(component: FmuPaths) -> None:
+    result = wired(swing=component("Pendulum")).simulate(0.1)
+    np.testing.assert_allclose(result.time, np.arange(11) * 0.01, rtol=1e-12)

@@ -145,6 +145,24 @@ class Estimate:
             errors[1] = errors[2]  # there is nothing before the first step
         return errors
 
+    def latest(self, rows: Vector, times: Vector, count: int) -> float:
+        """The largest error of the last steps.
+
+        :param count: how many; what comes before is known already, or the begin.
+        """
+        first = max(len(times) - count, 2)
+        if not len(self._targets) or first >= len(times):
+            return 0.0
+        return float(np.max(self._of_block(np.ascontiguousarray(rows.T), times, first)))
+
+    def snapshot(self) -> tuple[Vector, Worst | None]:
+        """What :meth:`rewind` needs."""
+        return self._sizes.copy(), self.worst
+
+    def rewind(self, snapshot: tuple[Vector, Worst | None]) -> None:
+        """Forget what was since the snapshot."""
+        self._sizes[:], self.worst = snapshot
+
     def _of_block(self, signals: Vector, times: Vector, first: int) -> Vector:
         """The same of a few steps, from the one that ends at the point ``first`` on; shape (width, points)."""
         steps = np.diff(times)

@@ -41,6 +41,7 @@ class Simulation:
     :param times: communication points [s]; with steps of adapted size the begin, the end of the first step, the end.
     :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
     :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
+    :param adapts: whether steps between the communication points are as short as the estimate of their error asks for.
     """
 
     title: str
@@ -52,6 +53,7 @@ class Simulation:
     tolerance: float | None
     coupling: Coupling
     error_tolerance: float | None
+    adapts: bool = False
 
     @cached_property
     def feeds(self) -> Feeds:
@@ -79,6 +81,11 @@ class Simulation:
     def iterates(self) -> bool:
         """Whether steps are repeated."""
         return self.coupling in checks.ITERATING
+
+    @property
+    def step_tolerance(self) -> float:
+        """Error that a step between communication points may add, relative to the size of signals."""
+        return self.tolerance or _DEFAULT_TOLERANCE
 
     @property
     def interface_tolerance(self) -> float:
@@ -138,6 +145,8 @@ def checked(
     recorded = _recorded(title, parts, record, also, single=single)
     if start_time is None:
         start_time = _common_start(parts) if times is None else 0.0
+    chooses = step_size is None and times is None
+    step_size = _shortest(parts, start_time, stop_time) if chooses else step_size
     if error_tolerance is None:
         points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
     elif times is None:
@@ -162,7 +171,9 @@ def checked(
     parts = checks.prepared(parts, feeds, chosen)
     checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
     checks.inputs(parts, feeds, driven)
-    return Simulation(title, parts, connections, driving, recorded, points, tolerance, chosen, error_tolerance)
+    free = all(part.fmu.restores and part.fmu.variable_step for part in parts.values())
+    adapts = chooses and not single and free and error_tolerance is None and chosen in checks.ITERATING
+    return Simulation(title, parts, connections, driving, recorded, points, tolerance, chosen, error_tolerance, adapts)
 
 
 def _own_step(fmu: Fmu, start_time: float, stop_time: float | None) -> float | None:
@@ -170,6 +181,14 @@ def _own_step(fmu: Fmu, start_time: float, stop_time: float | None) -> float | N
     if fmu.experiment.step_size is None and fmu.exchanges and stop_time is not None:
         return (stop_time - start_time) / _POINTS
     return fmu.experiment.step_size
+
+
+def _shortest(parts: Mapping[str, Part], start_time: float, stop_time: float | None) -> float | None:
+    """The shortest step that an FMU says [s], else a part of the whole."""
+    steps = [step for part in parts.values() if (step := part.fmu.experiment.step_size) is not None]
+    if stop_time is not None:
+        finite("stop_time", stop_time)
+    return min(steps, default=None if stop_time is None else (stop_time - start_time) / _POINTS)
 
 
 def _common_start(parts: Mapping[str, Part]) -> float:

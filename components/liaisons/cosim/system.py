@@ -147,7 +147,8 @@ class System:
 
         :param stop_time: end [s].
         :param step_size: distance of the communication points [s], t_i = start_time + i * step_size; the last step is
-            shorter if need be.
+            shorter if need be.  None: the shortest that an FMU says; in implicit and waveform coupling of FMUs that can
+            go back, steps between the points are then as short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
         :param start_time: begin [s]; None: that of the FMUs' default experiments if it is the same in all, else 0.
         :param times: the communication points themselves [s], increasing, in place of the three above.
         :param tolerance: relative tolerance of the FMUs' solvers; None leaves each its own.

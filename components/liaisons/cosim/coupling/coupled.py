@@ -15,15 +15,17 @@ from liaisons.cosim import compiled, schedule
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import COUPLED, RAISED, Action, Call
 from liaisons.cosim.coupling.group import Group
-from liaisons.cosim.coupling.handed import Handed
+from liaisons.cosim.coupling.handed import Handed, Past
 from liaisons.cosim.coupling.member import INSIDE, Member
 from liaisons.cosim.coupling.records import GroupRecord, HandedRecord, SystemRecord
-from liaisons.cosim.coupling.signals import Curve, Signals
+from liaisons.cosim.coupling.signals import Curve, Signals, State
 from liaisons.cosim.drives import SIGNALS
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.schedule import Place
 from liaisons.cosim.simulation import Simulation
 from liaisons.errors import SimulationError
+
+Snapshot = tuple[State, list[Past]]
 
 _ROOM = 17
 """So many numbers an unknown compiled code needs room for: points and changes, secants, and what there is now."""
@@ -98,6 +100,17 @@ class Coupled:
             handed.begin_anew()
         for group in self._groups:
             group.begin_anew()
+
+    def snapshot(self) -> Snapshot:
+        """What :meth:`rewind` needs."""
+        return self.signals.snapshot(), [handed.snapshot() for handed in (self._driven, *self._handed)]
+
+    def rewind(self, snapshot: Snapshot) -> None:
+        """Forget what was since the snapshot."""
+        signals, states = snapshot
+        self.signals.rewind(signals)
+        for handed, state in zip((self._driven, *self._handed), states, strict=True):
+            handed.rewind(state)
 
     @property
     def slopes(self) -> dict[Place, int]:

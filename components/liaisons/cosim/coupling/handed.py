@@ -24,7 +24,7 @@ _POINTS = 3
 """Points before the end of a step that lie, with it, on one cubic."""
 
 Flags = NDArray[np.bool_]
-State = tuple[Vector, Vector, Indices, Flags]
+Past = tuple[Vector, Vector, Indices, Flags]
 
 
 @final
@@ -50,7 +50,7 @@ class Handed:
         self._slopes: Indices = self.made + signals.count
         self._given: list[Indices] = [np.array([pair[k] for pair in pairs], dtype=np.intp) for k in range(3)]
         n = len(made)
-        self._state: State = np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp), self._stairs.copy()
+        self._state: Past = np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp), self._stairs.copy()
         self.instants, self.others = np.zeros(2), np.zeros((2, n))
 
     def record(self, ask: Call | None) -> HandedRecord:
@@ -129,12 +129,12 @@ class Handed:
         jumped[:] = self._signals.held[self.made] & (depth > 1)
         depth[:] = np.where(jumped, 1, np.minimum(depth + 1, _POINTS))
 
-    def snapshot(self) -> State:
+    def snapshot(self) -> Past:
         """What :meth:`rewind` needs."""
         past, spans, depth, jumped = self._state
         return past.copy(), spans.copy(), depth.copy(), jumped.copy()
 
-    def rewind(self, state: State) -> None:
+    def rewind(self, state: Past) -> None:
         """Forget what was since the snapshot."""
         for own, other in zip(self._state, state, strict=True):
             own[:] = other

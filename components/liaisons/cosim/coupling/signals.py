@@ -15,7 +15,7 @@ from liaisons.cosim.schedule import Feeds, Place
 
 Vector = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Snapshot = tuple[Vector, Vector, float]
+State = tuple[Vector, Vector, float]
 
 
 def watched(parts: Mapping[str, Part], feeds: Feeds) -> list[Place]:
@@ -201,10 +201,10 @@ class Signals:
         self.result[:] = 0.0
         self.held[:] = False
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> State:
         """What :meth:`rewind` needs."""
         return self.ends.copy(), self.earlier.copy(), float(self.since[0])
 
-    def rewind(self, snapshot: Snapshot) -> None:
+    def rewind(self, snapshot: State) -> None:
         """Forget what was since the snapshot."""
         self.ends[:], self.earlier[:], self.since[:] = snapshot
