@@ -1,24 +1,27 @@
-"""Cost of a communication point: systems beside bare preallocated ctypes calls of the same FMUs.
+"""Cost of a communication point: systems of up to ten thousand FMUs beside bare calls and beside one flattened FMU.
 
     python benchmarks/composition_cost.py [--quick]
 
 What a communication point costs over the bare calls (set, doStep, get with arguments prepared once, in a plain loop):
-pairs of an operator and a pendulum, with everything recorded, and chains of up to 1000 oscillators.  The plain loop is
-Python; a system makes the same calls from compiled code where it can, hence ratios below 1.  Processor time a point and
-FMU.  For the chains also the exponent by which the cost of a point grows with the number of FMUs, 1 being
-linear, of systems and of bare calls: what both have beyond 1 comes from the memory, since a thousand instances do not
-fit into the caches, whoever calls them.  (Bare calls have no counterpart of implicit coupling; its cost counts all
-iterations, roll-backs and derivatives.)
+pairs of an operator and a pendulum, with everything recorded, and chains of oscillators.  The plain loop is Python; a
+system makes the same calls from compiled code, hence ratios below 1.  Implicit coupling counts all iterations,
+roll-backs and derivatives; its yardstick is the flattened FMU, the same chain as one FMU, which has nothing to couple.
+Processor time a point and FMU, of the same number of points for every size.  Beside it the exponents by which the cost
+of a point grows with the number of FMUs, 1 being linear; and what ten thousand FMUs take to be made, connected,
+initialized and released, in a process of their own.
 """
 
 from __future__ import annotations
 
+import multiprocessing
+import resource
 import statistics
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from ctypes import Array, byref, c_double, c_int, c_size_t, c_uint, c_void_p
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -32,97 +35,132 @@ from liaisons import System, fmu_path
 from liaisons.cosim.description import Fmu, read
 from liaisons.cosim.run import Run
 from liaisons.cosim.schedule import Coupling
+from liaisons.cosim.simulation import checked
 
 H = 0.001
 TRIPLE = ("", "_dot", "_ddot")
 COUPLINGS: tuple[Coupling, ...] = ("jacobi", "gauss-seidel", "implicit")
-BARE = "bare calls"
+BARE, FLAT = "bare calls", "flattened"
 POINT = "A communication point, for each FMU"
-ASKED, LINEAR = "<= 1.5", "<= 1.1"
-SIZES, QUICK = (10, 30, 100, 300, 1000), (10, 30, 100)
+ASKED, LINEAR, IMPLICIT = "<= 1.5", "<= 1.1", "<= 4"
+SIZES, QUICK = (10, 30, 100, 300, 1000, 3000, 10_000), (10, 30, 100)
+LARGEST_BARE, LARGEST_FLAT = 1000, 30
+"""Beyond them nothing is to be learnt: bare calls are linear, and a C compiler takes minutes for a larger chain."""
 
 Times = Mapping[str, Sequence[float]]
-"""Seconds a communication point, round by round, of couplings and of bare calls."""
+"""Seconds a communication point, round by round, of couplings and of what stands beside them."""
+Seconds = Callable[[], float]
 
 
 def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
-    rounds, steps = (2, 200) if quick else (7, 2000)
+    rounds, steps = (2, 50) if quick else (7, 100)
     rows: list[Row] = []
-    with _timed_loops() as loops, ExitStack() as stack:
-        for pairs in (1, 10):
-            rows += _points("pairs", 2 * pairs, _times_of_pairs(pairs, steps // pairs, rounds, loops, stack))
-        chains = {
-            size: _times_of_chain(size, max(20, 10 * steps // size), rounds, loops, stack)
-            for size in (QUICK if quick else SIZES)
-        }
+    for pairs in (1, 10):
+        with ExitStack() as stack:
+            bare = _bare_pairs(pairs, stack)
+            runs = {BARE: partial(bare, steps), "gauss-seidel": _loop(_pairs(pairs), steps, "gauss-seidel", stack)}
+            rows += _points("pairs", 2 * pairs, interleaved(runs, rounds))
+    chains = {size: _times_of_chain(size, steps, rounds) for size in (QUICK if quick else SIZES)}
     for size, times in chains.items():
         rows += _points("chain", size, times)
-    return rows + _growth(chains)
+    return rows + _growth(chains) + [row for c in ("gauss-seidel", "implicit") for row in _making(max(chains), c)]
 
 
-def _times_of_pairs(pairs: int, steps: int, rounds: int, loops: list[float], stack: ExitStack) -> Times:
-    bare = _bare_pairs(pairs, stack)
-    return interleaved(
-        {BARE: lambda: bare(steps), "gauss-seidel": lambda: _run(_pairs(pairs), steps, "gauss-seidel", loops)}, rounds
+def _times_of_chain(size: int, steps: int, rounds: int) -> Times:
+    with ExitStack() as stack:
+        system = _chain(size)
+        runs = {c: _loop(system, steps, c, stack, record=[]) for c in COUPLINGS}
+        if size <= LARGEST_BARE:
+            bare = _bare_chain(size, stack)
+            runs[BARE] = partial(bare, steps)
+        if size <= LARGEST_FLAT:
+            whole = System("whole")
+            whole.add("chain", system.flatten(Path(mkdtemp(prefix="liaisons-"))))
+            runs[FLAT] = _loop(whole, steps, "gauss-seidel", stack, record=[])
+        return interleaved(runs, rounds)
+
+
+def _loop(
+    system: System, steps: int, coupling: Coupling, stack: ExitStack, record: Sequence[str] | None = None
+) -> Seconds:
+    """A function that runs a system from its start, and returns seconds a step: of the loop alone."""
+    parts, connections = system.filled(), system.connections
+    simulation = checked(
+        system.name, parts, connections, stop_time=steps * H, step_size=H, coupling=coupling, record=record
     )
+    run = stack.enter_context(Run(simulation, again=True))
 
+    def seconds() -> float:
+        run.start()
+        begin = time.thread_time()
+        run.finish()
+        return (time.thread_time() - begin) / steps
 
-def _times_of_chain(size: int, steps: int, rounds: int, loops: list[float], stack: ExitStack) -> Times:
-    bare = _bare_chain(size, stack)
-
-    def coupled(coupling: Coupling) -> float:
-        few = max(20, steps // 10) if coupling == "implicit" else steps
-        return _run(_chain(size), few, coupling, loops, record=[])
-
-    return interleaved({BARE: lambda: bare(steps), **{c: lambda c=c: coupled(c) for c in COUPLINGS}}, rounds)
+    return seconds
 
 
 def _points(system: str, fmus: int, times: Times) -> list[Row]:
     costs = {name: [1e6 * t / fmus for t in seconds] for name, seconds in times.items()}
     rows = []
-    for coupling in COUPLINGS:
-        if coupling in costs:
-            case, yardstick = f"{system} of {fmus} FMUs, {coupling}", "" if coupling == "implicit" else BARE
-            asked = ASKED if yardstick else ""
-            beside = costs.get(yardstick)
-            rows.append(Row.of(POINT, case, costs[coupling], "µs", yardstick=yardstick, beside=beside, asked=asked))
+    for name in (*COUPLINGS, FLAT):
+        if name in costs:
+            yardsticks = {"implicit": FLAT}.get(name, BARE if name in COUPLINGS else "")
+            yardstick = yardsticks if yardsticks in costs else ""
+            case, beside = f"{system} of {fmus} FMUs, {name}", costs.get(yardstick)
+            if name == "implicit":
+                rows.append(Row.of(POINT, case, costs[name], "µs", asked=IMPLICIT))
+            if name != "implicit" or yardstick:
+                asked = ASKED if yardstick == BARE else ""
+                rows.append(Row.of(POINT, case, costs[name], "µs", yardstick=yardstick, beside=beside, asked=asked))
     return rows
 
 
 def _growth(chains: Mapping[int, Times]) -> list[Row]:
-    def exponent(name: str) -> float:
-        costs = [statistics.median(times[name]) for times in chains.values()]
-        return float(np.polyfit(np.log(list(chains)), np.log(costs), 1)[0])
-
-    topic = f"Exponent of the growth of a communication point, {min(chains)} to {max(chains)} FMUs"
-    systems = [Row(topic, f"chain, {coupling}", exponent(coupling), "", asked=LINEAR) for coupling in COUPLINGS]
-    return [*systems, Row(topic, f"chain, {BARE}", exponent(BARE), "")]
-
-
-@contextmanager
-def _timed_loops() -> Iterator[list[float]]:
-    """A list that gets the seconds of every loop over communication points, set-up and release left out."""
-    seconds: list[float] = []
-    original = vars(Run)["_advance"]
-
-    def timed(self: Run, *arguments: object) -> None:
-        begin = time.thread_time()
-        original(self, *arguments)
-        seconds.append(time.thread_time() - begin)
-
-    setattr(Run, "_advance", timed)  # noqa: B010 - looks into the run on purpose
-    try:
-        yield seconds
-    finally:
-        setattr(Run, "_advance", original)  # noqa: B010
+    rows = []
+    for most in sorted({min(1000, max(chains)), max(chains)}):
+        topic = f"Exponent of the growth of a communication point, {min(chains)} to {most} FMUs"
+        for name in (*COUPLINGS, BARE):
+            costs = {n: statistics.median(times[name]) for n, times in chains.items() if n <= most and name in times}
+            if max(costs) == most:
+                exponent = float(np.polyfit(np.log(list(costs)), np.log(list(costs.values())), 1)[0])
+                asked = LINEAR if name in COUPLINGS else ""
+                rows.append(Row(topic, f"chain, {name}", exponent, "", asked=asked))
+    return rows
 
 
-def _run(
-    system: System, steps: int, coupling: Coupling, loops: list[float], record: Sequence[str] | None = None
-) -> float:
-    """Seconds a step."""
-    system.simulate(steps * H, H, coupling=coupling, record=record)
-    return loops.pop() / steps
+def _making(size: int, coupling: Coupling) -> list[Row]:
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        parts = pool.submit(_made, size, coupling).result()
+    topic = f"A chain of {size} FMUs, from nothing to its end"
+    return [Row(topic, f"{coupling}, {part}", value, unit) for part, (value, unit) in parts.items()]
+
+
+def _made(size: int, coupling: Coupling) -> dict[str, tuple[float, str]]:
+    """What it takes: seconds, and memory beyond that of the same for a few."""
+    steps, marks = 100, []
+
+    def go(count: int) -> None:
+        marks[:] = [time.process_time()]
+        system = _chain(count)
+        marks.append(time.process_time())
+        with ExitStack() as stack:
+            seconds = _loop(system, steps, coupling, stack, record=[])
+            marks.append(time.process_time())
+            moving = seconds() * steps
+            marks.append(time.process_time() - moving)
+        marks.append(time.process_time() - moving)
+
+    go(10)
+    before = _peak()
+    go(size)
+    made, prepared, started, released = np.diff(marks).tolist()
+    found = {"added and connected": made, "instantiated and prepared": prepared, "initialized": started}
+    seconds = {part: (value, "s") for part, value in (found | {"released": released}).items()}
+    return seconds | {"memory, an FMU": ((_peak() - before) / size / 1024, "KiB")}
+
+
+def _peak() -> float:
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def _pairs(count: int) -> System:

@@ -8,8 +8,9 @@ calls.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+import gc
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -61,7 +62,7 @@ class Run:
         self._coupled: Coupled | None = None
         parts, times = simulation.parts, simulation.times
         self.repeats = again and all(part.fmu.restores for part in parts.values())
-        with ExitStack() as stack:
+        with ExitStack() as stack, _made_to_stay():
             if folders is None:
                 folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
             for name, part in parts.items():
@@ -212,6 +213,18 @@ class Run:
         states = [instance.states() for instance in self._instances.values()]
         self._bus.perform(save for save, _ in states)
         return [restore for _, restore in states]
+
+
+@contextmanager
+def _made_to_stay() -> Iterator[None]:
+    """Python does not look for garbage among what is made here: of thousands of FMUs it took half of the time."""
+    looks = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if looks:
+            gc.enable()
 
 
 def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:

@@ -48,7 +48,7 @@ class Coupled:
         self._drives = [(drive, [signals.index[place] for place in drive.places]) for drive in simulation.drives]
         self._groups: list[Group] = []
         for names in groups:
-            cycle = names if names[0] in cyclic else []
+            cycle = frozenset(names if names[0] in cyclic else ())
             members = [Member(parts[name], instances[name], bus, signals, cycle, alone=name in alone) for name in names]
             self._groups.append(Group(members, signals, bus, simulation, cyclic=bool(cycle)))
         group_of = {name: k for k, group in enumerate(groups) for name in group} | {SIGNALS: len(groups)}

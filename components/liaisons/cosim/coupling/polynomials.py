@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import final
+from functools import cache, lru_cache
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,9 @@ from liaisons.cosim.coupling.signals import Curve, Indices, Vector
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
 
-_POWERS = 2 * 3 + 2
+_MOST = 6
+"""Data at both ends, of a port."""
+_POWERS = _MOST + 2
 """So many powers of the size of a step occur."""
 
 # Coefficients of the powers m+1 ... 2m+1 of θ = (τ - t)/H, for a polynomial that has value and m derivatives 0 at
@@ -85,19 +87,30 @@ def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomial
     :param width: number of signals at one end.
     :param highest: order of the highest derivative; 1 leaves straight lines.
     """
-    which = [(k, order) for k in range(len(curves)) for order in range(1, highest + 1)]
+    curves = curves if highest > 1 else [curve.alone() for curve in curves]
     known: dict[tuple[int, int], int] = {}
-    terms = np.zeros((len(which), 6), dtype=np.intp)
-    factors = np.zeros(terms.shape)
-    after = np.empty(len(which), dtype=np.intp)
+    for curve in curves:
+        for end in (0, width):
+            for i, index in enumerate(curve.data):
+                known.setdefault((end + index, i), len(known))
+    terms = [tuple(known[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
+    orders = tuple(curve.order for curve in curves)
+    indices = np.array([index for index, _ in known], dtype=np.intp)
+    return Polynomials(known=indices, **_alike(tuple(terms), orders, tuple(i for _, i in known), highest))
+
+
+@lru_cache(maxsize=1024)
+def _alike(terms: tuple[tuple[int, ...], ...], orders: tuple[int, ...], scaling: tuple[int, ...], highest: int) -> Any:
+    """What all inputs have in common that follow such curves; of a thousand FMUs it stays in the cache."""
+    which = [(k, order) for k in range(len(terms)) for order in range(1, highest + 1)]
+    columns = np.empty((len(which), _MOST), dtype=np.intp)
+    factors = np.zeros(columns.shape)
     for row, (k, order) in enumerate(which):
-        curve = curves[k] if highest > 1 else curves[k].alone()
-        count, power = len(curve.data), order + curve.order
-        data = [(end * width + index, i) for end in (0, 1) for i, index in enumerate(curve.data)]
-        after[row] = power
-        terms[row] = known.setdefault(data[0], len(known))  # beyond them, times 0
-        if power < 2 * count:
-            terms[row, : 2 * count] = [known.setdefault(datum, len(known)) for datum in data]
-            factors[row, : 2 * count] = coefficients(count)[power] * math.factorial(power)
-    signals, scaling = np.array(list(known), dtype=np.intp).reshape(-1, 2).T.copy()
-    return Polynomials(which, signals, scaling, terms, factors, after)
+        power, many = order + orders[k], len(terms[k])
+        columns[row] = terms[k][0]  # beyond the terms, times 0
+        if power < many:
+            columns[row, :many] = terms[k]
+            factors[row, :many] = coefficients(many // 2)[power] * math.factorial(power)
+    after = np.array([order + orders[k] for k, order in which], dtype=np.intp)
+    powers_before = np.array(scaling, dtype=np.intp)
+    return {"which": which, "scaling": powers_before, "terms": columns, "factors": factors, "after": after}
