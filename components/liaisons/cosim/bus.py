@@ -71,7 +71,8 @@ class Bus:
         :raises SimulationError: unless it was a warning.
         """
         if status == RAISED and call.raised is not None:
-            raise call.raised
+            error, call.raised = call.raised, None
+            raise error
         if status != WARNING:
             assert call.failure is not None
             raise call.failure(call.action, status, self._when(call.action))

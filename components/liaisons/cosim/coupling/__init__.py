@@ -33,6 +33,9 @@ The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2S
 none; there it asks for its inputs at the fifths of a step, in intermediate update mode, and follows the quintic through
 them.  One of the Python back end can do neither: it interpolates between the ends itself, quintic and linear, and its
 outputs have no derivatives; a cycle with it is of second order.
+
+``coupling.c`` makes the steps.  What stands here makes them itself where there is no C compiler, operation by operation
+alike, to the same bits: whoever changes one changes the other, and ``tests/cosim/test_loop.py`` compares them.
 """
 
 from __future__ import annotations
