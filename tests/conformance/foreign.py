@@ -115,7 +115,7 @@ def _simulated(path: Path, settings: dict[str, Any]) -> tuple[Result | None, str
 
 def _compared(ours: Result, path: Path, kind: str, settings: dict[str, Any]) -> str:
     step, tolerance, *_ = settings["step_size"], settings["tolerance"]
-    names = [name for name in ours.entries if ours[name].ndim == 1]
+    names = [name for name in ours.entries if ours[name].ndim == 1 and ours[name].dtype == float]
     try:
         theirs = fmpy.simulate_fmu(
             str(path),
