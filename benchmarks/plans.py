@@ -38,13 +38,14 @@ def scenario(name: str) -> Any:
     return load_module(HERE.parent / "scenarios" / f"{name}.py")
 
 
-CAT, CRANE, GEODESIC, HOOP, SPHERE, SWING, TOP, FASTEST_SWING = map(
+CAT, CRANE, GEODESIC, HOOP, SPATIAL, SPHERE, SWING, TOP, FASTEST_SWING = map(
     scenario,
     (
         "planned_cat",
         "planned_crane",
         "satellite_geodesic",
         "planned_hoop",
+        "planned_spatial_cat",
         "fastest_sphere",
         "planned_swing",
         "satellite_as_top",
@@ -177,6 +178,11 @@ def _least_of_sphere(motion: Plan) -> float:
     return float(shot.x[: len(torques)].sum())
 
 
+def _of_constant_bend(_: Plan) -> float:
+    _, G, _ = SPATIAL.metric(SPATIAL.SpatialCat.bend_for(np.pi))
+    return 4 * np.pi**2 * G / SPATIAL.FALL
+
+
 def _fastest_half_swing(_: Plan) -> float:
     found: Any = minimize_scalar(
         FASTEST_SWING.duration, bounds=(0.1, 0.45), args=(0.55,), method="bounded", options={"xatol": 1e-11}
@@ -218,6 +224,11 @@ def _cat(turn: float) -> Callable[..., Plan]:
     return lambda **mesh: plan("PlanarCat", end={"phi": turn}, duration=CAT.FALL, tries=3, **mesh, **cat)
 
 
+def _spatial_cat(**mesh: Any) -> Plan:
+    goal: Any = {"start": {"bend": None}, "end": {"q_w": 0, "azimuth": 2 * np.pi}, "closed": ["bend"]}
+    return plan("SpatialCat", ["bend", "azimuth"], bounds={"bend": (0.1, 3)}, duration=SPATIAL.FALL, **goal, **mesh)
+
+
 def _half_swing(**mesh: Any) -> Plan:
     goal: Any = {"start": {"theta": -0.5}, "end": {"p_theta": 0, "theta": 0.55}, "minimize": "time"}
     bounds = {"length": (FASTEST_SWING.SHORT, FASTEST_SWING.LONG)}
@@ -242,6 +253,7 @@ PROBLEMS = (
     Problem("crane, least ∫ a²", lambda **mesh: CRANE.moved(0.8, duration=3.0, minimize="pivot_x_ddot**2", **mesh),
             _least_of_crane, "shot"),
     Problem("cat, one loop", _cat(CAT.TURN), CAT.shot, "Wong's equations, shot"),
+    Problem("spatial cat, half a turn", _spatial_cat, _of_constant_bend, "4π² G/T of the constant bend"),
     Problem("swing, largest amplitude", lambda **mesh: SWING.swung("Pendulum", "length", **mesh),
             lambda _: (1 - SWING.RATIO) * (1 - np.cos(SWING.AMPLITUDE)), "(l_max/l_min)³"),
     Problem("swing, least time", _half_swing, _fastest_half_swing, "elliptic integrals"),
