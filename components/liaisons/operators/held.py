@@ -14,7 +14,8 @@ from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.errors import LiaisonsError
 from liaisons.interface import System
-from liaisons.library import Target
+from liaisons.language import Chain
+from liaisons.library import Target, component, fmu_path
 from liaisons.models import regulator
 from liaisons.operators.feedback import Array, multipliers
 
@@ -120,7 +121,11 @@ class Held:
             regulators.append(system.add(f"{self.name}_{move}", "Regulator", period=self.step_size, **settings))
             sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
         follows = {} if course.times.size == 1 else {"input_reconstruction": 2}
-        mechanism = system.add(self.name, self.component, **self.values, **follows, **given)
+        found = component(self.component)
+        sizes = {n: value for n, value in self.values.items() if n == "n" and issubclass(found, Chain)}
+        values = {name: value for name, value in self.values.items() if name not in sizes}
+        fmu = fmu_path(self.component, **sizes)
+        mechanism = system.add(self.name, fmu, **values, **follows, **given)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
             system.connect(part["elapsed"], part["sampled"])
@@ -243,6 +248,6 @@ class Held:
 
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))
+        what = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
         rest = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        moves = ", ".join(self.moves)
-        return f"<{self.name} held by {moves} every {self.step_size:g} s: |multiplier| <= {radius:.6f}{rest}>"
+        return f"<{self.name} held by {', '.join(self.moves)} every {self.step_size:g} s: {what}{radius:.6f}{rest}>"
