@@ -243,6 +243,12 @@ def test_rounds_contract_by_their_greatest_multiplier() -> None:
     assert run["PlanarCat.phi"][-1] == pytest.approx(-8 * 0.7, abs=2e-3)
 
 
+@pytest.mark.parametrize("name", ["crane", "swing", "satellite"])
+def test_readings_are_samples_of_which_nobody_is_warned(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    hold(planned(name)).simulate(pivot_x=0.01) if name == "crane" else hold(planned(name)).simulate()
+    assert not caplog.records
+
+
 def test_after_its_end_a_plan_is_held_at_rest() -> None:
     regulator = hold(planned("crane"))
     pushed = regulator.simulate(15.0, inputs={"theta_force": lambda t: 2.0 if 0.5 < t < 0.7 or 3 < t < 3.2 else 0.0})

@@ -87,6 +87,8 @@ def followed(simulation: Simulation, bus: Bus, slopes: Mapping[Place, int], gain
         giver, given_as = target if source[0] == SIGNALS else source
         if parts[giver].fmu.variables[given_as].type != "Real":
             continue
+        if part.left_alone and part.reconstruction == 0:
+            continue  # samples are what was asked for
         own = columns[source]
         places, order = curve(parts, feeds, source)
         data = [columns[place] for place in places if place in columns]
