@@ -89,6 +89,8 @@ def followed(simulation: Simulation, bus: Bus, slopes: Mapping[Place, int], gain
             continue
         if target not in effects and Port(part, target[1]).curve()[1] > 0 and part.fmu.differentiates:
             continue  # a rate that moves nothing
+        if part.left_alone and part.reconstruction == 0:
+            continue  # samples are what was asked for
         own = columns[source]
         places, order = curve(parts, feeds, source)
         data = [columns[place] for place in places if place in columns]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, final
 
@@ -12,9 +14,11 @@ from scipy.optimize import linear_sum_assignment
 
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
+from liaisons.cosim.messages import logger
 from liaisons.errors import LiaisonsError
 from liaisons.interface import System
-from liaisons.library import Target
+from liaisons.language import Chain
+from liaisons.library import Target, component, fmu_path
 from liaisons.models import regulator
 from liaisons.operators.feedback import Array, multipliers
 
@@ -104,11 +108,12 @@ class Held:
         regulators = []
         for i, move in enumerate(self.moves):
             gains = self.gains[:, i]
+            settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}  # readings are samples
             columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), course.planned[i], strict=True))
             columns |= {"instant": course.times, "offset": np.sum(gains.T * course.reference, axis=0)}
             columns |= {name: values[i] for name, values in room.items()}
             columns |= {f"gain_{j}": gains[:, j - 1] for j in range(1, len(self.states) + 1)}
-            settings: dict[str, Any] = {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
+            settings |= {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
             triple = [f"{move}{end}" for end in ("", "_dot", "_ddot")]
             for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
                 settings[start] = given.pop(triple[n]) - course.planned[i, n, 0]
@@ -117,10 +122,14 @@ class Held:
                     "repeats": self.duration,
                     "shift": np.pad(self._shift, (0, regulator.READINGS - self._shift.size)),
                 }
-            regulators.append(system.add(f"{self.name}_{move}", "Regulator", period=self.step_size, **settings))
+            regulators.append(system.add(f"{self.name}_{move}", "Regulator", **settings))
             sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
         follows = {} if course.times.size == 1 else {"input_reconstruction": 2}
-        mechanism = system.add(self.name, self.component, **self.values, **follows, **given)
+        found = component(self.component)
+        sizes: Any = {n: value for n, value in self.values.items() if n == "n" and issubclass(found, Chain)}
+        values = {name: value for name, value in self.values.items() if name not in sizes}
+        fmu = fmu_path(self.component, **sizes)
+        mechanism = system.add(self.name, fmu, **values, **follows, **given)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
             system.connect(part["elapsed"], part["sampled"])
@@ -189,7 +198,8 @@ class Held:
 
         def comes_back(force: float) -> bool:
             try:
-                run = self.simulate(stop_time, inputs={port: lambda t: force if t < duration else 0.0})
+                with _unwarned():  # of a push that begins and ends between two communication points, as it is meant
+                    run = self.simulate(stop_time, inputs={port: lambda t: force if t < duration else 0.0})
             except LiaisonsError:
                 if force == 0:
                     raise
@@ -243,6 +253,16 @@ class Held:
 
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))
+        what = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
         rest = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        moves = ", ".join(self.moves)
-        return f"<{self.name} held by {moves} every {self.step_size:g} s: |multiplier| <= {radius:.6f}{rest}>"
+        return f"<{self.name} held by {', '.join(self.moves)} every {self.step_size:g} s: {what}{radius:.6f}{rest}>"
+
+
+@contextmanager
+def _unwarned() -> Iterator[None]:
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)

@@ -9,6 +9,7 @@ Riccati's equation of this discrete system, of a periodic one round by round; wh
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -143,12 +144,17 @@ def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
     planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
     course = Course(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
-    D = sampled.directions(reference[:, 0])
+    D = sampled.directions(reference[:, 0], sigma)
     ((A, B),) = reduced(steps, [D, D])
     (Q,) = wishes.costs(sampled, [D])
     still_ones = unmoved([(A, B)])
     V, U = reachable((A - np.eye(len(A))) / H, B / H)
-    K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, wishes.effort * np.eye(B.shape[1])) @ V.T
+    K = np.zeros((B.shape[1], len(A)))
+    with suppress(np.linalg.LinAlgError):
+        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, wishes.effort * np.eye(B.shape[1])) @ V.T
+    if not np.max(np.abs(np.linalg.eigvals(V.T @ (A - B @ K) @ V)), initial=0.0) < 1:
+        what = f"{', '.join(sampled.moves)} every {H:g} s hardly reach all that falls"
+        raise PlanError(f"{sampled.name} cannot be held there: {what}; Riccati's equation has no solution in 16 digits")
     if U.size:
         fixed = np.eye(len(A))[:, still_ones]
         others = svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]
@@ -181,7 +187,7 @@ def _along(motion: Plan, H: float, wishes: _Wishes) -> Held:
     """The feedback of least cost along a plan."""
     sampled = _beside(motion)
     course, steps, returns = _course(motion, sampled, H)
-    D = [sampled.directions(column) for column in course.reference.T]
+    D = [sampled.directions(x, s) for x, s in zip(course.reference.T, course.planned.transpose(2, 0, 1), strict=True)]
     steps, costs = reduced(steps, D), wishes.costs(sampled, D)
     R = wishes.effort * np.eye(len(motion.goal.moves))
     whole, after = through(steps), np.zeros((len(R), D[-1].shape[1]))
@@ -288,13 +294,7 @@ def _held(sampled: Sampled, H: float, course: Course, gains: Array, bounds: Mapp
     starts = {parameter: reader.k[parameter] for parameter in reader.starts.values()}
     for i, m in enumerate(sampled.moves):
         starts |= {f"{m}{end}": course.planned[i, n, 0] for n, end in enumerate(("", "_dot", "_ddot"))}
-    turned = [axis for axes in sampled.turns.values() for axis in axes]
-    singles = [name for name in starts if name not in {reader.starts[axis] for axis in turned}]
-    turns = [
-        {reader.starts[sampled.states[i]]: float(column[i]) for i in np.flatnonzero(column)}
-        for column in found["directions"].T
-        if any(sampled.states[i] in turned for i in np.flatnonzero(column))
-    ]
+    at = course.reference[:, 0], course.planned[:, :, 0], found["directions"]
     return Held(
         name=sampled.name,
         component=reader.goal.component,
@@ -307,9 +307,27 @@ def _held(sampled: Sampled, H: float, course: Course, gains: Array, bounds: Mapp
         room=_room(sampled, course, bounds),
         values=reader.goal.values,
         starts={name: float(value) for name, value in starts.items()},
-        shifts=(*turns, *({name: 1.0} for name in singles)),
+        shifts=_shifts(sampled, *at, starts),
         **found,
     )
+
+
+def _shifts(
+    sampled: Sampled, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
+) -> tuple[dict[str, float], ...]:
+    """Start values that lead into all directions."""
+    of = sampled.reader.starts
+    if sampled.is_constrained:  # rates have to keep the constraints, too
+        rates = sampled.rates_off(reference, sigma, directions)
+        names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
+        known = [(i, of.get(name, name)) for i, name in enumerate(names) if of.get(name, name) in starts]
+        return tuple({name: float(column[i]) for i, name in known} for column in np.vstack([directions, rates]).T)
+    turned = [axis for axes in sampled.turns.values() for axis in axes]
+    turns = [{i: column[i] for i in np.flatnonzero(column)} for column in directions.T]
+    turns = [turn for turn in turns if any(sampled.states[i] in turned for i in turn)]
+    singles = [name for name in starts if name not in {of[axis] for axis in turned}]
+    moved = ({of[sampled.states[i]]: float(x) for i, x in turn.items()} for turn in turns)
+    return (*moved, *({name: 1.0} for name in singles))
 
 
 def _room(sampled: Sampled, course: Course, bounds: Mapping[str, Any]) -> dict[str, Array]:

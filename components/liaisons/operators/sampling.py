@@ -13,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import svd
 
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
@@ -42,8 +43,7 @@ class Sampled:
     def __init__(self, goal: Goal, asked: Container[str], *, interpolate: bool) -> None:
         self.reader = reader = Reader(goal)
         self.interpolate, self.name, self.moves = interpolate, reader.name, goal.moves
-        if any(v.name.startswith("lambda_") for v in reader.model.outputs):
-            raise PlanError(f"{self.name} has constraints: hold takes mechanisms in free coordinates")
+        self.is_constrained = any(v.name.endswith("_residual") for v in reader.model.outputs)
         given = reader.given
         for turn, axes in reader.turns.items():
             if turn in given:
@@ -163,8 +163,13 @@ class Sampled:
         A = np.block([[off[:, :n], before + after @ M], [np.zeros((3 * c, n)), M]])
         return y.ravel(), (A[np.ix_(self.rows, self.rows)], np.vstack([after @ N, N])[self.rows])
 
-    def directions(self, reference: Array) -> Array:
-        """Columns along which the states can differ from (states,): of a quaternion only turns."""
+    def directions(self, reference: Array, sigma: Array) -> Array:
+        """Columns along which the states can differ from (states,): of a quaternion only turns, and along constraints.
+
+        :param sigma: σ and its two rates there, (moves, 3).
+        """
+        if self.is_constrained:
+            return self._tangents(reference[: len(self.names)], sigma)
         D = np.eye(len(self.states))
         for axes in self.turns.values():
             i, *_ = places = [self.states.index(axis) for axis in axes]
@@ -173,16 +178,49 @@ class Sampled:
             D = np.delete(D, i, axis=1)
         return D
 
+    def _tangents(self, y: Array, sigma: Array) -> Array:
+        """Directions along the constraints, on which the mechanism is put back wherever it is led."""
+        n, c = len(self.names), len(self.moves)
+        slopes = np.array(self._projection(self.whole(y), *sigma.T))
+        along: Any = svd(slopes[:, :n])
+        D = np.zeros((n + 3 * c, n + 3 * c))
+        D[:n], D[n:, n:] = np.hstack([along[0], slopes[:, n:], np.zeros((n, c))]), np.eye(3 * c)
+        left = [i for i, size in enumerate(along[1]) if size > 0.5]  # a projection's are 1 or more, or 0
+        return D[np.ix_(self.rows, [*left, *(row for row in self.rows if row >= n)])]
+
+    @cached_property
+    def _projection(self) -> ca.Function:
+        """(y, σ, σ̇, σ̈) -> derivatives of what is put back onto the constraints with respect to the first three."""
+        reader, project = self.reader, self.reader.model.project
+        assert project is not None  # there are constraints
+        u = dict(reader.u)
+        for i, m in enumerate(self.moves):
+            u |= {m: reader.s[i], f"{m}_dot": reader.v[i], f"{m}_ddot": reader.a[i]}
+        columns = (ca.vertcat(ca.SX(0, 1), *of.values()) for of in (u, reader.k))
+        put_back = project(0, ca.vertcat(reader.y, 0, 0), *columns)[self.places]
+        slopes = [ca.jacobian(put_back, x) for x in (reader.y[self.places], reader.s, reader.v)]
+        return ca.Function("projection", [reader.y, reader.s, reader.v, reader.a], [ca.densify(ca.horzcat(*slopes))])
+
+    def whole(self, y: Array) -> Array:
+        """All states of the mechanism, those that are left out as at the start."""
+        found = self.start.copy()
+        found[self.places] = y
+        return found
+
+    def rates_off(self, reference: Array, sigma: Array, directions: Array) -> Array:
+        """How the rates of the mechanism's states differ along directions, (names, directions)."""
+        n, c = len(self.names), len(self.moves)
+        slopes = np.array(self._slopes(reference[:n], *sigma.T))[:, 1:]
+        return slopes[:, [row for row in self.rows if row < n + 3 * c]] @ directions
+
     def forces(self, y: Array, sigma: Array) -> tuple[Array, Array]:
         """Forces of what moves, and their effective mass."""
         reader = self.reader
         forces = ca.vertcat(*(reader.signals[f"{m}_force"] for m in self.moves))
-        whole = self.start.copy()
-        whole[self.places] = y
         found: Any = ca.Function(
             "forces", [reader.y, reader.s, reader.v, reader.a], [forces, ca.jacobian(forces, reader.a)]
         )
-        return tuple(np.array(value) for value in found(whole, *sigma.T))  # type: ignore[return-value]
+        return tuple(np.array(value) for value in found(self.whole(y), *sigma.T))  # type: ignore[return-value]
 
 
 def _followed(H: float, period: float, count: int) -> Step:
