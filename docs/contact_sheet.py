@@ -113,7 +113,9 @@ def frames(result: Result) -> Frames:
     """The motion at 300 instants."""
     assert result.scene is not None  # as of all that was simulated
     signals = dict(zip(result.names, result.values, strict=True))
-    return motion_frames(result.scene, result.time, signals, float(result.time[-1] - result.time[0]) / 300)
+    return motion_frames(
+        result.scene, result.time, signals, float(result.time[-1] - result.time[0]) / 300, result.title
+    )
 
 
 def contact_sheet(results: Mapping[str, Result], path: Path, *, columns: int = 5, part: float = 0.4) -> None:

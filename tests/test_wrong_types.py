@@ -91,7 +91,7 @@ CALLS: dict[str, tuple[Call, Any]] = {
     "connect": (lambda x, w: x.system.connect(w, x.system.parts["swing"]["length"]), ()),
     "end": (lambda x, w: x.system.parts["swing"][w], ()),
     **keywords(
-        "System.simulate", lambda x, **w: x.system.simulate(**SPAN | w), stop_time=NUMBER, step_size=NUMBER,
+        "System.simulate", lambda x, **w: x.system.simulate(**SPAN | w), stop_time=NUMBER, step_size=NONE,
         start_time=NONE, record=NOTHING, inputs=NOTHING, coupling=NOTHING, error_tolerance=NONE,
     ),
     "System.simulate times": (lambda x, w: x.system.simulate(times=w), ()),

@@ -293,6 +293,7 @@ def _in_ours(case: Case, fmu: str, _: str) -> bool:
     inputs: dict[str, Any] = {}
     starts: dict[str, Any] = case.starts
     if case.ramp:
+        starts = starts | {"input_reconstruction": 1}  # else the FMU would be told of the ramp inside the step, too
         name, value, rate = case.ramp
         inputs[name] = lambda t: value + rate * (t - begin)
     end = begin + case.steps * step

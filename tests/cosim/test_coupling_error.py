@@ -187,3 +187,15 @@ def test_steps_follow_a_signal_and_shorten_where_it_moves_fast(component: FmuPat
 def test_steps_without_coupling_are_those_of_the_fmus(component: FmuPaths) -> None:
     result = wired(swing=component("Pendulum")).simulate(0.1)
     np.testing.assert_allclose(result.time, np.arange(11) * 0.01, rtol=1e-12)
+
+
+def test_a_step_after_a_very_short_one_has_no_error_made_of_rounding(
+    component: FmuPaths, caplog: pytest.LogCaptureFixture
+) -> None:
+    knots = np.pad(np.transpose([(0, 1, 0, 0), (1, 1.1, 0, 0)]), ((0, 0), (0, 98)))
+    plan: Any = dict(zip(("instant", "value", "rate", "acceleration"), knots, strict=True))
+    system = wired("plan.y -> swing.length", plan=(component("PlannedMotion"), plan), swing=component("Pendulum"))
+    result = system.simulate(times=np.sort([*np.linspace(0, 1, 21), 0.35 - 4e-9]), tolerance=1e-10)
+    assert result.coupling_error is not None
+    assert np.max(result.coupling_error) < 1e-9  # it follows the very polynomial; rounding over (1/50)³
+    assert caplog.records == []

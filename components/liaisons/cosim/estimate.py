@@ -32,6 +32,8 @@ _NUMBERS = 60_000
 """So many are looked at together."""
 _BACK = 4
 """Points before a step that are looked at."""
+_SUDDEN = 1 / 50
+"""After a step that was shorter by this factor nothing is known: it leads through a jump, or rounding is all one sees."""
 _SAFETY = 0.8
 
 Shape = Literal["hermite", "points", "taylor", "mean", "newest"]
@@ -243,6 +245,9 @@ def _hermite(data: Vector, steps: Vector) -> Integrals:
     """By the polynomial through value, and slope, at the point before the step, too."""
     m = len(data)
     before = np.concatenate([steps[:1], steps[:-1]]) / steps
+    unknown = before < _SUDDEN
+    unknown[0] = True
+    before[unknown] = 1.0
     scales = steps ** np.arange(m)[:, None]
     ends = [data[k, :, end : end + len(steps)] * scales[k] for end in (0, 1) for k in range(m)]
     earlier = [np.concatenate([data[k, :, :1], data[k, :, :-2]], axis=1) * scales[k] for k in range(min(m, 2))]
@@ -259,7 +264,7 @@ def _hermite(data: Vector, steps: Vector) -> Integrals:
     bulge = (-1) ** m * gamma(m + 1) ** 2 / gamma(2 * m + 2)
     once = steps * bulge * (first + second * (before + 1 / 2))
     twice = steps**2 * bulge * ((first + second * before) / 2 + second * (m + 1) / (4 * m + 6))
-    once[:, 0] = twice[:, 0] = 0.0
+    once[:, unknown] = twice[:, unknown] = 0.0
     return once, twice
 
 
