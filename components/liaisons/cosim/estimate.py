@@ -33,7 +33,7 @@ _NUMBERS = 60_000
 _BACK = 4
 """Points before a step that are looked at."""
 _SUDDEN = 1 / 50
-"""After a step that was shorter by this factor nothing is known: it leads through a jump, or rounding is all one sees."""
+"""After a step shorter by this factor nothing is known: it leads through a jump, or rounding is all there is."""
 _SAFETY = 0.8
 
 Shape = Literal["hermite", "points", "taylor", "mean", "newest"]
