@@ -137,7 +137,7 @@ def _making(size: int, coupling: Coupling) -> list[Row]:
 
 def _made(size: int, coupling: Coupling) -> dict[str, tuple[float, str]]:
     """What it takes: seconds, and memory beyond that of the same for a few."""
-    steps, marks = 100, []
+    steps, marks, taken = 100, [], []
 
     def go(count: int) -> None:
         marks[:] = [time.process_time()]
@@ -148,19 +148,20 @@ def _made(size: int, coupling: Coupling) -> dict[str, tuple[float, str]]:
             marks.append(time.process_time())
             moving = seconds() * steps
             marks.append(time.process_time() - moving)
+            taken.append(_resident())
         marks.append(time.process_time() - moving)
 
-    go(10)
-    before = _peak()
-    go(size)
+    for count in (10, size):
+        go(count)
     made, prepared, started, released = np.diff(marks).tolist()
     found = {"added and connected": made, "instantiated and prepared": prepared, "initialized": started}
     seconds = {part: (value, "s") for part, value in (found | {"released": released}).items()}
-    return seconds | {"memory, an FMU": ((_peak() - before) / size / 1024, "KiB")}
+    return seconds | {"memory, an FMU": ((taken[1] - taken[0]) / size / 1024, "KiB")}
 
 
-def _peak() -> float:
-    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+def _resident() -> float:
+    """Memory that this process has in RAM [B]."""
+    return float(int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize())
 
 
 def _pairs(count: int) -> System:

@@ -44,7 +44,7 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
                 made = System("pendulum")
                 swing = made.add("swing", pendulum, isolated=where == APART)
                 if operated:
-                    motor = made.add("motor", sinusoid, isolated=where == APART, offset=1.0)
+                    motor = made.add("motor", sinusoid, isolated=where == APART, offset=1.0, amplitude=0.1)
                     made.connect(motor["y"], swing["length"])
                 return made
 
