@@ -17,6 +17,7 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.cosim.coupling.handed import CONTRADICTION, MISS
 from liaisons.cosim.coupling.polynomials import coefficients
 from liaisons.cosim.messages import logger
 from liaisons.cosim.schedule import Place
@@ -279,7 +280,7 @@ def _points(values: Vector, steps: Vector) -> tuple[Vector, Flags]:
     if thirds.size:
         steepest = np.max([np.abs(rates[:, k : rates.shape[1] - 2 + k]) for k in range(3)], axis=0)
         gaps = (steps[2:] + steps[1:-1] + steps[:-2]) / 3
-        missed[:, 2:] = 6 * gaps**2 * np.abs(thirds) > steepest / 2
+        missed[:, 2:] = 6 * gaps**2 * np.abs(thirds) > MISS * steepest
         h, a, b = steps[3:], steps[2:-1], steps[2:-1] + steps[1:-2]
         whole = h**5 / 5 + (a + b - h) * h**4 / 4 + (a * b - h * (a + b)) * h**3 / 3 - h**3 * a * b / 2
         once[:, 3:] = fourths * whole
@@ -291,7 +292,7 @@ def _contradicted(data: Vector, steps: Vector) -> Flags:
     change, rises = np.diff(data[:-1]), steps * data[1:, :, 1:]
     before = steps * data[1:, :, :-1]
     largest = np.maximum(np.abs(change), np.maximum(np.abs(rises), np.abs(before)))
-    return np.any(np.abs(change - (rises + before) / 2) > largest / 4, axis=0)
+    return np.any(np.abs(change - (rises + before) / 2) > CONTRADICTION * largest, axis=0)
 
 
 def _unless(jumped: Flags, reach: int, *integrals: Vector) -> Integrals:

@@ -13,12 +13,12 @@ from liaisons.cosim.calls import Call
 from liaisons.cosim.coupling.records import HandedRecord
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
 
-_CONTRADICTION = 1 / 4
+CONTRADICTION = 1 / 4
 """A value that is off the mean of its slopes by more than this part of the change in a step has jumped.
 
 Of a sine, so is what has less than four steps a period.
 """
-_MISS = 1 / 2
+MISS = 1 / 2
 """So has one that its past missed by more than this part; of a sine, what has less than nine."""
 _POINTS = 3
 """Points before the end of a step that lie, with it, on one cubic."""
@@ -87,7 +87,7 @@ class Handed:
             rises = size * signals.ends[:, slopes]
             largest = np.maximum(np.abs(change), np.abs(rises).max(axis=0))
             signals.held[roots] = False
-            signals.held[roots[np.abs(change - rises.sum(axis=0) / 2) > _CONTRADICTION * largest]] = True
+            signals.held[roots[np.abs(change - rises.sum(axis=0) / 2) > CONTRADICTION * largest]] = True
         if self.made.size:
             past, (last, first), depth, jumped = self._state
             ends, jumps = self._cubic(size, (-last, -last - first), past, depth)
@@ -117,7 +117,7 @@ class Handed:
         twist = ((rates[2] - rates[1]) / (b - size) - bend) / b
         off = np.where(depth > 2, 6 * (gap * gap) * np.abs(twist), 2 * gap * np.abs(bend))
         ends = rates[0] + size * np.array([a * twist - bend, (size - a) * twist + bend])
-        return ends, off > _MISS * np.abs(rates).max(axis=0)
+        return ends, off > MISS * np.abs(rates).max(axis=0)
 
     def accept(self, size: float) -> None:
         """Go on from the end of the step; to be called while the signals still show it."""
