@@ -111,6 +111,19 @@ def test_a_coupled_chain(component, same_by_python) -> None:
     same_by_python(run)
 
 
+def test_a_port_with_a_kink(component, same_by_python) -> None:
+    """What value and slopes contradict is held: until the end of the step it goes on as it was known."""
+
+    def run() -> Result:
+        ramp = component("Ramp"), {"start_time": 1.0}
+        system = wired("ramp.y -> mass.x_force", ramp=ramp, mass=(component("Oscillator"), {"x_0": 0.0}))
+        result = system.simulate(2.0, 0.1)
+        assert np.max(np.abs(result["mass.x"][result.time < 1.05])) == 0
+        return result
+
+    same_by_python(run)
+
+
 def test_a_coupling_of_other_makes(fmu, same_by_python) -> None:
     """They hold their inputs, and give no derivatives."""
 
