@@ -1,9 +1,11 @@
 """Measure everything, write the tables of benchmarks/README.md, and the diagrams and figures in benchmarks/results.
 
     python benchmarks [--only peers,chains] [--quick] [--output FOLDER]
+    python benchmarks --check [--only peers,chains]
 
 Each script runs as a process of its own.  What is not measured this time keeps its figures from before: --only ""
-writes the page anew and measures nothing.
+writes the page anew and measures nothing.  --check measures quickly, writes nothing, and names the ratios that are
+worse than those of the page by more than 15 %; then it ends with 1.
 """
 
 from __future__ import annotations
@@ -15,8 +17,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from _check import Comparison, compared, report
 from _measure import HERE, Section, busy_cores
-from _page import page
+from _page import page, tables
 
 ORDER = (
     "fmi_cost",
@@ -34,6 +37,7 @@ ORDER = (
     "plans",
     "planners",
 )
+MOST_TRIES = 3  # of a section, when it is checked
 QUIET = 0.2  # cores that others may keep busy
 
 
@@ -45,10 +49,13 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="few rounds, small sizes: to try, not to quote")
     parser.add_argument("--output", type=Path, help="for README.md and results/; by default here, if quick nowhere")
     parser.add_argument("--patience", type=float, default=300.0, help="seconds to wait for a quiet machine, each time")
+    parser.add_argument("--check", action="store_true", help="name what is worse than on the page")
     options = parser.parse_args()
     names = [name for name in options.only.split(",") if name]
     if unknown := set(names) - set(ORDER):
         parser.error(f"--only: there is no {', '.join(sorted(unknown))}; there are {', '.join(ORDER)}")
+    if options.check:
+        return _checked(names)
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.output or (Path(scratch) if options.quick else HERE)
         results = folder / "results"
@@ -56,10 +63,35 @@ def main() -> int:
         failed = [name for name in names if not _measured(name, results, options.quick, options.patience)]
         sections = {name: Section.read(path) for name in ORDER if (path := results / f"{name}.json").exists()}
         template = (HERE / "README.md").read_text(encoding="utf-8")
+        for name, section in sections.items():
+            (results / f"{name}.md").write_text(tables(name, section), encoding="utf-8")
         (folder / "README.md").write_text(page(template, sections, results), encoding="utf-8")
     if failed:
         print(f"failed, figures from before are kept: {', '.join(failed)}", file=sys.stderr)
     return bool(failed)
+
+
+def _checked(names: list[str]) -> int:
+    """Compare with the page; what is worse, or may be, is measured again, and its medians count."""
+    status = 0
+    for name in names:
+        path = HERE / "results" / f"{name}.json"
+        written = Section.read(path) if path.exists() else None
+        if written is None or not any(row.checked for row in written.rows):
+            print(f"{name}: no ratio to check")
+            continue
+        quick: list[Section] = []
+        found: list[Comparison] = []
+        while len(quick) < MOST_TRIES and (not quick or any(it.worse for it in found)):
+            with tempfile.TemporaryDirectory() as scratch:
+                command = [sys.executable, HERE / f"{name}.py", "--output", scratch, "--quick"]
+                if subprocess.run(command, check=False, stdout=subprocess.DEVNULL).returncode:
+                    return 1
+                quick.append(Section.read(Path(scratch) / f"{name}.json"))
+            found = compared(written.rows, [section.rows for section in quick])
+        print(report(name, written.commit, found, len(quick)), flush=True)
+        status |= any(it.worse for it in found)
+    return status
 
 
 def _measured(name: str, results: Path, quick: bool, patience: float) -> bool:

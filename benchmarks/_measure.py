@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal
 
 HERE = Path(__file__).parent
 PACKAGES = ("casadi", "fmpy", "numpy", "scipy", "pythonfmu")
@@ -33,7 +34,8 @@ class Row:
 
     ``topic`` is the heading of the table that it belongs to.  ``ratio`` is figure / yardstick; ``spread`` has the
     quartiles of the ratio, or of the figure where there is no yardstick.  ``asked`` is a bound such as "<= 1.1" or
-    ">= 20" on the ratio, or on the figure where there is no yardstick.
+    ">= 20" on the ratio, or on the figure where there is no yardstick.  ``better`` says which ratios are, of those that
+    a quick measurement is held against (``--check``) though nothing is asked of them.
     """
 
     topic: str
@@ -45,6 +47,7 @@ class Row:
     spread: tuple[float, float] | None = None
     asked: str = ""
     remark: str = ""
+    better: Literal["", "less", "more"] = ""
 
     @staticmethod
     def of(
@@ -57,6 +60,7 @@ class Row:
         beside: Sequence[float] | None = None,
         asked: str = "",
         remark: str = "",
+        better: Literal["", "less", "more"] = "",
     ) -> Row:
         """From one value a round, and those of the yardstick in the same rounds."""
         ratios = [a / b for a, b in zip(values, beside, strict=True)] if beside is not None else None
@@ -70,12 +74,20 @@ class Row:
             quartiles(ratios or values),
             asked,
             remark,
+            better,
         )
 
     @property
     def bounded(self) -> float:
         """What the bound is on."""
         return self.figure if self.ratio is None else self.ratio
+
+    @property
+    def checked(self) -> Literal["", "less", "more"]:
+        """Which ratios are better, by the bound if there is one; empty where there is no ratio to check."""
+        if self.ratio is None:
+            return ""
+        return "less" if self.asked.startswith("<") else "more" if self.asked.startswith(">") else self.better
 
     @property
     def met(self) -> bool | None:
@@ -126,7 +138,7 @@ def claims(rows: Mapping[str, Iterable[Row]]) -> str:
     lines = []
     for (section, topic, *_), group in groups.items():
         worst = (max if group[0].asked.startswith("<=") else min)(group, key=lambda row: row.bounded)
-        measured = _figure(worst) if worst.ratio is None else f"{_number(worst.ratio)} × {worst.yardstick}"
+        measured = _figure(worst) if worst.ratio is None else f"{number(worst.ratio)} × {worst.yardstick}"
         met = {0: "no", len(group): "yes"}.get(n := sum(row.met is True for row in group), f"{n} of {len(group)}")
         claim = f"{topic}: {worst.case}" + (f", the worst of {len(group)}" if len(group) > 1 else "")
         lines.append([f"[{section}](#{section})", claim, measured, _bound(worst), met])
@@ -139,9 +151,9 @@ def _table(rows: list[Row]) -> str:
         [
             row.case,
             _figure(row),
-            "" if row.ratio is None else _number(row.ratio),
+            "" if row.ratio is None else number(row.ratio),
             row.yardstick,
-            "" if row.spread is None else " .. ".join(map(_number, row.spread)),
+            "" if row.spread is None else " .. ".join(map(number, row.spread)),
             _bound(row),
             {True: "yes", False: "no", None: ""}[row.met],
             row.remark,
@@ -158,14 +170,14 @@ def _grid(lines: list[list[str]]) -> str:
 
 
 def _figure(row: Row) -> str:
-    return f"{_number(row.figure)} {row.unit}".strip()
+    return f"{number(row.figure)} {row.unit}".strip()
 
 
 def _bound(row: Row) -> str:
     return row.asked.replace("<=", "≤").replace(">=", "≥")
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
     """Three digits, in full where that is short."""
     rounded = float(f"{value:.3g}")
     if rounded == 0 or 1e-3 <= abs(rounded) < 1e6:

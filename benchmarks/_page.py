@@ -23,15 +23,25 @@ def page(template: str, sections: Mapping[str, Section], results: Path) -> str:
     return f"{head}{BEGIN}\n{measured}\n\n{END}{tail}"
 
 
-def _chapter(name: str, section: Section, results: Path, *, with_machine: bool) -> str:
+def _facts(section: Section) -> str:
+    """When it was measured, and of what."""
     facts = [
         section.date,
         f"commit {section.commit}",
         f"{section.seconds:.0f} s",
         f"{section.busy:g} cores busy before",
     ]
-    facts += ["quick: not to quote"] * section.quick + [section.machine] * with_machine
+    return ", ".join([*facts, *["quick: not to quote"] * section.quick])
+
+
+def _chapter(name: str, section: Section, results: Path, *, with_machine: bool) -> str:
     diagrams = [path.name for path in sorted(results.glob(f"{name}*.png"))]
     pictures = [f"![{section.title}](results/{diagram})" for diagram in diagrams]
-    heading = [f"## {name}", section.title, f"*{', '.join(facts)}*"]
-    return "\n\n".join([*heading, markdown(section.rows), *pictures])
+    machine = f", {section.machine}" if with_machine else ""
+    heading = [f"## {name}", section.title, f"*{_facts(section)}{machine}*"]
+    return "\n\n".join([*heading, *pictures])
+
+
+def tables(name: str, section: Section) -> str:
+    """All that a section measured, for a page of its own."""
+    return f"# {name}\n\n{section.title}\n\n*{_facts(section)}, {section.machine}*\n\n{markdown(section.rows, '##')}\n"

@@ -79,6 +79,7 @@ def measure(quick: bool, plots: Path) -> list[Row]:
             yardstick="" if title == BY_HAND else BY_HAND,
             beside=None if title == BY_HAND else [1e6 * t for t in times[BY_HAND]],
             remark=f"error {errors[title]:.0e} rad",
+            better="less" if title.startswith("liaisons") else "",
         )
         for title, values in times.items()
     ]

@@ -26,9 +26,7 @@ def main(claim: Claims) -> None:
     def length(t: float) -> float:
         return HIGH if np.searchsorted(instants, t, side="right") % 2 else LOW  # at an instant the new length holds
 
-    run = simulate(
-        "Pendulum", times=times, tolerance=TOLERANCE, inputs={"length": length}, theta_0=AMPLITUDE, length=LOW
-    )
+    run = simulate("Pendulum", times=times, tolerance=TOLERANCE, inputs={"length": length}, theta_0=AMPLITUDE)
     lowest, turning = run["theta"][10::20], run["theta"][20::20]
     why = "solver tolerance 1e-11 over 11 s, amplification below 100"
     growth = (1 - np.cos(turning)) / (1 - np.cos(amplitudes[1:]))

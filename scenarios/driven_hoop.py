@@ -16,7 +16,7 @@ BOUNDS = {"xi": 1e-7, "xi_dot": 1e-7, "normal_force": 1e-6, "beta_force": 1e-6, 
 
 @scenario
 def main(claim: Claims) -> None:
-    motor = operator("Ramp", rate=RATE, interpolate=False)
+    motor = operator("Ramp", rate=RATE)
     # 143° from A, at rest on the hoop: a large swing
     run = simulate(
         "CircularHoop", stop_time=60.0, step_size=0.02, tolerance=TOLERANCE, xi_0=2.5, xi_dot_0=0.0, beta=motor

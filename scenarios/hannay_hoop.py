@@ -77,7 +77,7 @@ def main(claim: Claims) -> None:
     ellipse, rate = TURNS["EllipticHoop"], TURN / SLOW
     why = "(2π)² (<r²> - r²)/(2vT), the next order in the rate, and a tenth for the one after that"
     second = within(1.1 * ellipse.abrupt_bound(SLOW), "m", because=why)
-    ramps = {begin: operator("Ramp", rate=rate, start_time=float(begin), interpolate=False) for begin in (0, 1)}
+    ramps = {begin: operator("Ramp", rate=rate, start_time=float(begin)) for begin in (0, 1)}
     given, jumping = ([run("EllipticHoop", u, SLOW + b, 1.0, ramp) for u in STARTS] for b, ramp in ramps.items())
     jumped = [bead["xi"][-1] - bead["xi"][1] - SLOW for bead in jumping]
     at_jump = np.array([bead["u"][1] for bead in jumping])

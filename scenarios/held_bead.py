@@ -43,7 +43,7 @@ def main(claim: Claims) -> None:
 
     rates = {"xi_dot": 0, "beta_dot": RATE}
     motion = plan("CircularHoop", "beta", start=rates, end=far_side | rates, duration=WAY, minimize="beta_ddot**2")
-    regulator = hold(motion)
+    regulator = hold(motion, effort=0.01)  # cheap: the rate of the hoop comes back within seconds, too
     claim.verdicts += regulator.verify()
 
     def push(t: float) -> float:

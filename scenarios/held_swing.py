@@ -28,6 +28,7 @@ def main(claim: Claims) -> None:
         closed=["length", "theta", "p_theta"],
         duration=ROUND,
         minimize="length_ddot**2",
+        bounds={"length": (0.7, 1.3)},
         friction=FRICTION,
     )
     claim.verdicts += motion.verify()

@@ -44,7 +44,7 @@ def main(claim: Claims) -> None:
     runs = []
     for i, (name, pace) in enumerate(PACES.items()):
         step: Any = {"end_value": TURN, "start_time": 1.0, **pace}
-        jerk = operator("Ramp", rate=TURN / 19, start_time=1.0, interpolate=False)
+        jerk = operator("Ramp", rate=TURN / 19, start_time=1.0)
         run = slew(wheel_1=operator("SmoothStep", **step) if pace else jerk)
         expected = attitude(Satellite.slew(run["wheel_1"], **INERTIA))
         claim(f"one wheel {name}: attitude", attitude(run).as_matrix(), expected.as_matrix(), solver)

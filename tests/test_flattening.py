@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from liaisons import System, flatten, simulate
+from liaisons import System, flatten, operator, simulate
 from liaisons.check import max_error, slope
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
@@ -31,6 +31,10 @@ def test_flattened_co_simulated_and_single_fmu(pair: System, shared_folder: Path
     path = pair.flatten(tmp_path)
     assert path == tmp_path / "TwoPendulums.fmu"
     whole = simulate(path, step_size=0.04, **run)
+    sine: dict[str, Any] = {"offset": 1.0, "amplitude": 0.1}
+    moved: Any = {"upper.length": operator(build(assemble(Sinusoid), shared_folder), **sine)}  # a port with a dot
+    pumped = simulate(path, step_size=0.04, **moved, **run)
+    assert pumped["upper.length"] == pytest.approx(1 + 0.1 * np.sin(pumped.time), abs=1e-12)
     double = build(assemble(DoublePendulum), shared_folder)
     single = simulate(double, step_size=0.04, theta_1_0=0.4, theta_2_0=-0.2, mass_2=2.0, **run)
     # The same equations of motion: solver tolerance, amplification below 100.

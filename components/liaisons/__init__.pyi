@@ -8,6 +8,7 @@ from .check import max_error as max_error
 from .check import slope as slope
 from .check import table as table
 from .check import verdict as verdict
+from .cosim import Signal as Signal
 from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .flattening import flatten as flatten

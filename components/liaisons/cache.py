@@ -21,7 +21,11 @@ def folder() -> Path:
         root = "~/Library/Caches"
     else:
         root = os.environ.get("XDG_CACHE_HOME")
-    return Path(root or "~/.cache").expanduser() / "liaisons"
+        root = root if root and Path(root).is_absolute() else None  # others are invalid (XDG Base Directory)
+    try:
+        return Path(root or "~/.cache").expanduser() / "liaisons"
+    except RuntimeError:  # a user without a home: nothing can be written there, nor read
+        return Path(os.devnull) / "liaisons"
 
 
 def digest(path: Path) -> str:

@@ -12,10 +12,16 @@ class LiaisonsError(Exception):
     """Base class of every error that this package raises on purpose; its message is one line, whatever it quotes."""
 
     def __str__(self) -> str:
-        text = super().__str__()
-        if not text.isprintable():
-            text = "".join(c if c.isprintable() else " " if c.isspace() else f"\\x{ord(c):02x}" for c in text)
-        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 300]} ... {text[-300:]}"
+        return one_line(super().__str__())
+
+
+def one_line(text: str) -> str:
+    """The text as a terminal may see it: on one line, without control characters, and not longer than one can read."""
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST - 300]} ... {text[-300:]}"
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else " " if c.isspace() else f"\\x{ord(c):02x}" for c in text)
 
 
 class ComponentError(LiaisonsError):

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast, final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons import cache, cosim, live, ssp, sweeps
 from liaisons.cosim.knots import knots
+from liaisons.cosim.parts import Solver
 from liaisons.flattening import flatten
 from liaisons.folders import passing_folder
 from liaisons.library import Target, fmu_file
@@ -55,16 +56,14 @@ show = _by_name(live.show, cosim.System)
 sweep = _by_name(sweeps.sweep, cosim.System)
 
 
-def operator(fmu: Target, /, *, interpolate: bool = True, **starts: ArrayLike) -> cosim.OperatorFmu:
+def operator(fmu: Target, /, **starts: ArrayLike) -> cosim.OperatorFmu:
     """An operator as the value of a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
 
     :param fmu: path of an FMU with the port ``y``; or a component by its name, file or class.
-    :param interpolate: between communication points, in sixth order of their distance; not for operators whose rate
-        jumps, such as a ``Ramp`` that starts on the way: these are extrapolated from each of the points.
     :param starts: its parameters, where they differ from the FMU's.
     :raises ProjectError: if there is no such file or component.
     """
-    return cosim.OperatorFmu(fmu_file(fmu), starts, interpolate)
+    return cosim.OperatorFmu(fmu_file(fmu), starts)
 
 
 def tabulated(
@@ -72,32 +71,35 @@ def tabulated(
     values: ArrayLike,
     rates: ArrayLike | None = None,
     accelerations: ArrayLike | None = None,
-    *,
-    interpolate: bool | None = None,
 ) -> cosim.OperatorFmu:
     """A table as the value of a coordinate: ``simulate("Pendulum", length=tabulated(t, length))``.
 
     It is a ``PlannedMotion``, one polynomial of degree five from time to time.  What is not given of rates and
-    accelerations is that of the quintic spline through what is.  Where a time stands twice is a jump, which has to be a
+    accelerations is that of the quintic spline through what is.  Where a time stands twice is a jump, which becomes a
     communication point.
 
     :param times: [s], ascending, shape (n,), n >= 2.
-    :param interpolate: as in :func:`operator`; None: where the values do not jump.
     :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
     """
     table, fmu = knots(times, values, rates, accelerations), fmu_file("PlannedMotion")
-    if interpolate is None:
-        jumps = np.diff(table[0]) == 0
-        interpolate = not np.diff(table[1])[jumps].any()
     if (missing := MOST_KNOTS - table.shape[1]) >= 0:
         padded = np.pad(table, ((0, 0), (0, missing)), mode="edge")
-        return cosim.OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)), interpolate)
-    copy = _copies() / hashlib.sha256(table.tobytes()).hexdigest()[:16] / fmu.name
+        return cosim.OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)))
+    return cosim.OperatorFmu(with_table(fmu, table), {})
+
+
+def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
+    """Write a copy of an FMU with a table in its resources, which lasts as long as this process.
+
+    :param table: its columns, (columns, rows).
+    :raises SimulationError: if it is one in Python, which takes none.
+    """
+    copy = _copies() / hashlib.sha256(fmu.read_bytes() + table.tobytes()).hexdigest()[:16] / fmu.name
     if not copy.exists():
         copy.parent.mkdir()
         copy.write_bytes(ssp.with_table(fmu, table))
         cache.remember(cache.digest(copy))
-    return cosim.OperatorFmu(copy, {}, interpolate)
+    return copy
 
 
 @lru_cache(maxsize=1)
@@ -129,14 +131,21 @@ class System(cosim.System):
     """
 
     def add(
-        self, name: str, fmu: Target, /, *, isolated: bool | float = False, **starts: ArrayLike | cosim.OperatorFmu
+        self,
+        name: str,
+        fmu: Target,
+        /,
+        *,
+        isolated: bool | float = False,
+        solver: Solver | float | None = None,
+        **starts: ArrayLike | cosim.OperatorFmu,
     ) -> cosim.Part:
         """Put an FMU into the system, as :meth:`liaisons.cosim.System.add`.
 
         :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
         :raises ProjectError: if there is no such file or component.
         """
-        return super().add(name, fmu_file(fmu), isolated=isolated, **starts)
+        return super().add(name, fmu_file(fmu), isolated=isolated, solver=solver, **starts)
 
     @classmethod
     def from_ssp(cls, path: Path | str) -> Self:

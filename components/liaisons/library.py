@@ -122,16 +122,19 @@ def build(
     backend: Backend = "auto",
     platforms: Literal["host", "all", "wasm"] = "host",
     fmi: Literal["2", "3"] = "2",
+    arrays: bool = True,
 ) -> Path:
     """Build the FMU of a component; one that is there already and up to date is left as it is.
 
     :param target: name, file or class of a component, or a model (``assemble(PendulumChain, 20)``).
-    :param output: folder, ``fmus/`` unless given; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of
-        the Python back end ``python/NAME.fmu``.
+    :param output: folder, ``fmus/`` unless given; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``,
+        without arrays ``fmi3/scalars/NAME.fmu``, of the Python back end ``python/NAME.fmu``.
     :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
     :param platforms: binaries for this machine; ``"all"``: for Linux, Windows and macOS; ``"wasm"``: for this machine,
         and, experimental, a WebAssembly component (FMI 3.0). Both are of the native back end and need ziglang.
     :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
+    :param arrays: False: in FMI 3.0 the elements of arrays are variables, ``theta[1]``, as they are in FMI 2.0, for
+        importers that know no arrays.
     :returns: path of the FMU.
     :raises ProjectError: if the target names no component or several, or one whose FMU would take the place of
         another component's.
@@ -150,7 +153,7 @@ def build(
         chosen = component(target)
         claim(chosen, folder)
         found = model(chosen)
-    return fmu.build(found, folder, backend=backend, platforms=platforms, fmi=fmi)
+    return fmu.build(found, folder, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays)
 
 
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:

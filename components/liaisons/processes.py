@@ -11,16 +11,19 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
+from pathlib import Path
 
 TIME_LIMIT = 60.0
 """[s] that a call of an FMU in a process of its own may take unless one says more."""
-_SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG
+_SET_DEATH_SIGNAL, _SET_DUMPABLE, _SET_SUBREAPER = 1, 4, 36  # PR_SET_PDEATHSIG, _DUMPABLE, _CHILD_SUBREAPER
 _SYNCHRONIZE, _INFINITE = 0x0010_0000, 0xFFFF_FFFF
 _PAUSE = 0.2  # [s] between two looks at the parent
 _GRACE = 3.0  # [s] for an orderly end
+_MOMENT = 1e-3  # [s] between two looks at processes that are killed
+_ENDINGS = {getattr(signal, name) for name in ("SIGTERM", "SIGCHLD") if hasattr(signal, name)}
 _handled: set[int] = set()  # signals that end this process in good order
 
 
@@ -39,7 +42,91 @@ def die_with_parent(parent: int) -> None:
 
 
 def _killed_by_kernel() -> bool:
-    return ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, ctypes.c_ulong(signal.SIGKILL)) == 0
+    return _process_control(_SET_DEATH_SIGNAL, signal.SIGKILL)
+
+
+def _process_control(option: int, value: int) -> bool:
+    return ctypes.CDLL(None).prctl(option, ctypes.c_ulong(value)) == 0
+
+
+def fork_guarded(*, close: Callable[[], object]) -> int:
+    """Fork (Linux), with a process between both that ends all that the new one has started when either of them ends.
+
+    It ends as the new process does, once nothing of that is left, and ends it all when it is terminated (SIGTERM).
+
+    :param close: closes what the process between must not keep open.
+    :returns: in the parent the id of the process between, in the new process 0.
+    """
+    parent = os.getpid()
+    guard = os.fork()
+    if guard:
+        return guard
+    guard = os.getpid()
+    usual = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDINGS)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
+    _process_control(_SET_DEATH_SIGNAL, signal.SIGTERM)
+    _process_control(_SET_SUBREAPER, 1)  # what loses its parent is our child then
+    if os.getppid() != parent:
+        os._exit(1)
+    child = os.fork()
+    if not child:
+        die_with_parent(guard)
+        signal.pthread_sigmask(signal.SIG_SETMASK, usual)
+        return 0
+    try:
+        close()
+        code = _guarded(child)
+        if code < 0:
+            _die_of(-code)
+        os._exit(code)
+    finally:
+        os._exit(1)
+
+
+def _guarded(child: int) -> int:
+    """Wait for the end of a child, or SIGTERM, and end all that is left; the exit code of the child."""
+    statuses: dict[int, int] = {}
+    while child not in statuses and signal.sigwait(_ENDINGS) != signal.SIGTERM:
+        statuses |= _reaped()
+    end = time.monotonic() + _GRACE
+    while (left := _children()) and time.monotonic() < end:
+        for process in left:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)  # does nothing to one that is ending
+        time.sleep(_MOMENT)
+        statuses |= _reaped()
+    return os.waitstatus_to_exitcode(statuses.get(child, 1))
+
+
+def _die_of(number: int) -> None:
+    """End as by this signal, without a core."""
+    _process_control(_SET_DUMPABLE, 0)
+    if number != signal.SIGKILL:
+        signal.signal(number, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
+    os.kill(os.getpid(), number)
+
+
+def _reaped() -> dict[int, int]:
+    """Children that have ended, and their statuses."""
+    found: dict[int, int] = {}
+    with suppress(ChildProcessError):
+        while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+            found[ended[0]] = ended[1]
+    return found
+
+
+def _children() -> list[int]:
+    """Of this process, by the file system of processes."""
+    found = []
+    for entry in os.scandir("/proc"):
+        if entry.name.isdigit():
+            with suppress(OSError):
+                words = Path(entry.path, "stat").read_bytes().rpartition(b")")[2].split()
+                if int(words[1]) == os.getpid():
+                    found.append(int(entry.name))
+    return found
 
 
 def _watch(parent: int) -> None:

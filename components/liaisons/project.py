@@ -12,8 +12,11 @@ from types import ModuleType
 
 from liaisons.errors import LiaisonsError
 
+_CLONE = Path(__file__).resolve().parents[2]
+"""The clone that this package runs from, in an editable installation."""
 _SHIPPED = Path(__file__).resolve().parent / "_scenarios"
-"""The scenarios in a wheel; a clone has them in ``scenarios/``."""
+"""The scenarios in a wheel."""
+_OURS = _SHIPPED if _SHIPPED.is_dir() else _CLONE / "scenarios"
 
 
 class ProjectError(LiaisonsError):
@@ -21,29 +24,30 @@ class ProjectError(LiaisonsError):
 
 
 def fmus_directory() -> Path:
-    """Where built FMUs live: ``$LIAISONS_FMUS``, else ``fmus/`` of the clone, else ``fmus/`` where we are."""
-    return Path(os.environ.get("LIAISONS_FMUS") or _root() / "fmus")
+    """Where built FMUs live: ``$LIAISONS_FMUS``, else ``fmus/`` where we are."""
+    return Path(os.environ.get("LIAISONS_FMUS") or "fmus")
 
 
 def scenario_files() -> dict[str, Path]:
-    """Scenarios by name: ``scenarios/`` of the clone, or where we are and what came with the package."""
+    """Scenarios by name: ``scenarios/`` where we are, and those of liaisons."""
     found: dict[str, Path] = {}
-    for folder in (_SHIPPED, _root() / "scenarios"):
+    for folder in (_OURS, Path("scenarios")):
         found |= {path.stem: path for path in folder.glob("[!_]*.py")}
     return dict(sorted(found.items()))
 
 
 def figures_directory(scenario: Path) -> Path:
-    """Where the figure of a scenario goes: ``figures/`` beside it, or where we are if it came with the package."""
-    return Path("figures") if scenario.parent == _SHIPPED else scenario.parent / "figures"
+    """Where the figure of a scenario goes: ``figures/`` beside it; of one of ours, outside of a clone, where we are."""
+    elsewhere = _OURS == _SHIPPED or not Path.cwd().is_relative_to(_CLONE)
+    return Path("figures") if elsewhere and scenario.resolve().parent == _OURS else scenario.parent / "figures"
 
 
 def declared_components() -> list[str] | None:
-    """The list ``components`` of ``fmus/fmus.toml``, files relative to that; None if there is no such file.
+    """The list ``components`` of ``fmus/fmus.toml`` where we are, files relative to that; None if there is none.
 
     :raises ProjectError: if it has no such list.
     """
-    declaration = _root() / "fmus" / "fmus.toml"
+    declaration = Path("fmus", "fmus.toml")
     try:
         declared = tomllib.loads(declaration.read_text(encoding="utf-8"))["components"]
         return [str(declaration.parent / name) if name.endswith(".py") else name for name in declared]
@@ -54,9 +58,8 @@ def declared_components() -> list[str] | None:
 
 
 def from_here(path: Path) -> Path:
-    """A path as one would type it: what lies in the clone, from where we are in it."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(_root()) and path.is_relative_to(here) else path
+    """A path as one would type it: from where we are, if it is below."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def load_module(path: Path) -> ModuleType:
@@ -80,12 +83,6 @@ def load_module(path: Path) -> ModuleType:
         reason = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
         raise ProjectError(f"{path}:{_line(error, path)}: {reason}") from error
     return module
-
-
-def _root() -> Path:
-    """The clone that this package runs from (an editable installation), else the working directory."""
-    clone = Path(__file__).resolve().parents[2]
-    return clone if (clone / "pyproject.toml").is_file() else Path()
 
 
 def _line(error: Exception, path: Path) -> int:

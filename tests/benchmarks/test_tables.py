@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from _check import compared, report
 from _measure import HERE, Row, Section, claims, interleaved, markdown
-from _page import BEGIN, END, page
+from _page import BEGIN, END, page, tables
 
 SCRIPT = '''
 """A script."""
@@ -97,7 +98,9 @@ def test_the_page_keeps_what_stands_around_its_marks(section, tmp_path) -> None:
     assert written.startswith("# Head\n\n")
     assert written.endswith(f"{END}tail\n")
     assert "what was here before" not in written
-    assert "## first\n\nA title\n\n*2026-01-31, commit abc1234, 12 s, 0.25 cores busy before*" in written
+    facts = "*2026-01-31, commit abc1234, 12 s, 0.25 cores busy before*"
+    assert f"## first\n\nA title\n\n{facts}" in written
+    assert markdown(section.rows, "##") in tables("first", section)
     assert "![A title](results/first_more.png)" in written
     assert "second.png" not in written
     assert page(written, {"first": section}, tmp_path) == written
@@ -106,6 +109,28 @@ def test_the_page_keeps_what_stands_around_its_marks(section, tmp_path) -> None:
 def test_the_page_of_this_repository_has_the_marks() -> None:
     text = (HERE / "README.md").read_text(encoding="utf-8")
     assert text.index(BEGIN) < text.index(END)
+
+
+def test_a_check_names_ratios_that_are_worse_than_on_the_page(row) -> None:
+    faster = replace(row, case="faster", asked=">= 1")
+    written = [row, faster, replace(row, case="not asked", asked=""), replace(row, case="not measured")]
+
+    def measured(*ratios: float) -> list[list[Row]]:
+        return [[replace(it, ratio=x, spread=(0.9 * x, 1.1 * x)) for it in written[:3]] for x in ratios]
+
+    def worse(*ratios: float) -> list[tuple[str, bool]]:
+        return [(it.row.case, it.clear) for it in compared(written, measured(*ratios)) if it.worse]
+
+    assert len(compared(written, measured(2.0))) == 2
+    assert worse(2.2) == worse(1.8) == []
+    assert worse(3.0) == [("ours", True)]
+    assert worse(2.4) == [("ours", False)]  # 2.3 is allowed, the first quartile is 2.16
+    assert worse(1.5) == [("faster", True)]
+    assert worse(3.0, 2.0, 2.0) == []  # the median of the tries
+    assert worse(3.0, 2.0, 3.0) == [("ours", False)]
+    assert report("steps", "abc1234", compared(written, measured(3.0)), 1) == (
+        "steps: 2 ratios, measured 1 times, 1 worse than at commit abc1234\n  Steps: ours: 3 × by hand, on the page 2"
+    )
 
 
 @pytest.mark.parametrize(("words", "figure"), [([], 3.0), (["--quick"], 2.0)])

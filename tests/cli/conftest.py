@@ -59,7 +59,7 @@ Simulated = Callable[..., Result]
 def liaisons(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Cli:
     """Run ``liaisons WORDS`` in a directory of its own, where FMUs land too."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("LIAISONS_FMUS", str(tmp_path / "fmus"))
+    monkeypatch.delenv("LIAISONS_FMUS", raising=False)
     monkeypatch.setenv("LIAISONS_UNPACKED_LIMIT", str(2**30))  # what an option makes of it ends with the test
 
     def run(*words: str | Path) -> Reply:

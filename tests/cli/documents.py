@@ -112,6 +112,11 @@ def empty_folder(folder: Path) -> Place:
     return Place(folder / "empty", _environment(environment))
 
 
+def empty_folder_beside_a_clone(folder: Path) -> Place:
+    """Nothing, elsewhere, with the installation that the tests run from, an editable one in a clone."""
+    return Place(folder, _environment(Path(sys.executable).parents[1]))
+
+
 def _environment(folder: Path) -> dict[str, str]:
     """Variables of a user who knows nothing of this project; pip takes what is here, without looking elsewhere."""
     kept = {name: value for name, value in os.environ.items() if name not in {"LIAISONS_FMUS", "PYTHONPATH"}}

@@ -14,11 +14,12 @@ from liaisons.library import catalogue, fmu_path
 from liaisons.project import ProjectError, declared_components
 
 from .conftest import Cli, Runs, is_misuse
+from .documents import ROOT
 
 
 @pytest.mark.parametrize(("backend", "file"), [("native", "Bead.fmu"), ("python", "python/Bead.fmu")])
-def test_a_file_of_a_user(runs: Runs, bead: Path, tmp_path: Path, backend: str, file: str) -> None:
-    fmu = tmp_path / "fmus" / file
+def test_a_file_of_a_user(runs: Runs, bead: Path, backend: str, file: str) -> None:
+    fmu = Path("fmus", file)  # where we are, and not where the package is
     assert Path(runs("build", f"{bead}:Bead", "--backend", backend).strip()) == fmu
     assert read_model_description(fmu).modelName == "Bead"
     assert validate_fmu(str(fmu)) == []
@@ -43,8 +44,8 @@ def test_many_are_built_on_all_cores_and_named_in_order(
     assert [Path(line).stem for line in reply.out.splitlines()] == names[:2]
 
 
-def test_both_versions(runs: Runs, bead: Path, tmp_path: Path) -> None:
-    fmus = [tmp_path / "fmus" / "Bead.fmu", tmp_path / "fmus" / "fmi3" / "Bead.fmu"]
+def test_both_versions(runs: Runs, bead: Path) -> None:
+    fmus = [Path("fmus", "Bead.fmu"), Path("fmus", "fmi3", "Bead.fmu")]
     printed = runs("build", f"{bead}:Bead", "--backend", "native", "--fmi", "both").splitlines()
     assert [Path(line) for line in printed] == fmus
     assert [read_model_description(fmu).fmiVersion for fmu in fmus] == ["2.0", "3.0"]
@@ -57,15 +58,13 @@ def test_no_name_builds_what_is_declared(runs: Runs, declare: Callable[[str], in
 
 
 @pytest.fixture
-def declare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], int]:
-    """Write the declaration of a project without a clone: ``fmus/fmus.toml`` of the working directory."""
-    monkeypatch.setattr("liaisons.project._root", Path)
+def declare(tmp_path: Path) -> Callable[[str], int]:
+    """Write a declaration: ``fmus/fmus.toml`` of the working directory."""
     (tmp_path / "fmus").mkdir()
     return (tmp_path / "fmus" / "fmus.toml").write_text
 
 
 def test_without_a_declaration_the_catalogue_is_built(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("liaisons.project._root", Path)
     built: list[str] = []
     monkeypatch.setattr("os.cpu_count", lambda: 1)  # all in this process, where nothing is built
     monkeypatch.setattr("liaisons.fmu.build", lambda model, *_, **__: built.append(model.name) or Path(model.name))
@@ -78,7 +77,8 @@ def test_a_bad_declaration_file(liaisons: Cli, declare: Callable[[str], int], te
     assert is_misuse(liaisons("build"), "fmus.toml", "components = [")
 
 
-def test_this_project_builds_its_whole_catalogue(liaisons: Cli) -> None:
+def test_this_project_builds_its_whole_catalogue(liaisons: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
     assert declared_components() == ["all"]
     assert liaisons("list", "all").out == liaisons("list").out
 

@@ -1,9 +1,12 @@
 """``liaisons check``, on our FMUs and on those of another tool."""
 
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from zipfile import ZipFile
 
+import fmpy
 import pytest
 from pythonfmu.builder import FmuBuilder
 
@@ -81,3 +84,21 @@ def test_default_experiment_that_cannot_be_simulated_is_named(liaisons: Cli, tmp
     assert reply.status == 1
     assert "DefaultExperiment: stepSize = 0: it must be a number > 0" in reply.out
     assert {claim for claim, word in verdicts(reply.out).items() if word == "FAIL"} == {"fmpy's validator"}
+
+
+@pytest.mark.parametrize("counting", [0, 1])
+def test_outputs_of_every_type(liaisons: Cli, tmp_path: Path, counting: int) -> None:
+    """As the Reference-FMUs' Feedthrough; or with a text that counts steps, and so depends on their size."""
+    here = Path(__file__).parent
+    compiler, library = shutil.which("cc"), tmp_path / f"Feedthrough{fmpy.sharedLibraryExtension}"
+    if compiler is None:
+        pytest.skip("no C compiler")
+    options = ["-shared", "-fPIC", f"-DCOUNTING={counting}", f"-I{Path(fmpy.__file__).parent / 'c-code'}"]
+    subprocess.run([compiler, *options, here / "feedthrough.c", "-o", library], check=True)
+    with ZipFile(tmp_path / "Feedthrough.fmu", "w") as archive:
+        archive.write(here / "feedthrough.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{fmpy.platform_tuple}/{library.name}")
+    reply = liaisons("check", "Feedthrough.fmu")
+    assert reply.status == counting, reply.out + reply.err
+    agree = "FAIL" if counting else "pass"
+    assert verdicts(reply.out) == {"fmpy's validator": "pass", "all signals": "pass", "communication steps": agree}

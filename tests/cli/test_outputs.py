@@ -24,7 +24,7 @@ from .conftest import COMMAND, Cli, Runs, Simulated, begun, is_misuse
 pytestmark = pytest.mark.usefixtures("shared_fmus")
 
 RESULT = Result("ramp", np.arange(3.0), ("x",), np.arange(3.0)[None], {"x": "m"})
-TEXT = "time,x\n# s,m\n0.0,0.0\n1.0,1.0\n2.0,2.0\n"
+TEXT = "time,x\n# s,m\n# title: ramp\n0.0,0.0\n1.0,1.0\n2.0,2.0\n"
 
 # Links to devices: without what is tested here, the link would be replaced, not the device of this machine.
 needs_devices = pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
@@ -80,7 +80,9 @@ def test_the_standard_output(tmp_path: Path, fmus: Path) -> None:
         subprocess.run(words, env=environment, stdout=file, check=True, cwd=tmp_path)
     assert (tmp_path / "out.txt").read_text() == piped
     lines = piped.splitlines()
-    assert [line.split(",")[0] for line in lines[3:]] == ["time", "# s", "0.0", "0.01", "0.02", "signals: /dev/stdout"]
+    notes = ["# title: Pendulum", "# estimates: coupling_error"]
+    table = ["time", "# s", *notes, "0.0", "0.01", "0.02"]
+    assert [line.split(",")[0] for line in lines[3:]] == [*table, "signals: /dev/stdout"]
 
 
 def test_a_file_in_a_locked_folder_is_written_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from liaisons.check import verdict
+from liaisons.operators import Plan
+
 GOAL = """
 mechanism = "Pendulum"
 moves = ["pivot_x"]
@@ -40,3 +43,11 @@ def test_what_a_goal_lacks_is_said_in_a_line(liaisons, tmp_path, line: str, word
     assert reply.status == 2
     assert words in reply.err
     assert reply.err.count("\n") == 1
+
+
+def test_a_verdict_that_fails_is_the_exit_status(liaisons, tmp_path, monkeypatch) -> None:
+    (tmp_path / "crane.toml").write_text(GOAL)
+    monkeypatch.setattr(Plan, "verify", lambda _: [verdict("it holds", error=1.0, tolerance=0.5)])
+    reply = liaisons("plan", "crane.toml")
+    assert reply.status == 1
+    assert "FAIL" in reply.out

@@ -140,8 +140,8 @@ def test_scenarios_of_the_package_are_found_behind_those_of_the_folder(
     scenario += '    panels(("", "", ""))\n    claim("nothing", 0, 0, within(0, because="whole numbers"))\n'
     (shipped / "theirs.py").write_text(scenario)
     (own / "twice.py").write_text(scenario)
-    monkeypatch.setattr("liaisons.project._root", Path)
-    monkeypatch.setattr("liaisons.project._SHIPPED", shipped)
+    for name in ("_OURS", "_SHIPPED"):
+        monkeypatch.setattr(f"liaisons.project.{name}", shipped)
     assert names() == ["theirs", "twice"]
     reply = liaisons("run", "--all")
     assert reply.status == 0, reply.out + reply.err

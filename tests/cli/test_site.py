@@ -1,4 +1,4 @@
-"""Pages of the site work as printed: Getting started, the component of its tutorial, all notebooks from the wheel."""
+"""Pages of the site work as printed: Getting started, the component of its tutorial, all notebooks in empty folders."""
 
 from __future__ import annotations
 
@@ -77,15 +77,17 @@ def test_the_component_of_the_tutorial(runs: Runs, tmp_path: Path) -> None:
     assert "1 passed" in done.stdout, done.stdout
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
-    """An empty folder and an environment with the wheel, for all pages; commands that fail are errors."""
-    empty = documents.empty_folder(tmp_path_factory.mktemp("wheel"))
+@pytest.fixture(scope="module", params=["wheel", "editable"])
+def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Place:
+    """An empty folder and an environment, for all pages; commands that fail are errors."""
+    folder = tmp_path_factory.mktemp(request.param)
+    wheel = request.param == "wheel"
+    empty = documents.empty_folder(folder) if wheel else documents.empty_folder_beside_a_clone(folder)
     return replace(empty, environment={**empty.environment, "IPYTHONDIR": str(ROOT / "docs" / "_ipython")})
 
 
 @pytest.mark.slow
-def test_getting_started_from_the_wheel(place: Place) -> None:
+def test_getting_started_in_an_empty_folder(place: Place) -> None:
     (script,) = blocks(START, "python")
     (place.folder / "pumped.py").write_text(script, encoding="utf-8")
     for command, printed in console(START):
@@ -94,12 +96,15 @@ def test_getting_started_from_the_wheel(place: Place) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", NOTEBOOKS)
-def test_notebooks_from_the_wheel_in_an_empty_folder(page: str, place: Place) -> None:
+def test_notebooks_in_an_empty_folder(page: str, place: Place) -> None:
+    editable = place.folder.name.startswith("editable")
+    if editable and "tutorials" not in page:
+        pytest.skip("tried with the wheel")
     masters = [module for module in ("ecospy", "libcosimpy") if module in "".join(cells(page))]
     needed = ["nbclient", "ipykernel", *masters]
     if missing := [module for module in needed if find_spec(module) is None]:
         pytest.skip(f"not installed: {', '.join(missing)}")
-    ours = f"import liaisons; assert {str(ROOT)!r} not in liaisons.__file__"
+    ours = f"import liaisons; assert ({str(ROOT)!r} in liaisons.__file__) is {editable}"
     (place.folder / "run.py").write_text(_RUN)
     (place.folder / "cells.json").write_text(json.dumps([ours, *cells(page)]))
     place.runs("python run.py < cells.json")

@@ -14,7 +14,12 @@
 
 #include "operations.h"
 
-enum { LONGEST = 20 }; /* [s] of processor time that a call may take: then a signal ends the run */
+/* [s] of processor time that a call may take: then a signal ends the run */
+#ifdef __SANITIZE_ADDRESS__ /* several times as slow */
+enum { LONGEST = 20 };
+#else
+enum { LONGEST = 5 };
+#endif
 
 static char complaint[1024]; /* of another instance than the subject */
 

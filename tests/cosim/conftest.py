@@ -65,6 +65,9 @@ CUBIC = Source(
 # a smooth signal of which it gives the value only
 WAVE = Source((V("y", "output"),), outputs="y = sin(3 * t + 0.7);")
 
+# a force that jumps, of which it says nothing
+JUMP = Source((V("y", "output", "N"),), outputs="y = t > 0.505 ? 5 : 0;")
+
 # an active coordinate that says what it is given: length_force depends on it directly, seen is what a step began with
 SPRING = Source(
     (
@@ -155,6 +158,38 @@ static void perish(int how) {
     options=GOES_BACK,
 )
 
+# the same, and has a process of its own, which if it is "far" is of another session and has no parent
+FORKING = replace(
+    FRAGILE,
+    variables=(*FRAGILE.variables, V("far", "parameter", start=0, kind="Integer")),
+    code=FRAGILE.code
+    + """
+static void fork_one(int far) {
+    FILE *file;
+    if (fork()) return;
+    if (far && setsid() && fork()) _exit(0);
+    file = fopen(getenv("FORKING"), "w");
+    fprintf(file, "%d", getpid());
+    fclose(file);
+    for (;;) pause();
+}""",
+    exit_initialization='fork_one(far); while (access(getenv("FORKING"), 0)) usleep(1000); usleep(10000);',
+)
+
+# warns in a colour, and names the window; its error is longer than a screen
+LOUD = Source(
+    (V("x", "output"), V("label", "output", kind="String"), V("a\u009b31mb", "output")),
+    outputs="x = t;",
+    code="static char big[10000001];",
+    step=r"""say(m, 1, "\033[31mwarning \033]0;title\007 %g", t);
+    memset(big, '!', 10000000);
+    big[0] = 27;
+    if (t > 0.5) { say(m, 3, "%s", big); return 3; }""",
+)
+
+# its outputs are no numbers, x from t = 0.5 s on, y at t = 0.75 s
+ENDLESS = Source((V("x", "output"), V("y", "output")), outputs="x = t < 0.5 ? t : NAN; y = t == 0.75 ? -INFINITY : t;")
+
 UNFED = Source((V("u", "input"), V("x", "output", needs=("u",))), outputs="x = u;")
 
 # an FMU of another make: what it is given, and what its last step began with
@@ -224,6 +259,13 @@ FINITE = Source(
     outputs="x = m->end > 0 ? m->end : t;",
     step="if (t + h >= last) { m->end = last; return 2; }",
     options=GOES_BACK,
+)
+
+# ends the simulation in the step to 0.75 s, and says that it got to where no step leads
+ASTRAY = Source(
+    (V("where", "parameter", "", 1e9), V("x", "output")),
+    outputs="x = t;",
+    step="if (t + h > 0.6) { m->end = where; return 2; }",
 )
 
 LATE = Source(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import zipfile
@@ -46,3 +47,19 @@ def wired(*links: str, **parts: Path | tuple[Path, dict[str, Any]]) -> System:
         source, target = (system.parts[end.partition(".")[0]][end.partition(".")[2]] for end in link.split(" -> "))
         system.connect(source, target)
     return system
+
+
+def exchange_only(path: Path, folder: Path) -> Path:
+    """The FMU without its Co-Simulation."""
+    return copied(path, folder, rb"<CoSimulation\b([^>]*/>|.*?</CoSimulation>)")
+
+
+def copied(path: Path, folder: Path, without: bytes) -> Path:
+    """The FMU, its model description without what fits a pattern."""
+    with zipfile.ZipFile(path) as source, zipfile.ZipFile(folder / path.name, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == "modelDescription.xml":
+                content = re.sub(without, b"", content, flags=re.DOTALL)
+            target.writestr(name, content)
+    return folder / path.name

@@ -5,8 +5,8 @@ What each of them does with the systems of this project (Jacobi's scheme: all st
 * libcosimpy (OSP): parameter sets count; outputs are handed on in initialization, as often as there are components.
 * ecospy: the same, but once less.
 * fmpy.ssp: parameter sets of components are passed over (their values stand in the FMUs, too); nothing is handed on in
-  initialization, and each connected input is set to 0 before the first step.  A system where 0 is not allowed there
-  does not start.
+  initialization, and each connected input is set to 0 before the first step.  Where 0 is not allowed, the FMU keeps its
+  start value.
 
 So they differ in the first step, where outputs and inputs that depend on each other go round in a circle, and fmpy in
 each that does not start from 0.  An output that depends directly on connected inputs is read with old inputs in it (but
@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from ctypes import c_double
 from importlib.metadata import PackageNotFoundError, files
@@ -128,11 +128,21 @@ def _has_tbb() -> bool:
         return False
 
 
-def jacobi(system: System, folder: Path, *, size: float, steps: int, sweeps: int, first: float | None = None) -> Values:
+def jacobi(
+    system: System,
+    folder: Path,
+    *,
+    size: float,
+    steps: int,
+    sweeps: int,
+    first: float | None = None,
+    kept: Collection[str] = (),
+) -> Values:
     """The same, call by call.
 
     :param sweeps: how often outputs are handed on in initialization.
     :param first: what connected inputs hold during the first step, in place of the outputs at the start.
+    :param kept: names of inputs that hold their start values there, all the same.
     """
     with _instances(system, folder, size * steps) as instances:
         links = system.connections
@@ -145,6 +155,8 @@ def jacobi(system: System, folder: Path, *, size: float, steps: int, sweeps: int
         def hand_on(value: float | None = None) -> None:
             values = [read(*link.source.place) if value is None else value for link in links]
             for link, given in zip(links, values, strict=True):
+                if value is not None and link.target.name in kept:
+                    continue
                 buffer = (c_double * 1)(given)
                 assert not instances[link.target.part.name].setter([link.target.variable], buffer)()
 

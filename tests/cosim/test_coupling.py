@@ -5,15 +5,23 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
 from making import FmuPaths, Trace, wired
+from scipy.interpolate import BPoly, PPoly
 
+from liaisons import Signal
 from liaisons.check import slope
 from liaisons.cosim import IncompleteError, Result, System, simulate
 from liaisons.cosim.connections import Connection
+from liaisons.cosim.coupling.coupled import _jerk
+from liaisons.cosim.coupling.group import Group
+from liaisons.cosim.coupling.newton import _INTEGRALS
 from liaisons.cosim.coupling.polynomials import polynomials
 from liaisons.cosim.coupling.signals import Curve
 from liaisons.cosim.schedule import Coupling, algebraic_loops
@@ -141,26 +149,31 @@ def test_smooth_output_of_another_make_is_of_fourth_order(fmu: FmuPaths, compone
     assert slope(STEPS, [abs(end(H) - truth) for H in STEPS]) == pytest.approx(4.0, abs=0.3)
 
 
+@pytest.mark.parametrize("at", [0.95, 1.0])
 @pytest.mark.parametrize("prefix", ["", "fmi3/"])
-def test_jump_at_a_communication_point_stays_one(component: FmuPaths, prefix: str) -> None:
+@pytest.mark.parametrize("announced", [False, True])
+def test_jump_of_a_function_is_found(component: FmuPaths, prefix: str, at: float, announced: bool) -> None:
+    """Within a step, and right after its end; where it is announced, the value at that instant is the one before."""
+    push = Signal(lambda t: float(t > at), breaks=[at] if announced else [])
     result = _pushed(component, prefix, "function", x_0=0.0).simulate(
-        3.0, 0.1, tolerance=1e-12, inputs={"mass.x_force": lambda t: float(t > 0.95)}
+        3.0, 0.1, tolerance=1e-12, inputs={"mass.x_force": push}
     )
-    late = np.maximum(result.time - 1.0, 0.0)
+    late = np.maximum(result.time - at, 0.0)
     np.testing.assert_allclose(result["mass.x"], 1 - np.cos(late), rtol=0, atol=1e-10)  # mass 1 kg, stiffness 1 N/m
 
 
-def test_kink_at_a_communication_point_stays_one(component: FmuPaths) -> None:
-    ramp = component("Ramp"), {"start_time": 1.0}
+@pytest.mark.parametrize("start", [1.0, 1.03])
+def test_kink_that_is_announced_stays_one(component: FmuPaths, start: float) -> None:
+    ramp = component("Ramp"), {"start_time": start}
     system = wired("ramp.y -> mass.x_force", ramp=ramp, mass=(component("Oscillator"), {"x_0": 0.0}))
     result = system.simulate(3.0, 0.1, tolerance=1e-12)
-    late = np.maximum(result.time - 1.0, 0.0)
+    late = np.maximum(result.time - start, 0.0)
     np.testing.assert_allclose(result["mass.x"], late - np.sin(late), rtol=0, atol=1e-10)
 
 
 def test_what_inputs_do_can_be_left_to_the_fmu(component: FmuPaths) -> None:
     held = _pushed(component, "", "port", input_reconstruction=1).simulate(1.0, 0.1, tolerance=1e-12)
-    named = _pushed(component, "", "port").simulate(1.0, 0.1, tolerance=1e-12, coupling="gauss-seidel")
+    named = _pushed(component, "", "port").simulate(1.0, 0.1, tolerance=1e-12, coupling="jacobi")
     np.testing.assert_array_equal(held["mass.x"], named["mass.x"])
 
 
@@ -371,8 +384,10 @@ def test_fmu_that_cannot_go_back_is_named(fmu: FmuPaths, caplog: pytest.LogCaptu
     with pytest.raises(SimulationError, match=r"error_tolerance .* spring \(Spring\.fmu\) cannot: its canGetAndSetFMU"):
         system.simulate(1.0, 0.1, error_tolerance=1e-3)
     caplog.clear()
-    assert len(system.simulate(1.0, 0.1).time) == 11  # by default it goes on as it can, and says so
+    result = system.simulate(1.0, 0.1)  # by default it goes on as it can, and says so
+    assert len(result.time) == 11
     assert "spring (Spring.fmu) cannot go back" in caplog.text
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [*result.warnings]
 
 
 def test_fmu_that_must_not_interpolate_by_itself_is_named(component: FmuPaths) -> None:
@@ -427,3 +442,59 @@ def test_algebraic_loop_is_found_and_told_in_order() -> None:
     (found,) = algebraic_loops(feeds, lambda _output, _input: True)
     assert found == loop
     assert algebraic_loops(feeds, lambda output, _: output[0] == "b") == []
+
+
+# ---- what inputs do within a step ------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("either_loop")
+@pytest.mark.parametrize("discrete", [False, True])
+def test_what_jumps_only_is_held_and_what_moves_is_its_mean(fmu: FmuPaths, tmp_path: Path, discrete: bool) -> None:
+    """For an FMU that holds its inputs over a step: the mean of both ends, or what it is at the begin."""
+    source = fmu("Wave")
+    if discrete:
+        source = tmp_path / "Wave.fmu"
+        with ZipFile(fmu("Wave")) as old, ZipFile(source, "w") as new:
+            for name in old.namelist():
+                new.writestr(name, old.read(name).replace(b'variability="continuous"', b'variability="discrete"'))
+    system = wired("wave.y -> probe.u", wave=source, probe=fmu("Probe"))
+    result = system.simulate(1.0, 0.25, coupling="implicit")
+    begins, ends = result["wave.y"][:-1], result["wave.y"][1:]
+    expected = begins if discrete else (begins + ends) / 2
+    np.testing.assert_allclose(result["probe.seen"][1:], expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize("degree", range(6))
+def test_the_slope_of_an_acceleration_is_that_of_the_quintic(degree: int) -> None:
+    power = np.polynomial.Polynomial([0.0] * degree + [1.0])
+    here, there = (np.array([power.deriv(k)(t) for k in range(3)]) for t in (1.5, 1.2))
+    # Rounding of the values, 8 and less, over 0.3³, by factors up to 60.
+    assert _jerk(here, there, 1.5 - 1.2) == pytest.approx(power.deriv(3)(1.5), abs=1e-10)
+
+
+@pytest.mark.parametrize("count", _INTEGRALS)
+def test_what_data_at_the_end_of_a_step_do_is_that_of_hermite_polynomials(count: int) -> None:
+    """Newton's matrix: ∫ (1 - t) h and ∫ h over the step, of h whose value, or rate, at the end is 1."""
+    for power, found in enumerate(_INTEGRALS[count]):
+        end = [float(k == power) for k in range(count)]
+        h = PPoly.from_bernstein_basis(BPoly.from_derivatives([0, 1], [[0.0] * count, end]))
+        once, twice = h.antiderivative(), h.antiderivative(2)
+        np.testing.assert_allclose(found, [twice(1), once(1)], rtol=1e-14)
+
+
+def test_what_does_not_converge_is_named_by_the_worst_of_it() -> None:
+    signals = SimpleNamespace(count=3, places=[("a", "x"), ("b", "y"), ("b", "z")])
+    members = [SimpleNamespace(name=name) for name in "ab"]
+    group = SimpleNamespace(_unknowns=np.array([0, 1, 5]), _signals=signals, members=members, _running=None)
+    for errors, worst in (([9.0, 1.0, 2.0], r"a\.x"), ([1.0, 9.0, 2.0], r"b\.y"), ([1.0, 2.0, 9.0], r"b\.z")):
+        with pytest.raises(SimulationError, match=rf"^a, b: .* at t = 0\.5 s, {worst} least of all"):
+            Group._give_up(cast("Group", group), 0.5, np.array(errors))
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5])
+def test_adapted_steps_keep_the_tolerance_in_explicit_coupling(fmu: FmuPaths, tolerance: float) -> None:
+    """A mass of 1 kg on a spring of 2 N/m."""
+    system = wired("mass.q -> spring.length", mass=(fmu("Cart"), {"q_0": 1.0}), spring=fmu("Buffer"))
+    result = system.simulate(2.0, 0.1, error_tolerance=tolerance, coupling="gauss-seidel")
+    error = np.max(np.abs(result["mass.q"] - np.cos(math.sqrt(2.0) * result.time)))
+    assert error <= tolerance * len(result.time)  # a tolerance a step

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import equations as equations_module
 import fmpy
 import pytest
+from equations import equations
 from making import FmuPaths, packed, wired
 
 from liaisons.cosim import simulate
@@ -61,3 +63,23 @@ def test_fmu_of_fmi_3_that_crashes_at_the_begin(tmp_path: Path, code: str, words
     packed(tmp_path, "Bad", _FMI_3.replace("@instantiate@", code), _DESCRIPTION, fmpy.platform_tuple)
     with pytest.raises(SimulationError, match=rf"^Bad: Bad\.fmu crashes when it is {words}"):
         simulate(tmp_path / "Bad.fmu", stop_time=1.0, step_size=0.1, k=[3.0, 4.0])
+
+
+@pytest.mark.parametrize("status", [0, 1, 3])
+@pytest.mark.parametrize(("place", "stage"), [("start", "instantiated"), ("event", "stepped")])
+def test_fmu_that_ends_its_process_at_the_begin(tmp_path: Path, status: int, place: str, stage: str) -> None:
+    """With whatever exit status: it would end ours."""
+    code = {place: f"exit({status});"}
+    words = rf"^x: x\.fmu crashes when it is {stage} \(exit status {status}\); .* ask its maker$"
+    with pytest.raises(SimulationError, match=words):
+        simulate(equations(tmp_path, 1, 0, **code), stop_time=1.0, step_size=0.1)
+
+
+@pytest.mark.parametrize("name", ["fmi2Terminate", "fmi2FreeInstance"])
+def test_fmu_that_cannot_be_released(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """The run is complete by then."""
+    code = equations_module._CODE.replace(f" {name}(", f" {name}_gone(")
+    monkeypatch.setattr(equations_module, "_CODE", code)
+    result = simulate(equations(tmp_path, 1, rates="f[0] = 1;"), stop_time=1.0, step_size=0.1)
+    assert result["x0"][-1] == pytest.approx(1.0)
+    assert any("cannot be released" in text and name in text for text in result.warnings)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,6 +62,31 @@ for path in iter(sys.stdin.readline, ""):
 """
 
 
+# The same for commands, with their environment; the second stream is kept in a file.
+_COMMANDS_DRIVER = """
+import atexit, json, os, sys, traceback
+from liaisons.cli import check, main, simulate
+
+for line in iter(sys.stdin.readline, ""):
+    words, environment, errors = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        os.environ |= environment
+        for stream, path in enumerate([os.devnull, os.devnull, errors]):
+            os.dup2(os.open(path, os.O_RDWR | os.O_CREAT), stream)
+        status = 1
+        try:
+            status = main(words)
+            atexit._run_exitfuncs()
+        except BaseException:
+            traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(status)
+    _, status, usage = os.wait4(child, 0)
+    print(json.dumps([os.waitstatus_to_exitcode(status), usage.ru_maxrss]), flush=True)
+"""
+
+
 class Outcome(NamedTuple):
     """What became of an archive; memory in bytes."""
 
@@ -95,24 +121,55 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@contextmanager
+def _driven(code: str, **environment: str) -> Iterator[Callable[[str], Any]]:
+    """A process that answers a line with a line of JSON."""
+    command, variables = [sys.executable, "-c", code], {**os.environ, **environment}
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=variables, text=True) as driver:
+        asked, said = driver.stdin, driver.stdout
+        assert asked is not None
+        assert said is not None
+
+        def ask(line: str) -> Any:
+            asked.write(f"{line}\n")
+            asked.flush()
+            return json.loads(said.readline())
+
+        yield ask
+        asked.close()
+
+
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Path], Outcome]]:
     """Simulates an archive in Python."""
-    environment = {**os.environ, "TMPDIR": str(tmp_path_factory.mktemp("temporary"))}
-    command = [sys.executable, "-c", _DRIVER]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True) as driver:
-        given, said = driver.stdin, driver.stdout
-        assert given is not None
-        assert said is not None
+    with _driven(_DRIVER, TMPDIR=str(tmp_path_factory.mktemp("temporary"))) as ask:
 
         def run(path: Path) -> Outcome:
-            given.write(f"{path}\n")
-            given.flush()
-            message, status, memory, left = json.loads(said.readline())
+            message, status, memory, left = ask(str(path))
             return Outcome(message, status, memory * _UNIT, left)
 
         yield run
-        given.close()
+
+
+@pytest.fixture(scope="module")
+def forked() -> Iterator[Callable[..., tuple[int, int, str]]]:
+    """Status, peak memory and errors of a command in a fork: starting Python costs more than most of them."""
+    with _driven(_COMMANDS_DRIVER) as ask:
+
+        def run(words: list[str], errors: Path) -> tuple[int, int, str]:
+            environment = {name: os.environ[name] for name in ("TMPDIR", "XDG_CACHE_HOME")}
+            status, memory = ask(json.dumps([words, environment, str(errors)]))
+            return status, memory, errors.read_text()
+
+        yield run
+
+
+def _started(words: list[str]) -> tuple[int, int, str]:
+    """The same of a process that is started."""
+    command = [sys.executable, "-c", _MEASURE, *_LIAISONS, *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600.0, check=True)
+    status, memory = map(int, done.stdout.split())
+    return status, memory, done.stderr
 
 
 def test_there_are_many() -> None:
@@ -152,16 +209,18 @@ print(done.returncode, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "action"),
-    [pytest.param(*case, marks=[] if case in _FAST else [pytest.mark.slow]) for case in _COMMANDS],
+    "case",
+    [pytest.param(it, id="-".join(it), marks=[] if it in _FAST else [pytest.mark.slow]) for it in _COMMANDS],
 )
-def test_on_the_command_line(kind: str, name: str, action: str, tmp_path: Path, temporary: Path) -> None:
+def test_on_the_command_line(
+    case: tuple[str, str, str], tmp_path: Path, temporary: Path, forked: Callable[..., tuple[int, int, str]]
+) -> None:
+    kind, name, action = case
     path, _ = _made(kind, name, tmp_path)
-    command = [sys.executable, "-c", _MEASURE, *_LIAISONS, action, str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600.0, check=True)
-    status, memory = map(int, done.stdout.split())
+    words = [action, str(path)]
+    status, memory, errors = _started(words) if case in _FAST else forked(words, tmp_path / "errors")
     assert status == 2
-    *warned, line = done.stderr.splitlines()
+    *warned, line = errors.splitlines()
     assert line.startswith("liaisons: error: ")
     expected = ("fits nothing and is ignored", "does not say when to end") if name in _READ else ()
     assert all(words in warning for words, warning in zip(expected, warned, strict=True))

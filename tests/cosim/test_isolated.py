@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from equations import equations
 from making import FmuPaths, wired
 
 from liaisons.cosim import IncompleteError, instances, simulate
@@ -203,6 +204,34 @@ def test_no_process_is_left_when_its_parent_ends(fmu: FmuPaths, tmp_path: Path, 
     assert _gone(child)
 
 
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize(("how", "far"), [("end", 1), ("crash", 1), ("hang", 0), ("kill", 1)])
+def test_no_process_of_its_own_is_left(fmu: FmuPaths, tmp_path: Path, how: str, far: int) -> None:
+    """It forks at the begin, even one of another session and without a parent."""
+    mark = tmp_path / "mark"
+    starts = {"last": 0 if how == "end" else 3, "how": 0 if how == "crash" else 4, "far": far}
+    more = "".join(f", {name}={value}" for name, value in starts.items())
+    options = f"stop_time=1.0, step_size=0.1, isolated={60 if how == 'kill' else 0.5}{more}"
+    script = f"import sys; from liaisons.cosim import simulate; simulate(sys.argv[1], {options}); print('done')"
+    environment = {**os.environ, "FORKING": str(mark), "FRAGILE": str(tmp_path / "hangs")}
+    command = [sys.executable, "-c", script, str(fmu("Forking"))]
+    task = subprocess.Popen(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    with task as parent:
+        end = time.monotonic() + 60
+        if how == "kill":
+            while not (tmp_path / "hangs").exists() and time.monotonic() < end:
+                time.sleep(0.01)
+            parent.kill()
+        out, said = parent.communicate(timeout=60)
+    words = {"end": "", "crash": "crashed (SIGSEGV)", "hang": "has not returned within 0.5 s", "kill": ""}[how]
+    assert words in said
+    assert bool(out) == (how == "end")
+    forked = int(mark.read_text())
+    while not _gone(forked) and time.monotonic() < end and how == "kill":  # nobody waits for that
+        time.sleep(0.01)
+    assert _gone(forked)
+
+
 def test_elsewhere_it_runs_in_this_process(
     fmu: FmuPaths, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -216,3 +245,24 @@ def test_elsewhere_it_runs_in_this_process(
 def test_what_isolated_can_be(fmu: FmuPaths, value: Any) -> None:
     with pytest.raises(SimulationError, match=r"^bad: isolated = .*: give True, or the seconds that a call may take$"):
         wired(bad=(fmu("Cubic"), {"isolated": value}))
+
+
+# ---- what is said there ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("exchange", [False, True])
+def test_warnings_are_those_of_an_fmu_in_this_process(fmu: FmuPaths, tmp_path: Path, exchange: bool) -> None:
+    """Those that the FMU logs, and ours of what it says; each reaches the result."""
+    one = equations(tmp_path, 1, nominals="nominal[0] = -1;") if exchange else fmu("Faulty")
+    starts: dict[str, Any] = {} if exchange else {"status": 1, "time_of_failure": 0.15}
+    runs = [simulate(one, stop_time=0.3, step_size=0.1, isolated=isolated, **starts) for isolated in (False, True)]
+    assert runs[0].warnings == runs[1].warnings
+    assert len(runs[0].warnings) == (1 if exchange else 2)
+
+
+def test_what_it_says_before_it_crashes_is_heard(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    code = {"nominals": "nominal[0] = NAN;", "rates": "f[0] = 1; if (t > 0.5) abort();"}
+    with pytest.raises(IncompleteError, match=r"crashed \(SIGABRT\)") as caught:
+        simulate(equations(tmp_path, 1, 0, **code), stop_time=1.0, step_size=0.1, isolated=True)
+    assert "nominal values of continuous states" in caught.value.result.warnings[0]
+    assert len(caplog.records) == 1

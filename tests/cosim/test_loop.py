@@ -112,13 +112,13 @@ def test_a_coupled_chain(component, same_by_python) -> None:
 
 
 def test_a_port_with_a_kink(component, same_by_python) -> None:
-    """What value and slopes contradict is held: until the end of the step it goes on as it was known."""
+    """It is announced, and the past is forgotten there."""
 
     def run() -> Result:
         ramp = component("Ramp"), {"start_time": 1.0}
         system = wired("ramp.y -> mass.x_force", ramp=ramp, mass=(component("Oscillator"), {"x_0": 0.0}))
         result = system.simulate(2.0, 0.1)
-        assert np.max(np.abs(result["mass.x"][result.time < 1.05])) == 0
+        assert np.max(np.abs(result["mass.x"][result.time < 1.05])) < 1e-15
         return result
 
     same_by_python(run)
@@ -183,14 +183,16 @@ def test_functions_of_time_are_called_by_python(versions) -> None:
         step_size=0.25,
         inputs={"theta_force": lambda t: instants.append(t) or 0.0},
     )
-    assert set(instants) == {0.0, 0.25, 0.5, 0.75, 1.0}
+    assert {round(instant, 12) for instant in instants} >= {0.0, 0.25, 0.5, 0.75, 1.0}
+    assert {type(instant) for instant in instants} == {float}
 
 
-@pytest.mark.parametrize("source", ["loop.c", "coupling.c", "instances/isolated.c"])
+@pytest.mark.parametrize("source", ["loop.c", "coupling.c", "instances/isolated.c", "instances/dop853.c"])
 def test_its_source_is_clean(source: str) -> None:
     cc = compiler.system_compiler() or compiler.zig_compiler() or []
     flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-fsyntax-only"]
-    subprocess.run([*cc, *flags, Path(loop.__file__).parent / source], check=True)
+    here = Path(loop.__file__).parent
+    subprocess.run([*cc, *flags, f"-I{here}", f"-I{here.parent / 'fmu/runtime'}", here / source], check=True)
 
 
 _loaded = partial(compiled.loaded.__wrapped__, compiled.STEPS, "steps are made by Python")
@@ -199,7 +201,7 @@ _loaded = partial(compiled.loaded.__wrapped__, compiled.STEPS, "steps are made b
 def test_it_is_compiled_once_a_user(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path / "cache")
     assert _loaded() is not None
-    (library,) = (tmp_path / "cache").iterdir()
+    (library,) = (path for path in (tmp_path / "cache").iterdir() if path.suffix != ".sha256")
     monkeypatch.setattr(compiled, "compile_library", lambda *_: pytest.fail("compiled again"))
     found = _loaded()
     assert found is not None
@@ -222,3 +224,18 @@ def test_without_a_compiler(monkeypatch, tmp_path, caplog) -> None:
     with caplog.at_level(logging.INFO, "liaisons.cosim"):
         assert _loaded() is None
     assert "made by Python: no C compiler is found" in caplog.text
+
+
+@pytest.mark.parametrize("content", [b"", b"\x7fELF", None, b"no library"], ids=["empty", "head", "half", "text"])
+def test_damaged_library_in_the_cache_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes | None
+) -> None:
+    """Half a library is loaded, and ends the process when its missing pages are touched."""
+    monkeypatch.setattr("liaisons.cache.folder", lambda: tmp_path)
+    assert _loaded() is not None
+    (library,) = (path for path in tmp_path.iterdir() if path.suffix != ".sha256")
+    whole = library.read_bytes()
+    library.unlink()  # what is loaded stays whole
+    library.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    assert _loaded() is not None
+    assert library.read_bytes() == whole

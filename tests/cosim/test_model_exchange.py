@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import re
 import sys
+from ctypes import c_double
 from pathlib import Path
-from zipfile import ZipFile
 
 import fmpy
 import numpy as np
 import pytest
-from making import FmuPaths, packed, wired
+from equations import equations
+from making import FmuPaths, copied, exchange_only, packed, wired
 from numpy.typing import NDArray
 
-from liaisons import simulate, sweep
+from liaisons import System, simulate, sweep
+from liaisons.cosim.instances import dop853, extracted, make
+from liaisons.cosim.parts import Part
 from liaisons.errors import SimulationError
-from liaisons.results import IncompleteError
+from liaisons.results import IncompleteError, Result
 
 HERE = Path(__file__).parent
 G, KEPT = 9.81, 0.7
@@ -42,22 +44,6 @@ def heights(times: NDArray) -> tuple[NDArray, NDArray]:
             found[k] = (speed * since[k] - G / 2 * since[k] ** 2, count)
         begin, speed, count = begin + 2 * speed / G, KEPT * speed, count + 1
     return np.array([h for h, _ in found]), np.array([n for _, n in found])
-
-
-def exchange_only(path: Path, folder: Path) -> Path:
-    """The FMU without its Co-Simulation."""
-    return copied(path, folder, rb"<CoSimulation\b([^>]*/>|.*?</CoSimulation>)")
-
-
-def copied(path: Path, folder: Path, without: bytes) -> Path:
-    """The FMU, its model description without what fits a pattern."""
-    with ZipFile(path) as source, ZipFile(folder / path.name, "w") as target:
-        for name in source.namelist():
-            content = source.read(name)
-            if name == "modelDescription.xml":
-                content = re.sub(without, b"", content, flags=re.DOTALL)
-            target.writestr(name, content)
-    return folder / path.name
 
 
 def test_ball_bounces_when_it_has_to(ball: Path) -> None:
@@ -145,9 +131,11 @@ def test_what_is_refused_is_said(ball: Path) -> None:
         simulate(ball, endless=True)
 
 
-def test_without_the_solver_it_is_named(ball: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_solver_it_is_named(ball: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dop853, "library", lambda: None)
+    assert simulate(ball, stop_time=2.5)["bounces"][-1] == heights(np.array([2.5]))[1]  # by CVODE
     monkeypatch.setitem(sys.modules, "liaisons.cosim.instances.cvode", None)
-    with pytest.raises(SimulationError, match="Model Exchange needs CVODE, which FMPy does not have here"):
+    with pytest.raises(SimulationError, match="needs a C compiler, or CVODE, which FMPy does not have here"):
         simulate(ball)
 
 
@@ -163,17 +151,211 @@ def test_pendulum_moves_as_in_co_simulation(component: FmuPaths, tmp_path: Path,
 
 
 @pytest.mark.parametrize("name", ["Pendulum", "fmi3/Pendulum"])
-def test_coupling_repeats_its_steps(component: FmuPaths, tmp_path: Path, name: str) -> None:
-    """Force and motion at once, as between two of Co-Simulation: of second order, 7e-5 at H = 5 ms."""
+def test_coupling_is_that_of_co_simulation(component: FmuPaths, tmp_path: Path, name: str) -> None:
+    """Force and motion at once: cubic polynomials, of fourth order, and the estimate is an upper bound."""
     path = component(name)
     only = exchange_only(path, tmp_path)
 
-    def angles(upper: Path, size: float) -> NDArray:
+    def motion(upper: Path, lower: Path, size: float) -> Result:
         starts = {"theta_0": 1.2}, {"theta_0": -0.6, "mass": 0.5}
-        system = wired("upper.bob -> lower.pivot", upper=(upper, starts[0]), lower=(path, starts[1]))
-        return system.simulate(0.5, size, tolerance=1e-9)["lower.theta"][-1]
+        system = wired("upper.bob -> lower.pivot", upper=(upper, starts[0]), lower=(lower, starts[1]))
+        return system.simulate(0.4, size, tolerance=1e-11)
 
-    exact = angles(path, 0.01)
-    coarse, fine = (abs(angles(only, size) - exact) for size in (0.02, 0.01))
-    assert fine < 1e-3
-    assert coarse / fine == pytest.approx(4, rel=0.2)  # terms of higher order, rate · H < 0.1
+    exact = motion(path, path, 0.0025)["lower.theta"]
+    for upper, lower in ((only, path), (path, only), (only, only)):
+        coarse, fine = (motion(upper, lower, size) for size in (0.02, 0.01))
+        errors = [abs(run["lower.theta"] - exact[:: round(run.time[1] / 0.0025)]).max() for run in (coarse, fine)]
+        assert errors[0] / errors[1] == pytest.approx(16, rel=0.3)  # terms of higher order, rate · H < 0.1
+        assert fine.coupling_error is not None
+        assert errors[1] < fine.coupling_error.sum() < 1e-4
+
+
+STIFF = {
+    # y' = -k (y - cos t) - sin t, y(0) = 1: y = cos t (Dahlquist; Prothero and Robinson)
+    "Dahlquist": (1, {"start": "x[0] = 1;", "rates": "f[0] = -1e6 * (x[0] - cos(t)) - sin(t);"}, 2.0, [np.cos(2.0)]),
+    # Test Set for IVP Solvers, VDPOL, ε = 1e-6, whose unit of time is 1000 of ours
+    "Van der Pol": (
+        2,
+        {"start": "x[0] = 2;", "rates": "f[0] = x[1]; f[1] = 1000 * (1 - x[0] * x[0]) * x[1] - x[0];"},
+        2000.0,
+        [1.706167732170483, -0.8928097010247975e-3],
+    ),
+    # Test Set for IVP Solvers, ROBER, and the sum of all is 1
+    "Robertson": (
+        3,
+        {
+            "start": "x[0] = 1;",
+            "nominals": "nominal[1] = 1e-5;",
+            "rates": "f[0] = -0.04 * x[0] + 1e4 * x[1] * x[2]; f[2] = 3e7 * x[1] * x[1]; f[1] = -f[0] - f[2];",
+        },
+        40.0,
+        [0.7158270688, 0.9185534765e-5, 0.2841637457],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STIFF)
+def test_stiff_equations_are_seen_to_be_so(tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str) -> None:
+    states, code, end, exact = STIFF[name]
+    with caplog.at_level("INFO", logger="liaisons.cosim"):
+        result = simulate(equations(tmp_path, states, **code), stop_time=end, step_size=end / 20, tolerance=1e-9)
+    for k, value in enumerate(exact):
+        assert result[f"x{k}"][-1] == pytest.approx(value, rel=1e-6)  # tolerance · steps
+    assert [record.message.partition(" at t")[0] for record in caplog.records] == ["x: its equations are stiff"]
+
+
+def test_equations_that_are_not_stiff_need_no_other_solver(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An oscillator of 1 Hz in steps of 30 s, and one that is let go at t = 1 s."""
+    monkeypatch.setitem(sys.modules, "liaisons.cosim.instances.cvode", None)
+    rates = "f[0] = x[1]; f[1] = -x[0] * 39.47841760435743;"
+    result = simulate(equations(tmp_path, 2, start="x[0] = 1;", rates=rates), stop_time=90.0, step_size=30.0)
+    np.testing.assert_allclose(result["x0"], 1.0, atol=1e-4)
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("solver", ["DOP853", "CVODE"])
+def test_errors_are_measured_by_nominal_values(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, solver: str) -> None:
+    """A charge of 1e-9 C that comes and goes: an error of tolerance · 1 C would leave nothing of it."""
+    if solver == "CVODE":
+        monkeypatch.setattr(dop853, "library", lambda: None)
+    rates = "f[0] = 1e-9 * 2 * t * cos(t * t);"
+    fmu = equations(tmp_path, 1, rates=rates, nominals="nominal[0] = 1e-9;")
+    result = simulate(fmu, stop_time=4.0, step_size=4.0, tolerance=1e-7)
+    assert result["x0"][-1] == pytest.approx(1e-9 * np.sin(16.0), abs=1e-9 * 1e-5)
+
+
+@pytest.mark.parametrize("nominal", ["0", "-1", "NAN", "INFINITY"])
+def test_nominal_values_that_are_none_are_said(tmp_path: Path, caplog: pytest.LogCaptureFixture, nominal: str) -> None:
+    fmu = equations(
+        tmp_path, 2, start="x[0] = 1;", rates="f[0] = -x[0]; f[1] = 0;", nominals=f"nominal[0] = {nominal};"
+    )
+    result = simulate(fmu, stop_time=1.0, step_size=0.1)
+    np.testing.assert_allclose(result["x0"], np.exp(-result.time), atol=TIGHT)
+    assert len(caplog.records) == 1
+    assert "x: nominal values of continuous states are not above 0" in caplog.text
+
+
+@pytest.mark.parametrize("time", ["0.3 - 1e-3", "NAN", "-INFINITY"])
+def test_the_next_event_is_not_in_the_past(tmp_path: Path, time: str) -> None:
+    event = f"info->nextEventTimeDefined = 1; info->nextEventTime = t < 0.25 ? 0.3 : {time};"
+    fmu = equations(tmp_path, 1, rates="f[0] = 1;", event=event)
+    with pytest.raises(
+        IncompleteError, match=r"x: its next event at t = 0.3 s is to be at \S+ s, which is not later"
+    ) as it:
+        simulate(fmu, stop_time=1.0, step_size=0.1)
+    assert (np.diff(it.value.result.time) > 0).all()
+
+
+@pytest.mark.parametrize("solver", ["DOP853", "CVODE"])
+def test_an_event_by_a_jump_of_an_input_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, solver: str) -> None:
+    """It counts how often u - 0.5 has changed its sign; u is held, and jumps at t = 0.3, 0.6."""
+    if solver == "CVODE":
+        monkeypatch.setattr(dop853, "library", lambda: None)
+    fmu = equations(
+        tmp_path,
+        1,
+        1,
+        rates="f[0] = memory[0];",
+        indicators_of="z[0] = u - 0.5;",
+        event="if ((u > 0.5) != (memory[1] > 0)) memory[0]++, memory[1] = u > 0.5;",
+        output="y = memory[0];",
+    )
+    system = wired(part=fmu)
+    pulse = {"part.u": lambda t: float(0.25 < t < 0.55)}
+    assert system.simulate(1.0, 0.1, coupling="gauss-seidel", inputs=pulse)["part.y"][-1] == 2.0
+
+
+def test_indicators_that_change_twice_within_a_step_are_seen(tmp_path: Path) -> None:
+    """sin t is above 0.95 from t = 1.25 to 1.89 s, within the only step."""
+    fmu = equations(
+        tmp_path,
+        1,
+        1,
+        rates="f[0] = cos(t);",
+        indicators_of="z[0] = x[0] - 0.95;",
+        event="memory[x[0] > 0.95 ? 0 : 1] = t;",
+        output="y = memory[0];",
+    )
+    result = simulate(fmu, stop_time=2.5, step_size=2.5, tolerance=1e-3)
+    assert result["y"][-1] == pytest.approx(np.arcsin(0.95), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ({"rates": "f[0] = NAN;"}, "the derivative of continuous state 1 is nan at t = 0 s"),
+        ({"rates": "f[0] = t > 0.45 ? INFINITY : 0;"}, r"the derivative of continuous state 1 is inf at t = 0\.45"),
+        ({"rates": "f[0] = 0; if (t > 0.45) return 2;"}, r"fmi2GetDerivatives at t = 0\.45 s returned Discard"),
+        ({"rates": "f[0] = x[0] > 0.5 ? -1 : 1;"}, r"more than 100000 steps and events from t = 0\.5 s"),
+        ({"event": "info->nextEventTimeDefined = 1; info->nextEventTime = t;"}, "more than 1000 events or steps"),
+    ],
+)
+def test_what_cannot_be_integrated_is_said(tmp_path: Path, code: dict[str, str], words: str) -> None:
+    with pytest.raises(SimulationError, match=f"^x: {words}"):
+        simulate(equations(tmp_path, 1, 0, **code), stop_time=1.0, step_size=0.1)
+
+
+@pytest.mark.parametrize("count", [-5, 10**19])
+def test_numbers_of_indicators_that_cannot_be_are_refused(tmp_path: Path, count: int) -> None:
+    with pytest.raises(SimulationError, match=f"^x: says that it has {count} event indicators; ask its maker"):
+        simulate(equations(tmp_path, 1, count, rates="f[0] = 0;"), stop_time=1.0, step_size=0.1)
+
+
+def test_a_step_that_is_repeated_has_the_same_bits(tmp_path: Path) -> None:
+    """A pendulum, which takes some steps of the solver in each; what its sums have lost comes back, too."""
+    code = {"start": "x[0] = 1;", "rates": "f[0] = x[1]; f[1] = -9.81 * sin(x[0]);"}
+    part = Part.of("x", equations(tmp_path, 2, 0, **code), {})
+    folder = extracted([part.fmu], tmp_path / "extracted")[part.fmu.path]
+    values, time, size = (c_double * 2)(), c_double(0.0), c_double(0.7)
+    with make("x", part.fmu, folder) as instance:
+        read = instance.getter([part.fmu.variables[name] for name in ("x0", "x1")], values)
+        step, (save, restore) = instance.stepper(time, size), instance.states()
+        instance.initialize({}, 1e-8, 0.0, 10.0)
+        instance.exit_initialization()
+        for k in range(5):
+            time.value, found = 0.7 * k, []
+            save()
+            for _ in range(3):
+                restore()
+                step()
+                read()
+                found.append(tuple(values))
+            assert found[0] == found[1] == found[2]
+        restore()
+        step()
+        read()
+    alone = simulate(part.fmu.path, stop_time=3.5, step_size=0.7, tolerance=1e-8)
+    np.testing.assert_allclose(tuple(values), [alone["x0"][-1], alone["x1"][-1]], rtol=1e-15)
+
+
+def test_cvode_is_asked_for_by_name(tmp_path: Path, ball: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """It integrates what is stiff from the begin on, and through events; nothing has to be found out first."""
+    states, code, end, exact = STIFF["Dahlquist"]
+    with caplog.at_level("INFO", logger="liaisons.cosim"):
+        run = simulate(equations(tmp_path, states, **code), stop_time=end, step_size=0.1, solver="cvode")
+    assert run["x0"][-1] == pytest.approx(exact[0], rel=1e-6)
+    assert not caplog.records
+    result = simulate(ball, stop_time=2.5, solver="cvode", isolated=True)
+    np.testing.assert_allclose(result["h"], heights(result.time)[0], atol=1e-5)  # tolerance 1e-8 of the FMU · 1000
+    assert not np.array_equal(result["h"], simulate(ball, stop_time=2.5)["h"])
+
+
+def test_a_solver_that_cannot_be_had_is_refused(ball: Path, component: FmuPaths) -> None:
+    with pytest.raises(SimulationError, match=r"^Ball: solver = 'euler': give 'cvode', or leave it out$"):
+        simulate(ball, solver="euler")  # type: ignore[arg-type]
+    with pytest.raises(SimulationError, match=r"is for FMUs of Model Exchange, and Pendulum\.fmu has its own"):
+        System("one").add("one", component("Pendulum"), solver="cvode")
+
+
+def test_steps_that_cvode_repeats_are_warned_of_once(component: FmuPaths, tmp_path: Path) -> None:
+    """And only where they are: not without a cycle, where nothing is repeated."""
+    only = exchange_only(component("Pendulum"), tmp_path)
+    system = System("two")
+    upper, lower = (system.add(name, only, solver="cvode", theta_0=0.1) for name in ("upper", "lower"))
+    assert not system.simulate(0.2, 0.05).warnings
+    system.connect(upper["bob"], lower["pivot"])
+    result = system.simulate(0.2, 0.05, coupling="implicit")
+    said = [text for text in result.warnings if "CVODE, which cannot go back" in text]
+    assert [text.partition(":")[0] for text in said] == ["upper", "lower"]

@@ -14,11 +14,11 @@ def test_a_plan_is_performed_by_other_masters(
 ) -> None:
     monkeypatch.setenv("LIAISONS_FMUS", str(shared_folder))
     found = PLANS[name].plan()
-    reference, own = ours(found, PLANS[name].end)
+    own = ours(found, PLANS[name].end)
     # All step at once, so that accelerations are held or extrapolated: of second order at least, H = T/800.
     assert own.missed < 1e-5
     for master in MASTERS:
-        outcome = theirs(master, found, PLANS[name].end, reference, tmp_path)
+        outcome = theirs(master, found, PLANS[name].end, tmp_path)
         assert outcome.missed < 1e-5
         assert abs(outcome.balance) < 1e-9  # tolerance of the solvers, and rounding of what is summed up
         # the very same calls; only the times are sums of steps there, and products here

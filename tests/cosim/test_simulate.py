@@ -183,6 +183,27 @@ def test_function_that_fails_on_the_way_keeps_what_there_is(
     np.testing.assert_array_equal(caught.value.result.time, [0.0, 0.25])
 
 
+def test_a_rate_that_contradicts_its_function_is_no_break_at_every_instant(fmu: FmuPaths) -> None:
+    calls: list[float] = []
+
+    def contradicted(t: float) -> tuple[float, float, float]:
+        calls.append(t)
+        return 1 + 0.1 * math.sin(t), 0.05 * math.cos(t), 0.0
+
+    simulate(fmu("Spring"), stop_time=1.0, step_size=0.05, inputs={"length": contradicted})
+    # At most 20 breaks in each of three steps, each found by some fifty bisections of 12 evaluations.
+    assert len(calls) < 60 * 50 * 12 * 2
+
+
+def test_a_start_value_beside_a_function_is_refused(fmu: FmuPaths) -> None:
+    words = r"^Probe\.u = 0\.7: the function of inputs says 0 where it begins; leave one out$"
+    with pytest.raises(SimulationError, match=words):
+        simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": math.sin}, u=0.7)
+    with pytest.raises(SimulationError, match=r"^Spring\.length_dot = 0\.1: "):
+        simulate(fmu("Spring"), stop_time=1.0, step_size=H, inputs={"length": _cubic}, length_dot=0.1)
+    simulate(fmu("Probe"), stop_time=1.0, step_size=H, inputs={"u": math.cos}, u=1.0)  # they agree
+
+
 @pytest.mark.usefixtures("interruptible")
 def test_interrupt_keeps_what_there_is(fmu: FmuPaths) -> None:
     def pressed(t: float) -> float:

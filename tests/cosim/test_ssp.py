@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import math
 import zipfile
+from ctypes import c_double
 from pathlib import Path
 from typing import Any, Literal
 from xml.etree import ElementTree
@@ -18,6 +20,7 @@ from schemas import validated
 from liaisons import System, ssp
 from liaisons.cosim import simulate
 from liaisons.cosim.description import DefaultExperiment, read
+from liaisons.cosim.instances import make
 from liaisons.errors import SimulationError
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
@@ -48,10 +51,15 @@ def system(fmu: FmuPaths) -> System:
 def test_round_trip_gives_the_same_bits(system: System, tmp_path: Path, form: Form) -> None:
     system.write_ssp(tmp_path / "system.ssp", form=form)
     again = System.from_ssp(tmp_path / "system.ssp")
-    assert repr(again) == repr(system)  # components, start values, connections
+    renamed = {system.name: again.name} | ({"the mass": "the_mass"} if form == "portable" else {})
+    expected = repr(system)
+    for name, identifier in renamed.items():
+        expected = expected.replace(name, identifier)
+    assert repr(again) == expected  # components, start values, connections
     for coupling in ("jacobi", "gauss-seidel"):
         first, second = (s.simulate(2.0, H, coupling=coupling) for s in (system, again))
-        assert (second.names, dict(second.units)) == (first.names, dict(first.units))
+        units = {name.replace("the mass", renamed.get("the mass", "the mass")): u for name, u in first.units.items()}
+        assert dict(second.units) == units
         np.testing.assert_array_equal(second.values, first.values)
 
 
@@ -172,7 +180,7 @@ def pendulum(request: pytest.FixtureRequest, component: FmuPaths, tmp_path: Path
     return component("python/Pendulum" if request.param == "Python" else "Pendulum")
 
 
-STARTS: dict[str, Any] = {"theta_0": 0.1 + 0.2, "mass": 5.0, "length": 2.0, "input_reconstruction": 2}
+STARTS: dict[str, Any] = {"theta_0": 0.1 + 0.2, "mass": 5.0, "length": 2.0, "input_reconstruction": 0}
 
 
 def _baked(path: Path, folder: Path, **starts: Any) -> Path:
@@ -208,8 +216,52 @@ def test_reset_goes_back_to_the_start_values_in_the_fmu(component: FmuPaths, tmp
     slave.setReal(references, [1.0, 1.0])
     slave.reset()
     assert slave.getReal(references) == [STARTS["mass"], STARTS["theta_0"]]
-    assert slave.getInteger(list(fmu.variables.entry("input_reconstruction").references)) == [2]
+    assert slave.getInteger(list(fmu.variables.entry("input_reconstruction").references)) == [0]
     slave.freeInstance()
+
+
+def _check_zeros(path: Path, folder: Path, *, ignored: bool) -> None:
+    """A pendulum of 2 m, or of 1 m."""
+    fmu, buffer, time = read(path), (c_double * 1)(), c_double()
+    variables = [fmu.variables["length"]]
+    with make("swing", fmu, Path(fmpy.extract(str(path), str(folder)))) as instance:
+        get, put = instance.getter(variables, buffer), instance.setter(variables, buffer)
+        step = instance.stepper(time, c_double(0.1))
+
+        def put_and_get(value: float) -> float:
+            buffer[0] = value
+            assert put() == 0
+            buffer[0] = math.nan
+            assert get() == 0
+            return buffer[0]
+
+        instance.initialize({}, None, 0.0, 1.0)
+        assert put_and_get(0.0) == (2.0 if ignored else 0.0)
+        assert put_and_get(1.0) == 1.0
+        instance.exit_initialization()
+        assert put_and_get(0.0) == (2.0 if ignored else 0.0)
+        assert (step() == 0) == ignored
+        assert put_and_get(-1.0) == -1.0
+        time.value = 0.1 if ignored else 0.0
+        assert step() != 0
+        assert put_and_get(0.0) == 0.0  # a step has been done
+        assert step() != 0
+
+
+@pytest.mark.parametrize("kind", ["", "fmi3/", "python/"])
+def test_before_the_first_step_zeros_leave_what_must_not_be_zero(
+    kind: str, component: FmuPaths, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Some importers set all connected inputs to 0 first; in an archive, not in the FMU that it was made of."""
+    plain, system = component(f"{kind}Pendulum"), System("swing")
+    swing = system.add("swing", plain, length=2.0)
+    system.connect(system.add("motor", component("Sinusoid"), offset=2.0)["y"], swing["length"])
+    system.write_ssp(tmp_path / "swing.ssp")
+    with zipfile.ZipFile(tmp_path / "swing.ssp") as archive:
+        written = Path(archive.extract("resources/swing.fmu", tmp_path))
+    _check_zeros(written, tmp_path / "written", ignored=True)
+    _check_zeros(plain, tmp_path / "plain", ignored=False)
+    assert "length = 0 before the first step: it stays 2" in caplog.text
 
 
 @pytest.mark.parametrize("text", ["r 1 1 3ff", "r x", "q 1 1 0 name", "r 99999 1 0 name", "i 1 1 1 name", "r 1 0 name"])
@@ -241,3 +293,45 @@ def test_failed_writing_leaves_nothing(system: System, tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match="form = 'tiny': choose one of 'portable', 'full'"):
         system.write_ssp(tmp_path / "system.ssp", form="tiny")  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_portable_archives_are_for_masters_that_step_all_at_once(component: FmuPaths, tmp_path: Path) -> None:
+    """They extrapolate, since what interpolates would be an input late; names are identifiers, times round numbers."""
+    system = System("2 pumped swings")
+    swing = system.add("swing", component("Pendulum"), theta_0=0.05, input_reconstruction=2)
+    system.connect(system.add("motor", component("Sinusoid"), offset=1.0)["y"], swing["length"])
+    for form, starts in (("portable", {"theta_0": 0.05}), ("full", {"theta_0": 0.05, "input_reconstruction": 2})):
+        path = tmp_path / f"{form}.ssp"
+        system.write_ssp(path, form=form, stop_time=2.000000000000001, step_size=0.1 + 0.2)
+        again = System.from_ssp(path)
+        assert again.parts["swing"].starts == starts
+        assert again.name == ("_2_pumped_swings" if form == "portable" else "2 pumped swings")
+        assert again.experiment == DefaultExperiment(0.0, 2.0, 0.3)
+    assert swing.interpolates  # the system is as it was
+    with zipfile.ZipFile(tmp_path / "portable.ssp") as archive:
+        assert b' stopTime="2.0"' in archive.read("SystemStructure.ssd")
+
+
+def test_components_of_portable_archives_have_identifiers(component: FmuPaths, tmp_path: Path) -> None:
+    path, system = component("Pendulum"), System("names")
+    first, second = system.add("an arm", path, theta_0=0.2), system.add("an_arm", path, theta_0=0.3)
+    system.connect(first["bob"], second["pivot"])
+    system.write_ssp(tmp_path / "names.ssp", stop_time=1.0, step_size=0.01)
+    again = System.from_ssp(tmp_path / "names.ssp")
+    assert {name: part.starts for name, part in again.parts.items()} == {
+        "an_arm_2": {"theta_0": 0.2},
+        "an_arm": {"theta_0": 0.3},
+    }
+    assert {link.source.place + link.target.place for link in again.connections} == {
+        ("an_arm_2", f"bob_{axis}{dot}", "an_arm", f"pivot_{axis}{dot}")
+        for axis in "xz"
+        for dot in ("", "_dot", "_ddot")
+    } | {("an_arm", f"pivot_{axis}_force", "an_arm_2", f"bob_{axis}_load") for axis in "xz"}
+    assert list(system.parts) == ["an arm", "an_arm"]  # the system is as it was
+
+
+def test_times_that_are_no_round_numbers_stay(component: FmuPaths, tmp_path: Path) -> None:
+    system = System("thirds")
+    system.add("signal", component("Sinusoid"))
+    system.write_ssp(tmp_path / "thirds.ssp", stop_time=10 / 3, step_size=1 / 3)
+    assert System.from_ssp(tmp_path / "thirds.ssp").experiment == DefaultExperiment(0.0, 10 / 3, 1 / 3)

@@ -271,6 +271,7 @@ def test_fmu_that_ends_the_simulation_ends_it(
     alone = simulate(fmu("Finite"), stop_time=1.0, step_size=H, last=last)
     assert alone.time.tolist() == alone["x"].tolist() == [0.0, 0.25, 0.5, last]
     assert f"Finite ends the simulation at t = {last} s of 1 s" in caplog.text
+    assert alone.warnings == (f"Finite ends the simulation at t = {last} s of 1 s",)
     system = wired(finite=(fmu("Finite"), {"last": last}), cubic=fmu("Cubic"))  # further than the other by then
     result = system.simulate(1.0, H)
     assert result.time.tolist() == result["finite.x"].tolist() == times
@@ -298,6 +299,7 @@ def test_integers_and_booleans_are_connected(fmu: FmuPaths, coupling: Literal["g
 def test_warning_is_logged_once_and_the_run_goes_on(fmu: FmuPaths, caplog: pytest.LogCaptureFixture) -> None:
     result = _with_faulty(fmu, time_of_failure=0.9, status=1).simulate(1.0, H)
     assert len(result.time) == 5
+    assert result.warnings == ("faulty: time 1 is beyond",)
     assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
         "faulty: time 1 is beyond"
     ]
@@ -357,3 +359,11 @@ def test_progress_is_shown_on_the_stderr_of_terminals(
     captured = capsys.readouterr()
     assert captured.out == ""
     assert ("wired: t = 1 of 1 s" in captured.err) == bool(captured.err) == terminal
+
+
+@pytest.mark.usefixtures("either_loop")
+@pytest.mark.parametrize("where", [1e9, 1e308, 0.3, 0.76])
+def test_an_fmu_that_ends_outside_of_its_step_ends_at_its_begin(fmu: FmuPaths, where: float) -> None:
+    result = simulate(fmu("Astray"), stop_time=1.0, step_size=H, where=where)
+    assert result.time.tolist() == [0.0, 0.25, 0.5]
+    assert result.warnings == ("Astray ends the simulation at t = 0.5 s of 1 s",)

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from liaisons import System, compiler, ensemble, max_error, slope
 from liaisons.ensembles import integrating
+from liaisons.ensembles.integrating import _estimate
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import flat_model, right_hand_side
 from liaisons.ensembles.steps import source
@@ -77,11 +78,46 @@ def test_coefficients(method) -> None:
 
 @either_method
 def test_the_estimated_error_is_the_error(method) -> None:
-    found = ensemble(Pendulum, {"theta_0": ANGLES}, stop_time=4.0, step_size=0.04, samples=8, method=method)
+    found = ensemble(Pendulum, {"theta_0": ANGLES}, stop_time=4.0, step_size=0.042, samples=8, method=method)
     error = np.max(np.abs(found["theta"] - exact(found.time, theta_0=ANGLES)), axis=0)
     # The orders after the leading one count at twice the step: it may be too large, but hardly too small.
     assert np.all(found.error("theta") > 0.7 * error)
     assert np.all(found.error("theta") < 5 * error)
+
+
+def test_chaotic_members_are_named() -> None:
+    """Against steps a sixteenth as long: what is estimated holds, and nothing else is off by as much as a radian."""
+    values = {"theta_1_0": np.linspace(1.0, 3.0, 40), "theta_2_0": np.linspace(1.0, 3.1, 40)}
+    found, fine = (
+        ensemble("DoublePendulum", values, stop_time=30.0, step_size=step, record="theta_1") for step in (0.02, 0.00125)
+    )
+    error, estimate = np.max(np.abs(found["theta_1"] - fine["theta_1"]), axis=0), found.error("theta_1")
+    without = np.isin(np.arange(40), found.unconverged)
+    assert np.array_equal(np.isinf(estimate), without)
+    assert 5 < without.sum() < 35
+    assert f"{without.sum()} without convergence" in repr(found)
+    assert np.all(error[~without] <= 10 * estimate[~without])
+
+
+def test_roundings_are_no_divergence() -> None:
+    found = ensemble(Pendulum, {"theta_0": [0.1, 1.0]}, stop_time=1.0, step_size=1e-4)
+    assert not found.unconverged
+    assert np.all(found.error("theta") < 1e-11)  # roundings of 1e4 steps
+
+
+def test_threads_share_few_members_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[int] = []
+    advance = integrating.compiled
+
+    def counting(*arguments: Any) -> Any:
+        step = advance(*arguments)
+        return lambda *at: (taken.append(len(at[-1])), step(*at))
+
+    monkeypatch.setattr(integrating, "compiled", counting)
+    angles = np.linspace(0.1, 3.0, 600)
+    ensemble(Pendulum, {"theta_0": angles}, stop_time=0.1, step_size=0.01, threads=2, estimate=False, backend="native")
+    assert sum(taken) == 19  # blocks of 32
+    assert max(taken) <= 19 / 4  # none takes most of them
 
 
 def test_compiled_and_numpy_differ_by_roundings() -> None:
@@ -213,6 +249,8 @@ def test_the_generated_code_is_clean(component, monkeypatch) -> None:
         ({"theta_0": [1.0]}, {"record": []}, ComponentError, "depends on a state"),
         ({"theta_0": [1.0]}, {"method": "rk5"}, SimulationError, "'rk4'|'rk8'"),
         ({"theta_0": [1.0]}, {"step_size": 0.0}, SimulationError, "step_size = 0.0: must be > 0"),
+        ({"theta_0": [1.0]}, {"step_size": 1e-300}, SimulationError, "too many steps until stop_time = 1.0"),
+        ({"theta_0": [1.0]}, {"samples": 10**12}, SimulationError, "more numbers than memory holds"),
         ({"theta_0": [1.0]}, {"stop_time": -1.0}, SimulationError, "greater than start_time"),
         ({"theta_0": [1.0]}, {"samples": 0}, SimulationError, "samples = 0"),
         ({"theta_0": [1.0]}, {"operators": {"theta": Ramp}}, ComponentError, "no active coordinate 'theta'"),
@@ -223,3 +261,20 @@ def test_the_generated_code_is_clean(component, monkeypatch) -> None:
 def test_misuse(values, options, error, message) -> None:
     with pytest.raises(error, match=message):
         ensemble(Pendulum, values, **{"stop_time": 1.0, "step_size": 0.1, **options})
+
+
+def test_the_estimate_takes_the_order_that_three_runs_show() -> None:
+    """Cases of order four; of none; that converge but are far apart; that differ by roundings only."""
+    error = 1e-6
+    states = [[1 + error, 1.0, 1.0, 1.0], [1 + 16 * error, 1 + 1e-3, 1.2, 1 + 1e-14], [1 + 256 * error, 1.0, 2.0, 1.0]]
+    fine, half, quarter = (np.array(row)[None, None] for row in states)
+    found = _estimate((fine, fine), (half, half), (quarter, quarter), order=8)
+    np.testing.assert_allclose(found[0], [error, np.inf, np.inf, 1e-14], rtol=0.3)
+
+
+def test_a_state_that_is_right_to_rounding_says_how_fast_the_others_converge() -> None:
+    # Two states of one case: the first happens to be as far off with all steps, the second with the coarsest alone.
+    fine, half, quarter = (np.array(values).reshape(2, 1, 1) for values in ([1, 1], [1 + 3e-11, 1], [1, 1 + 1e-8]))
+    assert np.isfinite(_estimate((fine, fine), (half, half), (quarter, quarter), order=8)).all()
+    chaotic = np.array([1 + 3e-3, 1]).reshape(2, 1, 1)
+    assert np.isinf(_estimate((fine, fine), (chaotic, chaotic), (fine, fine), order=8)).all()

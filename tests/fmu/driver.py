@@ -19,7 +19,7 @@ import fmpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-OK, WARNING, DISCARD, ERROR = range(4)
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 MODEL_EXCHANGE, CO_SIMULATION, SCHEDULED_EXECUTION = "ModelExchange", "CoSimulation", "ScheduledExecution"
 
 N = c.c_size_t
@@ -221,9 +221,11 @@ class Instance:
         self.pointer = entry(*arguments)
 
     def _note(self, _environment: Any, *rest: Any) -> None:
-        status, category, message = rest[-3:]
-        self.messages.append(message.decode())
-        self.log.append((status, category.decode(), message.decode()))
+        status, category, message = rest[-3], *((text or b"").decode() for text in rest[-2:])
+        if self.library.python and status == FATAL:
+            message = message.partition("\n")[2]  # before it the wrapper says where
+        self.messages.append(message)
+        self.log.append((status, category, message))
 
     def _tell(self, _environment: Any, time: float, *rest: Any) -> None:
         *flags, requested, return_time = rest
@@ -249,10 +251,12 @@ class Instance:
         status = entry(c.c_void_p(self.pointer), *arguments)
         if not self.library.python:
             return status
-        # pythonfmu's wrapper knows OK and, of steps, Discard: what is meant is in the log.
+        # pythonfmu's wrapper knows OK and, of steps, Discard, of a start and of what is read after it, Fatal: what is
+        # meant is in the log.
         refused = [entry[0] for entry in self.log[before:] if entry[0] >= DISCARD]
-        assert status == (DISCARD if refused and function == "DoStep" else OK)
-        return refused[-1] if refused else OK
+        expected = {"DoStep": DISCARD, "ExitInitializationMode": FATAL}.get(function, OK) if refused else OK
+        assert status == (FATAL if FATAL in refused else expected)
+        return min(refused[-1], ERROR) if refused else OK
 
     def flags(self, n: int) -> Any:
         """What n booleans are written to."""

@@ -10,14 +10,18 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 import pytest
-from driver import DISCARD, ERROR, MODEL_EXCHANGE, OK, reals
+from driver import DISCARD, ERROR, MODEL_EXCHANGE, OK, Library, reals
+from fmpy.validation import validate_fmu
 from handmade import ring
 from scipy.integrate import solve_ivp
 
+from liaisons.fmu import build
 from liaisons.fmu.code import model_code
 from liaisons.fmu.description import model_description
 from liaisons.fmu.description3 import model_description3
+from liaisons.mechanics import assemble
 from liaisons.mechanics.model import Model
+from liaisons.models import PendulumChain, PlannedMotion, Satellite
 
 GUID = "{00000000-0000-0000-0000-000000000001}"
 OUTPUTS = ("x", "x_dot", "p", "p_dot", "anchor_force", "kinetic_energy", "work", "power", "weights")
@@ -265,3 +269,34 @@ def test_fmpy_simulates_arrays(ring3) -> None:
     instance = ring3.start(x_0=[0.3, 0.2, 0.1])
     instance.follow(0.5, 2)
     np.testing.assert_allclose(result["x"][-1], instance.get("x"), rtol=1e-12)
+
+
+# ---- FMI 3.0 without arrays ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("component", [PendulumChain, PlannedMotion])
+def test_fmi3_without_arrays_is_the_same(component, shared_folder) -> None:
+    paths = [build(assemble(component), shared_folder, fmi="3", arrays=arrays) for arrays in (True, False)]
+    assert paths[1] == shared_folder / "fmi3" / "scalars" / f"{component.__name__}.fmu"
+    assert validate_fmu(str(paths[1])) == []
+    whole, numbers = map(Library, paths)
+    assert any(v.dimensions for v in whole.description.modelVariables)
+    assert not any(v.dimensions for v in numbers.description.modelVariables)
+    assert not any(v.causality == "structuralParameter" for v in numbers.description.modelVariables)
+    names = [v.name for v in whole.description.modelVariables if v.causality == "output"]
+    ends = []
+    for library in (whole, numbers):
+        instance = library.start()
+        instance.follow(0.05, 4)
+        elements = (library.elements(name) for name in names)
+        ends.append(instance.get(*(element for found in elements for element in found)))
+    np.testing.assert_array_equal(*ends)
+    assert numbers.instantiate().call("EnterConfigurationMode") == ERROR  # there are no structural parameters
+
+
+def test_pictures_are_drawn_from_scalars(library) -> None:
+    """OMSimulator and PyFMI fail at local arrays of FMI 3.0."""
+    variables = library(Satellite, "fmi3").description.modelVariables
+    drawn = [v for v in variables if v.name.startswith("picture")]
+    assert len(drawn) > 1
+    assert not any(v.dimensions for v in variables)

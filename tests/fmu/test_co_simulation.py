@@ -6,7 +6,7 @@ import ctypes as c
 
 import numpy as np
 import pytest
-from driver import CO_SIMULATION, OK, Instance, Library, reals
+from driver import CO_SIMULATION, ERROR, OK, Instance, Library, reals
 from handmade import GRAVITY, breathing, breathing_inputs, driven
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -247,3 +247,11 @@ def test_output_derivatives_are_the_rates_of_the_outputs(pendulum_library) -> No
     rates = instance.get("theta_dot", "p_theta_dot", "power", "dissipation")
     derivatives = instance.output_derivatives("theta", "p_theta", "work", "dissipated")
     np.testing.assert_allclose(derivatives, rates, rtol=1e-13, atol=1e-14)  # the same sums in another order
+
+
+@pytest.mark.parametrize("order", [0, 2])
+def test_output_derivatives_of_other_orders_are_refused(pendulum_library, order: int) -> None:
+    instance = pendulum_library.start()
+    assert instance.step(0.0, 0.1) == OK
+    result, orders = (c.c_double * 1)(), (c.c_int32 * 1)(order)
+    assert instance.call("GetOutputDerivatives", instance.refs(["theta"]), 1, orders, result, 1) == ERROR

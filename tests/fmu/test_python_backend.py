@@ -23,6 +23,8 @@ from driver import DISCARD, ERROR, OK, Instance, Library
 from handmade import breathing_inputs, libration
 from numpy.typing import NDArray
 
+from liaisons.models import CartesianPendulum
+
 
 @pytest.fixture(scope="session")
 def python_pendulum(handmade) -> Library:
@@ -135,6 +137,23 @@ def test_damaged_state_is_refused(instance, damage) -> None:
 
 
 # ---- what the wrapper cannot say ---------------------------------------------------------------------------------
+
+
+def test_a_start_off_the_constraints_ends_initialization(library) -> None:
+    """Two of them, one after a reset; what the wrapper releases twice is there until then."""
+    instance = library(CartesianPendulum, "python").initializing(x_0=5.0)
+    for _ in range(2):
+        assert instance.call("ExitInitializationMode") == ERROR  # the driver has the wrapper return Fatal
+        assert instance.messages[-1].startswith("rod (distance from the pivot to the bob) must be kept to 1e-06 m")
+        assert instance.step(0.0, 0.1) == DISCARD
+        assert instance.read("lambda_1", "energy")[0] == ERROR
+        assert instance.call("Reset") == OK
+        assert instance.initialize() == OK
+        assert instance.set(x_0=5.0) == OK
+    assert instance.call("Reset") == OK
+    assert instance.initialize() == OK
+    assert instance.call("ExitInitializationMode") == OK
+    assert instance.step(0.0, 0.1) == OK
 
 
 def test_step_before_initialization(python_pendulum) -> None:

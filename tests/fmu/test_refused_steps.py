@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from driver import DISCARD, ERROR, MODEL_EXCHANGE, OK, reals
 
+from liaisons.models import FourierSeries
+
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 LEAVING = {"length": 0.2, "length_dot": -3.0}
 """The length is 0 after 1/15 s."""
@@ -73,11 +75,17 @@ REFUSALS: dict[str, Refusal] = {
     "too many steps": Refusal(  # at 1e14 m/s2 the pendulum swings 1.6e6 times a second: some hundredths of a second
         {"gravity": 1e14},
         tried((1000.0, DISCARD), (1e-6, OK)),
-        r"100000 solver steps lead no further than t = 0\.0",
+        r"more than 100000 solver steps are needed beyond t = 0\.00",
         python=False,
     ),
     "symplectic": Refusal(  # with 1e6 m/s2 it makes 160 swings a second: 1 s is beyond the iteration
         {"gravity": 1e6, "symplectic_steps": 1}, tried((1.0, DISCARD), (1e-4, OK)), SYMPLECTIC, python=False
+    ),
+    "left behind the last stage of a symplectic step": Refusal(  # which is at 0.89 of it
+        {**LEAVING, "theta_0": 0.0, "symplectic_steps": 1},
+        tried((0.07, DISCARD), (0.07, ERROR), (0.05, OK)),
+        NOT_POSITIVE,
+        python=False,
     ),
     # Where none exists
     "not positive, held": Refusal(
@@ -320,3 +328,33 @@ def test_in_model_exchange_numbers_that_are_not_finite_are_discarded(pendulum_li
     assert instance.call("SetContinuousStates", reals([0.0, 1e200, 0.0, 0.0]), 4) == OK
     assert instance.read("theta", "energy")[0] == DISCARD
     assert instance.messages[-1].startswith("energy = inf")
+
+
+# ---- functions of time -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", ["fmi2", "fmi3", "python"])
+def test_a_start_time_at_which_functions_of_time_overflow_is_refused(library, target) -> None:
+    instance = library(FourierSeries, target).instantiate(logging=True)
+    assert instance.initialize(start=LARGEST) == OK
+    assert instance.call("ExitInitializationMode") == ERROR
+    assert "y = nan at t = 1.79769313e+308: it must be finite" in instance.messages[-1]
+
+
+@pytest.mark.parametrize("target", ["fmi2", "fmi3"])
+def test_a_step_to_where_functions_of_time_overflow_is_discarded(library, target) -> None:
+    instance = library(FourierSeries, target).start(cos_1=1.0, options={"logging": True})
+    assert instance.step(0.0, LARGEST) == DISCARD
+    assert "y = nan at t = 1.79769313e+308: it must be finite; the step from t = 0 is taken back" in instance.messages
+    assert instance.step(0.0, LARGEST) == ERROR
+    assert instance["y"] == 1.0
+    assert instance.step(0.0, np.pi) == OK
+    assert instance["y"] == pytest.approx(-1.0, rel=1e-15)
+
+
+def test_a_step_that_leads_nowhere_is_given_up_by_its_pace(pendulum3) -> None:
+    """At 1e14 m/s2 and 1000 s, 1e10 steps of the solver would be needed: a twelfth of the most tells."""
+    options = {"observer": lambda _instance, _time: None}
+    instance = pendulum3.start(options=options, gravity=1e14)
+    assert instance.step(0.0, 1000.0) == DISCARD
+    assert 1000 < len(instance.seen) <= 100_000 / 12

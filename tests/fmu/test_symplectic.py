@@ -179,3 +179,29 @@ def test_both_versions_of_fmi_step_alike(pendulum2, pendulum3) -> None:
     for instance in (two, three):
         instance.follow(0.1, 10)
     np.testing.assert_array_equal(three.get(*STATES), two.get(*STATES))
+
+
+@pytest.mark.parametrize("steps", [0, 1, 3])
+@pytest.mark.parametrize("size", [0.1, 1e-10], ids=["inside a step", "at a communication point"])
+def test_the_work_of_a_rate_that_jumps_is_booked(pendulum_library, steps: int, size: float) -> None:
+    """A bob that hangs is pulled up: work m l'^2/2 - m g (l - 1), however fast; interpolation meets rate and length."""
+    instance = pendulum_library.start(
+        tolerance=1e-12, symplectic_steps=steps, input_reconstruction=2, theta_0=0.0, length=1.0
+    )
+    assert instance.step(0.0, 0.5) == OK
+    shorter, rate, gravity = 1.0 - 0.03 * size, -2.0, instance["gravity"]
+    instance.set(length=shorter, length_dot=rate)
+    assert instance.step(0.5, size) == OK
+    # The power is a polynomial of degree 7 and 4: exact with five points; the solver's tolerance, otherwise.
+    assert instance["work"] == pytest.approx(rate**2 / 2 - gravity * (shorter - 1), abs=1e-11)
+    assert instance["energy_balance"] == pytest.approx(0.0, abs=1e-11)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 4])
+def test_the_balance_of_a_swing_whose_length_begins_to_move_inside_a_step(pendulum_library, steps: int) -> None:
+    instance = pendulum_library.start(symplectic_steps=steps, input_reconstruction=2, theta_0=1.0)
+    instance.follow(0.1, 5)
+    instance.set(length=1.0, length_dot=1.0)
+    assert instance.step(0.5, 0.1) == OK
+    # By three points it is off by 15 % of m l'^2/2 with one step; what is left is of fourth order in the swing.
+    assert abs(instance["energy_balance"]) < 1e-3 / steps**3

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from liaisons.language import Mechanism
 from liaisons.mechanics import derive
-from liaisons.models import CircularHoop, Flywheel, Oscillator, Pendulum, Swing
+from liaisons.models import CircularHoop, Flywheel, Junction, Oscillator, Pendulum, Swing
 
 # ---- every closed form solves the derived equations --------------------------------------------------------------
 
@@ -25,6 +25,7 @@ CASES: list[tuple[type[Mechanism], dict[str, float]]] = [
     (Oscillator, {"x_dot_0": 1.0, "x_0": 0.5, "damping": 7.0}),
     (Oscillator, {"x_dot_0": 1.0, "stiffness": 0.0, "x_force": 0.5, "damping": 1e-6}),
     (Flywheel, {"angle_0": 1.0, "angle_dot_0": 3.0, "friction": 0.4, "inertia": 2.0, "angle_force": 0.7}),
+    (Junction, {"inertia": 2.0, "angle_0": 1.0, "angle_dot_0": 0.4, "angle_force": 0.5}),
     (Swing, {"theta_0": 1.2, "theta_dot_0": 0.5, "lean": 0.7, "mass_torso": 30.0}),
     (Swing, {"theta_dot_0": -6.0, "lean": 2.0, "rope": 1.5, "torso_length": 0.8}),
     (CircularHoop, {"xi_0": 1.0, "xi_dot_0": 0.3, "beta_dot": 2.0, "radius": 1.4, "offset": 0.6, "mass": 2.0}),

@@ -14,7 +14,7 @@ import pytest
 
 from liaisons.language import Mechanism
 from liaisons.mechanics import derive
-from liaisons.models import Flywheel, Oscillator, Pendulum, Swing
+from liaisons.models import Flywheel, Junction, Oscillator, Pendulum, Swing
 
 Hand = dict[str, np.ndarray]
 
@@ -82,6 +82,16 @@ def flywheel(n: SimpleNamespace) -> Hand:
     }
 
 
+def junction(n: SimpleNamespace) -> Hand:
+    weight = n.mass * (n.x_ddot + 1j * (n.z_ddot + n.gravity))
+    force = weight + n.first_x_load + n.second_x_load + 1j * (n.first_z_load + n.second_z_load)
+    return {
+        "accelerations": np.array([(n.angle_force - n.angle_load) / n.inertia]),
+        "momenta": np.array([n.inertia * n.angle_dot]),
+        "operator_forces": np.array([force.real, force.imag]),
+    }
+
+
 def swing(n: SimpleNamespace) -> Hand:
     along = -1j * np.exp(1j * n.theta)
     back = -1j * np.exp(1j * (n.theta + n.lean))
@@ -125,6 +135,7 @@ BY_HAND: dict[type[Mechanism], Callable[[SimpleNamespace], Hand]] = {
     Pendulum: pendulum,
     Oscillator: oscillator,
     Flywheel: flywheel,
+    Junction: junction,
     Swing: swing,
 }
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
+import casadi as ca
+import fmpy
 import numpy as np
 import pytest
 
+from liaisons import simulate
 from liaisons.cosim import System
-from liaisons.language import Operator
+from liaisons.cosim import description as cosim_description
+from liaisons.errors import ComponentError
+from liaisons.language import Operator, Parameter
 from liaisons.mechanics import Model, assemble
 from liaisons.models import CATALOGUE, Constant, FourierSeries, Pendulum, PlannedMotion, Ramp, Sinusoid, SmoothStep
 
@@ -74,6 +80,77 @@ def test_events_are_the_instants_where_the_signal_is_not_smooth() -> None:
     assert assemble(Sinusoid).events([0.0] * 4).numel() == 0
 
 
+class SquareWave(Operator):
+    """Jumps between 0 and 1 at every multiple of half a period."""
+
+    half = Parameter(0.15, "s", "half a period", above=0)
+
+    def signal(self, t: ca.SX) -> ca.SX:
+        return ca.fmod(ca.floor(t / self.half + 1e-9), 2)
+
+    def events(self) -> list[ca.SX]:
+        k = ca.floor(self.clock / self.half)
+        return [i * self.half for i in (k, k + 1, k + 2)]
+
+
+ANNOUNCED: dict[type[Operator], tuple[dict[str, Any], list[float]]] = {
+    Ramp: ({"start_time": 0.25}, [0.25]),
+    SmoothStep: ({"start_time": 0.25, "duration": 0.5}, [0.25, 0.75]),
+    PlannedMotion: (
+        _knots((0, 1, 0, 0), (0.25, 1, 0, 0), (0.25, 1, 1, 0), (0.5, 1, 0, 0), (0.5, 1, 0, 0)),
+        [0.25, 0.5],
+    ),
+    SquareWave: ({}, [i * 0.15 for i in range(1, 8)]),
+}
+
+
+@pytest.mark.parametrize("component", ANNOUNCED, ids=lambda component: component.__name__)
+@pytest.mark.parametrize("kind", ["native 2", "native 3", "python 2", "exchange 2", "exchange 3"])
+def test_next_event_time_is_the_first_instant_that_is_not_smooth(fmu, component: type[Operator], kind: str) -> None:
+    values, jumps = ANNOUNCED[component]
+    backend, fmi = kind.split()
+    file = fmu(component, "python" if backend == "python" else "native", fmi=fmi)
+    assert cosim_description.read(file).next_event_time is not None
+    times = np.linspace(0, 1, 11)
+    if backend == "exchange":
+        starts = {f"{k}[{i + 1}]": x for k, column in values.items() for i, x in enumerate(np.ravel(column))}
+        result = fmpy.simulate_fmu(
+            str(file),
+            fmi_type="ModelExchange",
+            stop_time=1,
+            output_interval=0.1,
+            output=["next_event_time"],
+            start_values=starts if component is PlannedMotion and fmi == "2" else values,
+        )
+        times, found = result["time"], result["next_event_time"]
+    else:
+        system = System("announces")
+        system.add("operator", file, **values)
+        found = system.simulate(1.0, 0.1, record=["operator.next_event_time"])["operator.next_event_time"]
+    for t, announced in zip(times, found, strict=True):
+        after = [jump for jump in jumps if jump > t + 1e-12] or [sys.float_info.max]
+        at = [jump for jump in jumps if abs(jump - t) <= 1e-12]  # model exchange: the event may still be to come
+        assert announced == after[0] or (backend == "exchange" and announced in at), (t, announced, after[0])
+
+
+def test_what_is_smooth_announces_nothing(fmu) -> None:
+    assert cosim_description.read(fmu(Sinusoid)).next_event_time is None
+
+
+def test_the_name_of_the_next_event_is_reserved() -> None:
+    for component in (Constant, Pendulum):
+        with pytest.raises(ComponentError, match="next_event_time"):
+            type("Early", (component,), {"next_event_time": Parameter(0.0, "s", "mine")})
+
+
+def test_a_signal_with_a_kink_that_is_not_announced_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    type("Folded", (Constant,), {"signal": lambda self, t: ca.fabs(t - self.value)})
+    assert "Folded: the signal has kinks" in caplog.text
+    caplog.clear()
+    type("Size", (Constant,), {"signal": lambda self, t: t * ca.fabs(self.value)})  # of a parameter
+    assert not caplog.text
+
+
 def test_ramp_takes_the_rate_after_the_jump_at_the_jump() -> None:
     at_jump = triple(Ramp, np.array([0.75]), VALUES[Ramp])
     assert (at_jump["y"][0], at_jump["y_dot"][0], at_jump["y_ddot"][0]) == (1.0, -0.3, 0.0)
@@ -113,3 +190,25 @@ def test_a_mechanism_follows_knots_on_communication_points_to_the_last_digits(fm
     coarse, fine = (system.simulate(1.0, step, tolerance=1e-12) for step in (0.25, 0.0625))
     # Solver tolerance, κ < 10; a motion that was interpolated otherwise would be off by 1e-4.
     np.testing.assert_allclose(coarse["swing.theta"], fine["swing.theta"][::4], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("instants", "values"),
+    [
+        ([0.0, 1.0, 0.5, 3.0], [0.0, 1.0, 7.0, 9.0]),  # the list ends where the instants no longer ascend
+        ([0.0, 1.0, -1e300, 1e300], [0.0, 1.0, 7.0, 9.0]),
+    ],
+)
+def test_knots_behind_one_that_goes_back_are_not_there(instants: list[float], values: list[float]) -> None:
+    run, two = (
+        simulate(
+            "PlannedMotion",
+            instant=instants[:n] + [0.0] * (100 - n),
+            value=values[:n] + [0.0] * (100 - n),
+            stop_time=4.0,
+            step_size=0.25,
+        )
+        for n in (4, 2)
+    )
+    np.testing.assert_array_equal(run["y"], two["y"])
+    np.testing.assert_allclose(run["y"][run.time == 0.5], 0.5, rtol=1e-12)  # at rest at both ends: half of the way

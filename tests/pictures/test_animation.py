@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable, Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from liaisons import Result, operator, simulate
 from liaisons.errors import SimulationError
@@ -19,6 +21,7 @@ from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
 from liaisons.pictures.camera import facing
 from liaisons.pictures.frames import RATE, frames
+from liaisons.pictures.stage import Stage
 
 from .conftest import MECHANISMS
 
@@ -69,6 +72,68 @@ def test_glb_has_the_positions_to_single_precision(name: str, moved: Callable[[s
             view = document["bufferViews"][accessor["bufferView"]]
             rows = np.frombuffer(data, "<f4", 3 * accessor["count"], view["byteOffset"]).reshape(-1, 3)
             assert rows[-1] == pytest.approx(seen(ball, -1), rel=1e-6, abs=1e-6)
+
+
+def numbers(document: dict[str, Any], data: bytes, index: int) -> np.ndarray:
+    """What an accessor of floats stands for, (n, k)."""
+    accessor = document["accessors"][index]
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+    begin = document["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    return np.frombuffer(data, "<f4", width * accessor["count"], begin).reshape(-1, width).astype(float)
+
+
+@pytest.mark.parametrize("name", ["Oscillator", "PlanarCat", "Satellite", "Swing"])
+def test_a_viewer_of_glb_sees_all_shapes_where_they_are(
+    name: str, moved: Callable[[str], Result], tmp_path: Path
+) -> None:
+    """Each mesh scaled, turned and shifted as the specification of glTF says, at every keyframe."""
+    result = moved(name)
+    result.animate(tmp_path / "motion.glb", speed=1.5)
+    assert result.scene is not None
+    signals = dict(zip(result.names, result.values, strict=True))
+    seen = motion_frames(result.scene, result.time, signals, 1.5 / RATE, "it")
+    document, data = content(tmp_path / "motion.glb")
+    (animation,) = document["animations"]
+    keys: dict[tuple[int, str], np.ndarray] = {}
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        assert sampler["interpolation"] == "LINEAR"
+        instants = numbers(document, data, sampler["input"])[:, 0]
+        assert instants == pytest.approx(seen.time - seen.time[0], abs=1e-6)  # [s]
+        target = channel["target"]
+        keys[target["node"], target["path"]] = numbers(document, data, sampler["output"])
+
+    def placed(node: int, points: np.ndarray) -> np.ndarray:
+        """Points of its mesh in space, (n, k, 3)."""
+        still = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]} | document["nodes"][node]
+        shift, turn, scale = (
+            np.broadcast_to(keys.get((node, path), np.array([still[path]])), (len(seen.time), len(still[path])))
+            for path in ("translation", "rotation", "scale")
+        )
+        turned = Rotation.from_quat(turn).as_matrix()
+        return shift[:, None] + np.einsum("nij,nkj->nki", turned, scale[:, None] * points)
+
+    nodes = iter(range(len(document["nodes"])))
+    for shape in seen.shapes:
+        pieces = shape.points[:, 1:].shape[1] + shape.closed if shape.kind == "wire" else 1
+        ends = np.concatenate([shape.points, shape.points[:, :1]], axis=1)
+        for piece in range(pieces):
+            node = next(nodes)
+            assert document["nodes"][node]["name"] == shape.kind
+            (primitive,) = document["meshes"][document["nodes"][node]["mesh"]]["primitives"]
+            places = document["accessors"][primitive["attributes"]["POSITION"]]
+            low, high = np.array(places["min"]), np.array(places["max"])
+            if shape.kind == "box":
+                corners = np.array(list(product(*zip(low, high, strict=True))))
+                assert placed(node, corners) == pytest.approx(shape.corners, abs=1e-6)
+            elif shape.kind == "ball":
+                assert low == pytest.approx(-high)
+                assert placed(node, np.zeros((1, 3))) == pytest.approx(shape.points, abs=1e-6)
+            elif shape.kind != "trail":
+                axis = np.array([[0, 0, low[2]], [0, 0, high[2]]])
+                if shape.kind == "spring":  # its wire is thick
+                    axis = np.array([[0, 0, 0], [0, 0, 1]])
+                assert placed(node, axis) == pytest.approx(ends[:, piece : piece + 2], abs=1e-6)
 
 
 def test_a_gif_lasts_as_long_as_the_motion(swing: Result, tmp_path: Path) -> None:
@@ -124,6 +189,31 @@ def test_refusals(swing: Result, tmp_path: Path) -> None:
         frames(picture, np.array([1.0, 2.0]), lambda _: np.array([0.0, np.nan]), title="swing")
 
 
+BOX = b'{"version": "1.0", "shapes": [{"shape": "box", "at": ["x", 0, 0], "axes": %s, "size": [0, 1, 2]}]}'
+
+
+def test_what_cannot_be_drawn_is_said_in_one_line() -> None:
+    def refused(axes: bytes, x: float) -> str:
+        with pytest.raises(SimulationError) as caught:
+            frames(Picture.of(BOX % axes, "it"), np.array([1.0, 2.0]), lambda _: np.array([0.0, x]), title="box")
+        return str(caught.value)
+
+    straight = b"[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
+    assert refused(straight, 1e200) == "box: x in its picture is 1e+200 at t = 2 s: nothing to draw there"
+    for row in (b"[0, 0, 0]", b"[0, 0, -1]", b'[0, "x", 1]'):
+        words = refused(straight.replace(b"[0, 0, 1]", row), 1.0)
+        assert words.endswith("give three unit vectors at right angles, right-handed")
+
+
+@pytest.mark.parametrize("speed", [0, -1.0, np.nan, np.inf, 1e-9, "fast"])
+def test_a_speed_that_is_none(swing: Result, tmp_path: Path, speed: Any) -> None:
+    with pytest.raises(SimulationError, match=r"^speed = "):
+        swing.animate(tmp_path / "swing.html", speed=speed)
+    with pytest.raises(SimulationError, match=r"^turns = nan"):
+        swing.animate(tmp_path / "swing.gif", turns=np.nan)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -131,7 +221,17 @@ def test_refusals(swing: Result, tmp_path: Path) -> None:
         (b'{"version": "2.0", "shapes": []}', "of version 2.0; this liaisons reads 1.x"),
         (b'{"version": "1.0", "shapes": [{"shape": "cone"}]}', "KeyError: 'cone'"),
         (b'{"version": "1.0", "shapes": [{"shape": "ball"}]}', "KeyError: 'at'"),
-        (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [{}, 0, 0]}]}', "cannot be read"),
+        (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [{}, 0, 0]}]}', "neither a number nor a name"),
+        (
+            b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [1e308, 0, 0]}]}',
+            r"1e\+308: finite numbers up to 1e\+18",
+        ),
+        (b'{"version": "1.0", "shapes": [{"shape": "wire", "points": [[0, 0, 0]]}]}', "2 triples are needed"),
+        (BOX % b"[[1, 0, 0]]", "axes of a box are .*: 3 triples are needed"),
+        (
+            b'{"version": "1.0", "shapes": [%s]}' % b",".join([b'{"shape": "ball", "at": [0, 0, 0]}'] * 10001),
+            "10001 points",
+        ),
         (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [NaN, 0, 0]}]}', "a coordinate is nan"),
         (b'{"version": "1.0", "shapes": [{"shape": "ball", "at": [0, 0]}]}', "cannot be read"),
         (b"[" * 100000, "cannot be read"),
@@ -149,6 +249,33 @@ def test_the_camera_faces_the_plane(plane: str | None) -> None:
     if plane is not None:
         right, up = (np.eye(3)["xyz".index(axis)] for axis in plane)
         assert axes[:2] == pytest.approx(np.array([right, up]), abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_what_is_in_front_is_painted_last_and_backs_of_boxes_are_not(turn: float) -> None:
+    half = np.array([0.5, 1.0, 1.5])
+    box = {"shape": "box", "at": [0, 0, 0], "axes": np.eye(3).tolist(), "size": (2 * half).tolist()}
+    eye = facing(None, turn).axes[2]
+    balls = [{"shape": "ball", "at": (3 * side * eye).tolist(), "radius": 0.1} for side in (1, -1)]
+    stage = Stage(frames(Picture((balls[0], box, balls[1])), np.zeros(1), lambda _: np.zeros(1), title="it"))
+    behind, _, *sides, front, _ = stage.faces(0, turn)  # a ball is a disk and its light
+    assert (behind.depth, front.depth) == pytest.approx((-3, 3))
+    centres = [side * h * e for h, e in zip(half, np.eye(3), strict=True) for side in (1, -1)]
+    expected = sorted(facing(None, turn).see(centre)[:2].tolist() for centre in centres if centre @ eye > 0)
+    assert sorted(face.corners.mean(axis=0).tolist() for face in sides) == [pytest.approx(e) for e in expected]
+
+
+def test_frames_are_those_of_their_instants(swing: Result) -> None:
+    assert swing.scene is not None
+    signals = dict(zip(swing.names, swing.values, strict=True))
+    (bob,) = (s for s in motion_frames(swing.scene, swing.time, signals, 0.01, "it").shapes if s.kind == "ball")
+    expected = np.column_stack([swing["bob_x"], 0 * swing.time, swing["bob_z"]])
+    assert bob.points[:, 0] == pytest.approx(expected, abs=1e-12)
+    between = motion_frames(swing.scene, swing.time, signals, 0.025, "it")
+    exact = Pendulum.exact(between.time, theta_0=1.0)["theta"]
+    (bob,) = (s for s in between.shapes if s.kind == "ball")
+    # makima is of third order: its error is about h³ times a third derivative of 30 m/s³
+    assert bob.points[:, 0, 0] == pytest.approx(np.sin(exact), abs=1e-4)
 
 
 # ---- what OMEdit makes of both files, by the formulas of its Animation/Visualization.cpp -----------------------------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
 import socket
 import zipfile
@@ -10,12 +12,17 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
+import numpy as np
 import pytest
 
-from liaisons import Coordinate, Mechanism, Parameter, System, compiler, operator
+from liaisons import Coordinate, Mechanism, Parameter, Result, System, compiler, operator
+from liaisons.cosim.connections import connect_scalars
+from liaisons.cosim.model_description import Conversion
 from liaisons.errors import BuildError, SimulationError
+from liaisons.language.shapes import Box, Shapes
 from liaisons.library import catalogue
 from liaisons.live import live_page
+from liaisons.pictures.camera import Camera
 
 from . import _browser as tools
 
@@ -151,6 +158,9 @@ def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) 
         page.locator("body").press("r")
         assert page.evaluate("window.page.machine.time") == 0
 
+        page.locator("#speed").fill("1")
+        assert page.evaluate("window.page.speed") == 2 * live.plan["speed"]
+        page.locator("#speed").fill("0")
         page.click("#run")
         assert page.locator("#run").text_content() == "Pause"
         tools.wait_until(lambda: page.evaluate("window.page.machine.time") > 0.2, page)
@@ -174,6 +184,113 @@ def test_sliders_buttons_and_keys(browser: Any, page_of: Callable[[str], Path]) 
         page.click("#reset")
         assert page.evaluate("window.page.machine.time") == 0
         assert live.complaints == []
+
+
+@in_a_browser
+def test_each_slider_moves_its_own_coordinate(browser: Any, page_of: Callable[[str], Path]) -> None:
+    with tools.opened(browser, page_of("Pendulum")) as live:
+        live.run(1)  # from here on the hand moves on
+        for name, value in (("pivot_z", 0.2), ("length", 1.3), ("pivot_x", -0.4)):
+            before = {other: live.signal(other) for other in ("length", "pivot_x", "pivot_z")}
+            field = live.page.locator(f'[data-number="{name}"]')
+            field.fill(str(value))
+            field.dispatch_event("change")
+            reached = live.run(round(4 / live.plan["step_size"]))
+            assert {other: reached[other] for other in before} == pytest.approx(before | {name: value}, abs=1e-6)
+        live.page.locator('[data-number="mass"]').fill("3")
+        live.page.locator('[data-number="mass"]').dispatch_event("change")
+        assert live.signal("p_theta") == pytest.approx(0, abs=1e-12)  # all begins anew
+        assert live.signal("tension") == pytest.approx(3 * 9.81 * math.cos(live.signal("theta")), rel=1e-6)
+
+
+@in_a_browser
+def test_the_view_is_that_of_the_camera(browser: Any, page_of: Callable[[str], Path]) -> None:
+    with tools.opened(browser, page_of("Satellite")) as live:
+        for yaw, pitch in ((-0.6, 0.35), (0.9, -0.4)):
+            live.page.evaluate("([yaw, pitch]) => Object.assign(window.page.view, { yaw, pitch })", [yaw, pitch])
+            live.page.evaluate("window.page.paint()")
+            for point in np.eye(3):
+                seen, scale, origin, centre = live.page.evaluate(
+                    "p => { const v = window.page.view; return [v.see(p), v.scale, v.origin, v.centre]; }",
+                    point.tolist(),
+                )
+                right, up, depth = Camera(yaw, pitch).see(point - centre)
+                assert (seen[0] - origin[0]) / scale == pytest.approx(right, abs=1e-12)
+                assert (origin[1] - seen[1]) / scale == pytest.approx(up, abs=1e-12)
+                assert seen[2] == pytest.approx(depth, abs=1e-12)
+
+
+@in_a_browser
+def test_of_a_box_the_faces_towards_the_eye_are_painted(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+    write_live_page(fmu(_Boxed), tmp_path / "box.html")
+    with tools.opened(browser, tmp_path / "box.html") as live:
+        for yaw, pitch in ((-0.6, 0.35), (2.5, -0.4)):
+            painted = live.page.evaluate(
+                """([yaw, pitch]) => {
+                const view = Object.assign(window.page.view, { yaw, pitch }), faces = [];
+                let corners = [];
+                view.context.beginPath = () => { corners = []; };
+                view.context.moveTo = view.context.lineTo = (x, y) => corners.push([x, y]);
+                view.context.fill = () => faces.push(corners);
+                window.page.paint();
+                const middle = (k) => (f) => f.reduce((sum, p) => sum + p[k] / 4, 0);
+                const place = (f) => [(middle(0)(f) - view.origin[0]) / view.scale,
+                  (view.origin[1] - middle(1)(f)) / view.scale];
+                return faces.map(place);
+            }""",
+                [yaw, pitch],
+            )
+            half = np.array([0.5, 1.0, 1.5])  # the faces' distances from the centre
+            right, up, towards = Camera(yaw, pitch).axes
+            expected = [side * h * e for e, h in zip(np.eye(3), half, strict=True) for side in (1, -1)]
+            expected = [[face @ right, face @ up] for face in expected if face @ towards > 0]
+            assert sorted(painted) == pytest.approx(np.array(sorted(expected)), abs=1e-9)
+
+
+@in_a_browser
+def test_the_bars_of_the_account_end_at_the_same_place(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+    write_live_page(fmu(catalogue()["Pendulum"]), tmp_path / "friction.html")
+    with tools.opened(browser, tmp_path / "friction.html") as live:
+        for name, value in (("theta_0", 1.0), ("friction", 0.5)):
+            field = live.page.locator(f'[data-number="{name}"]')
+            field.fill(str(value))
+            field.dispatch_event("change")
+        tools.preset(live, "length", "SmoothStep", height=0.3, duration=0.5)
+        reached = live.run(round(1 / live.plan["step_size"]))
+        spans: dict[str, np.ndarray] = {}
+        for bar in ("work", "gain", "lost"):
+            begin, width = (float(live.page.get_attribute(f"#bar-{bar}", name) or "") for name in ("x", "width"))
+            spans[bar] = np.array([begin, begin + width]) - 50
+    work, lost = reached["work"], reached["dissipated"]
+    assert lost > 0.1 * abs(work) > 0
+    unit = np.abs(spans["work"]).max() / abs(work)
+    gain = work - lost
+    for bar, ends in {"work": (0, work), "gain": (0, gain), "lost": (gain, work)}.items():
+        assert spans[bar] / unit == pytest.approx(np.sort(ends), abs=1e-6), bar
+
+
+@in_a_browser
+def test_a_recorded_motion_is_played(browser: Any, moved: Callable[[str], Result], tmp_path: Path) -> None:
+    path = tmp_path / "Pendulum.html"
+    moved("Pendulum").animate(path)
+    session = browser.new_context()
+    page = session.new_page()
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(path.as_uri())
+    page.click("#run")
+    assert page.locator("#run").text_content() == "Start"
+    assert page.get_attribute("#place", "max") == "18"  # 0.6 s, 30 frames a second
+    drawn: list[str] = []
+    for frame, said in (("0", "t = 0.00 s"), ("9", "t = 0.30 s"), ("18", "t = 0.60 s")):
+        page.locator("#place").fill(frame)
+        assert page.locator("#time").text_content() == said
+        drawn.append(page.evaluate("document.getElementById('picture').toDataURL()"))
+    assert len(set(drawn)) == 3
+    page.click("#run")
+    tools.wait_until(lambda: page.locator("#place").input_value() not in {"18", "0"}, page)  # it begins anew
+    assert complaints == []
+    session.close()
 
 
 @in_a_browser
@@ -280,6 +397,48 @@ def test_a_system_runs_as_its_simulation(browser: Any, fmu: Callable[..., Path],
     result = system.simulate(times=[k * size for k in range(601)], tolerance=plan["tolerance"])
     for name in ("swing.theta", "swing.theta_dot", "swing.energy", "swing.length"):
         assert reached[name] == pytest.approx(result[name][-1], rel=1e-11), name
+
+
+@in_a_browser
+def test_what_is_fed_by_a_later_component_extrapolates(fmu: Callable[..., Path]) -> None:
+    system = System("loop")
+    swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.3)
+    pump = system.add("pump", fmu(catalogue()["SwingPump"]))
+    system.connect(pump["y"], swing["length"])
+    for name in ("theta", "theta_dot"):
+        system.connect(swing[name], pump[name])
+    plan = re.search(r'<script[^>]*id="plan"[^>]*>(.*?)</script>', live_page(system).decode(), re.DOTALL)
+    assert plan is not None
+    assert [part["reconstruction"] for part in json.loads(plan[1])["components"]] == [1, 2]
+
+
+@in_a_browser
+def test_what_is_converted_on_its_way(browser: Any, fmu: Callable[..., Path], tmp_path: Path) -> None:
+    system = System("converted")
+    motor = system.add("motor", fmu(catalogue()["Sinusoid"]), offset=0.2, amplitude=0.05, angular_frequency=5.0)
+    swing = system.add("swing", fmu(catalogue()["Pendulum"]), theta_0=0.5)
+    system.join(
+        connect_scalars(motor[f"y{rate}"], swing[f"length{rate}"], Conversion(2.0, 0.0 if rate else 0.7))
+        for rate in ("", "_dot", "_ddot")
+    )
+    write_live_page(system, tmp_path / "converted.html")
+    with tools.opened(browser, tmp_path / "converted.html") as live:
+        size, reached = live.plan["step_size"], live.run(60)
+    assert reached["swing.length"] == pytest.approx(2 * reached["motor.y"] + 0.7, rel=1e-15)
+    assert reached["motor.y"] == pytest.approx(0.2 + 0.05 * math.sin(5 * 60 * size), rel=1e-12)
+
+
+class _Boxed(Mechanism):
+    """A box on a line."""
+
+    mass = Parameter(1.0, "kg", "mass", above=0)
+    x = Coordinate("m", "position")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.mass / 2 * self.dot(self.x) ** 2
+
+    def picture(self) -> Shapes:
+        return [Box({"x": self.x}, ca.SX.eye(3), (1.0, 2.0, 3.0))]
 
 
 class _Toy(Mechanism):

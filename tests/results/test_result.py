@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,9 +45,25 @@ def both() -> Result:
     return Result("an ensemble", np.arange(4) / 3, names, values, units, failures={1: "r must stay > 0"})
 
 
+@pytest.fixture
+def coupled(result: Result) -> Result:
+    """As of a verified simulation of which there is something to say."""
+    errors, coupling_error = np.arange(20.0).reshape(5, 4) / 3e9, np.array([0, 1e-5, 1 / 3, 2e-9])
+    warnings = ('a "quote", and \\ a comma,', "σ: a = b # no comment", "line\nbreak")
+    return dataclasses.replace(result, title="a: b", errors=errors, coupling_error=coupling_error, warnings=warnings)
+
+
+@pytest.fixture
+def estimated(both: Result) -> Result:
+    """As of an ensemble with an estimate."""
+    return dataclasses.replace(both, errors=np.arange(6.0).reshape(3, 2) / 7e9)
+
+
 def alike(one: Result, other: Result) -> bool:
     bits = [(r.time.tobytes(), r.values.tobytes(), r.values.shape) for r in (one, other)]
-    words = [(r.names, dict(r.units), dict(r.failures), tuple(r.index)) for r in (one, other)]
+    words = [(r.title, r.names, dict(r.units), dict(r.failures), tuple(r.index), r.warnings) for r in (one, other)]
+    for name in ("errors", "coupling_error"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     return bits[0] == bits[1] and words[0] == words[1]
 
 
@@ -93,14 +110,13 @@ def test_cases_are_counted(cases: Result, both: Result) -> None:
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-@pytest.mark.parametrize("name", ["result", "cases", "both"])
+@pytest.mark.parametrize("name", ["result", "cases", "both", "coupled", "estimated"])
 def test_files_give_back_the_same_doubles(kind: str, name: str, tmp_path: Path, request: Any) -> None:
     written: Result = request.getfixturevalue(name)
     path = tmp_path / f"some.{kind}"
     getattr(written, f"to_{kind}")(path)
     again: Result = getattr(Result, f"from_{kind}")(path)
     assert alike(written, again)
-    assert again.title == ("some" if kind == "csv" else written.title)
     assert [item.name for item in tmp_path.iterdir()] == [path.name]
 
 
@@ -132,11 +148,34 @@ def test_csv_is_that_of_other_tools(tmp_path: Path, cases: Result) -> None:
     path.write_text('"time","h","v"\n0,1,0\n0.5,0.5,-4.9\n')
     np.testing.assert_array_equal(Result.from_csv(path)["v"], [0, -4.9])
     assert dict(Result.from_csv(path).units) == {"h": "", "v": ""}
-    Result("plain", np.arange(3.0), ("x", "y"), np.arange(6.0).reshape(2, 3), {"x": "m", "y": ""}).to_csv(path)
+    plain = Result("plain", np.arange(3.0), ("x", "y"), np.arange(6.0).reshape(2, 3), {"x": "m", "y": ""})
+    dataclasses.replace(plain, warnings=("a, b",)).to_csv(path)
     assert path.read_text().splitlines()[:2] == ["time,x,y", "# s,m,"]
+    assert Result.from_csv(path).title == "plain"
     np.testing.assert_array_equal(np.genfromtxt(path, delimiter=",", names=True)["y"], [3.0, 4.0, 5.0])
     cases.to_csv(path)
-    assert path.read_text().splitlines()[1:4] == ["# kg,rad,,", "1.0,0.1,3.0,", '2.0,nan,nan,"mass = 2, too much"']
+    written = path.read_text().splitlines()
+    assert written[1:3] == ["# kg,rad,,", "# title: a sweep"]
+    assert written[3:5] == ["1.0,0.1,3.0,", '2.0,nan,nan,"mass = 2, too much"']
+
+
+def test_what_a_file_says_of_itself_does_not_disturb_other_readers(coupled: Result, tmp_path: Path) -> None:
+    path = tmp_path / "coupled.csv"
+    coupled.to_csv(path)
+    table = pytest.importorskip("pandas").read_csv(path, comment="#")
+    assert list(table.columns)[6:] == [*(f"error of {name}" for name in coupled.names), "coupling_error"]
+    np.testing.assert_array_equal(table["coupling_error"], coupled.coupling_error)
+    path.write_text(path.read_text().replace("# estimates: errors, coupling_error", "# estimates: coupling_error"))
+    assert len(Result.from_csv(path).names) == 10  # then they are signals like others
+    path.write_text("time,x\n# s,m\n# title: C:\\data\n# estimates: errors\n0,1\n1,2\n")
+    with pytest.raises(SimulationError, match=r"it has no column for each of its estimates \(errors\)"):
+        Result.from_csv(path)
+
+
+def test_warnings_are_mentioned(coupled: Result, parsed: Any) -> None:
+    assert repr(coupled).endswith(f"; 3 warnings, the first: {coupled.warnings[0]}>")
+    assert repr(dataclasses.replace(coupled, warnings=("one",))).endswith("; 1 warning: one>")
+    assert f"Warning: {coupled.warnings[1]}" in parsed(coupled._repr_html_()).texts
 
 
 @pytest.mark.parametrize("where", ["missing/swing.png", "occupied"])
@@ -262,6 +301,7 @@ def test_plot_of_what_does_not_move(tmp_path: Path, signals: dict[str, float], d
 
 def test_a_figure_is_seen_once(result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     """By pyplot's window, or as what a cell of a notebook returns: that shows what pyplot knows, too."""
+    pyplot.close("all")  # what other tests have left
     monkeypatch.setattr("matplotlib.get_backend", lambda: "module://matplotlib_inline.backend_inline")
     result.plot()
     assert pyplot.get_fignums() == []
@@ -330,3 +370,11 @@ def test_without_an_extra_one_is_told_what_to_install(
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(SimulationError, match=rf"^to_{package} needs {package}; pip install 'liaisons\[{package}\]'$"):
         getattr(result, f"to_{package}")()
+
+
+def test_cases_without_convergence_are_those_whose_error_is_infinite(both: Result) -> None:
+    errors = np.zeros((len(both.names), both.values.shape[-1]))
+    errors[0, 0], errors[-1, 1] = np.nan, np.inf  # not a number: one that has failed
+    found = replace(both, errors=errors)
+    assert found.unconverged == (1,)
+    assert "1 without convergence" in repr(found)

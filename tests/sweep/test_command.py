@@ -8,7 +8,7 @@ from importlib import import_module
 import pytest
 
 from liaisons.cli import main
-from liaisons.sweeps.outcome import Failure, Outcome
+from liaisons.sweeps.outcome import Failure, Kept, Outcome
 from liaisons.sweeps.workers import Deliver
 
 BAD_VALUES = [
@@ -90,7 +90,7 @@ def test_failing_cases_are_shown(pendulum, capsys) -> None:
 
 def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, capsys, monkeypatch) -> None:
     csv = tmp_path / "table.csv"
-    outcomes: list[Outcome] = [Failure("took too long", refused=False), (1.0,)]
+    outcomes: list[Outcome] = [Failure("took too long", refused=False), Kept((1.0,))]
 
     def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, *, time_limit: float) -> None:
         assert time_limit == 3.0
@@ -112,7 +112,7 @@ def test_random_cases(pendulum, tmp_path) -> None:
     random = ["--random", "theta_0=0:1", "--random", "mass=normal:1:0.1", "--samples", "5", "--latin-hypercube"]
     arguments = [str(pendulum), *random, "--keep", "theta:max", "--stop", "0.1", "--csv", str(csv)]
     assert main(["sweep", *arguments]) == 0
-    assert len(csv.read_text(encoding="utf-8").splitlines()) == 7
+    assert len(csv.read_text(encoding="utf-8").splitlines()) == 8  # names, units, the title, five cases
     assert list(tmp_path.iterdir()) == [csv]  # the journal is gone
 
 

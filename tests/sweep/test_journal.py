@@ -21,6 +21,8 @@ import pytest
 from liaisons import Result
 from liaisons.sweeps import JournalError, SweepError, sweep
 from liaisons.sweeps.journal import Journal, _line
+from liaisons.sweeps.kept import Measure, identity
+from liaisons.sweeps.outcome import Kept
 from liaisons.sweeps.workers import Deliver
 
 SPAN: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.05}
@@ -180,7 +182,7 @@ def test_retry_does_what_has_failed_again_for_whatever_reason(pendulum, tmp_path
 
     def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, **_: object) -> None:
         done.extend(cases)
-        deliver(dict.fromkeys(cases, (7.0,)))
+        deliver(dict.fromkeys(cases, Kept((7.0,))))
 
     monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_here", simulate)
     assert sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN).failures.keys() == {2}
@@ -264,7 +266,7 @@ def test_a_full_disk_loses_nothing_that_was_written(tmp_path) -> None:
     import resource
 
     path, limits = tmp_path / "journal", resource.getrlimit(resource.RLIMIT_FSIZE)
-    cases = dict.fromkeys(range(40), (1.0,))
+    cases = dict.fromkeys(range(40), Kept((1.0,)))
     with Journal(path, "key", len(cases), 1) as journal:
         resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
         try:
@@ -279,3 +281,17 @@ def test_a_full_disk_loses_nothing_that_was_written(tmp_path) -> None:
         journal.add({case: values for case, values in cases.items() if case not in journal.done})
     with Journal(path, "key", len(cases), 1) as journal:
         assert journal.done == cases
+
+
+def test_functions_that_differ_in_defaults_or_what_they_enclose_are_others() -> None:
+    def of(factor: float) -> Measure:
+        return lambda result: factor * result["theta"][-1]
+
+    def by_default(result: Result, factor: float = 1.0) -> float:
+        return factor * result["theta"][-1]
+
+    first = identity(by_default)
+    by_default.__defaults__ = (2.0,)
+    assert identity(by_default) != first
+    assert identity(of(1.0)) != identity(of(2.0))
+    assert identity(of(1.0)) == identity(of(1.0))

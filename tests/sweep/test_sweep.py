@@ -58,6 +58,16 @@ def test_other_kinds_of_fmus(folder, kind) -> None:
     assert "mass" in table.failures[1]
 
 
+def test_what_cases_are_warned_of_is_in_the_table(swing, where, tmp_path) -> None:
+    # Jacobi's coupling holds the length over steps of 0.2 s: too long where it moves, right where it rests.
+    options: dict[str, Any] = {"stop_time": 2.0, "step_size": 0.2, "coupling": "jacobi", **where}
+    cases, journal = {"motor.amplitude": [0.0, 0.1, 0.05]}, tmp_path / "journal"
+    table, again = (sweep(swing, cases, ["bob.theta"], journal=journal, **options) for _ in range(2))
+    assert [text.partition(": coupling error")[0] for text in table.warnings] == ["case 1", "case 2"]
+    assert "bob.length" in table.warnings[0]
+    assert again.warnings == table.warnings
+
+
 def test_functions_of_the_result_and_settings_in_common(pendulum) -> None:
     keep = {"swing": lambda result: np.ptp(result["theta"]), "end": "theta"}
     table = sweep(pendulum, {"input_reconstruction": [0, 1]}, keep, starts={"theta_0": 0.7, "length_dot": 0.1}, **SPAN)
@@ -73,7 +83,7 @@ def test_a_system(swing, coupling, where) -> None:
     table = sweep(swing, cases, ["bob.theta", "motor.y:max"], coupling=coupling, **where, **SPAN)
     for number in range(3):
         alone, amplitude = System("alone"), cases["motor.amplitude"][number]
-        moved = {"offset": 1.0, "angular_frequency": 6.0, "amplitude": amplitude}
+        moved: dict[str, Any] = {"offset": 1.0, "angular_frequency": 6.0, "amplitude": amplitude}
         bob = alone.add("bob", swing.parts["bob"].fmu.path, theta_0=cases["bob.theta_0"][number])
         alone.connect(alone.add("motor", swing.parts["motor"].fmu.path, **moved)["y"], bob["length"])
         result = alone.simulate(1.0, 0.05, coupling=coupling)
@@ -218,7 +228,8 @@ def test_a_file_has_the_same_numbers(pendulum, tmp_path) -> None:
     table = sweep(pendulum, {"mass": [1.0, -1.0], "theta_0": [0.1, 1 / 3]}, ["theta"], **SPAN)
     table.to_csv(tmp_path / "table.csv")
     with (tmp_path / "table.csv").open(encoding="utf-8", newline="") as file:
-        names, units, *rows = csv.reader(file)
+        names, units, title, *rows = csv.reader(file)
+    assert title == ["# title: Pendulum"]
     assert names == ["mass", "theta_0", "theta", "failure"]
     assert units == ["# kg", "rad", "rad", ""]
     assert [float(cell) for cell in rows[0][:3]] == list(table.rows[0].tolist())

@@ -10,7 +10,7 @@ from itertools import zip_longest
 from textwrap import wrap
 
 from liaisons.arguments import numbers, shown
-from liaisons.errors import ValidityError
+from liaisons.errors import ValidityError, one_line
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,10 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
             raise ValidityError(f"table: {shown(record)} is no row; give verdicts, or dictionaries by columns")
     if not records:
         return ""
-    cells = [list(records[0]), *([str(record.get(column, "")) for column in records[0]] for record in records)]
+    cells = [
+        list(records[0]),
+        *([one_line(str(record.get(column, ""))) for column in records[0]] for record in records),
+    ]
     widths = _fitting(cells, width or sys.maxsize)
     broken = [
         line

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from liaisons.cli._encoding import tolerate_encodings
 from liaisons.errors import LiaisonsError
+from liaisons.logs import collected_warnings, logger
 from liaisons.processes import orderly_end
 
 
@@ -20,11 +23,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in words  # before the command and behind it
     try:
-        with orderly_end():
+        with orderly_end(), _warnings_at_the_end():
             return _perform([word for word in words if word != "--debug"], debug=debug)
     except KeyboardInterrupt:
         print("liaisons: interrupted", file=sys.stderr)
         return 130
+
+
+@contextmanager
+def _warnings_at_the_end() -> Iterator[None]:
+    """What simulations warn of is printed when all is done, however it ends, where nothing scrolls it away."""
+    nowhere = logging.NullHandler()  # else Python prints each at once
+    logger.addHandler(nowhere)
+    with collected_warnings() as found:
+        try:
+            yield
+        finally:
+            logger.removeHandler(nowhere)
+            for text in found.texts:
+                print(f"warning: {text}", file=sys.stderr)
 
 
 def _perform(arguments: list[str], *, debug: bool) -> int:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.cosim.drives import Signal
 from liaisons.cosim.knots import curve, knots
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
@@ -33,7 +34,6 @@ class Given:
 
     functions: dict[str, Function] = field(default_factory=dict)
     operators: dict[str, dict[str, OperatorFmu]] = field(default_factory=dict)
-    jumps: list[float] = field(default_factory=list)  # instants [s]
 
 
 def drives(system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool) -> Given:
@@ -48,7 +48,7 @@ def drives(system: System, given: Iterable[str], start_time: float, stop_time: f
     found, names = Given(), set[str]()
     for text in given:
         name, equals, right = text.partition("=")
-        if Path(text).is_file() or not equals:
+        if _is_file(text) or not equals:
             times, columns = read_table(Path(text))
             _check_reach(text, times, start_time, stop_time)
             ports = {column: _driven(system, column, single=single) for column in columns}
@@ -65,6 +65,13 @@ def drives(system: System, given: Iterable[str], start_time: float, stop_time: f
             raise SimulationError(f"--input: {name} is given twice; leave one out")
         names |= new
     return found
+
+
+def _is_file(text: str) -> bool:
+    try:
+        return Path(text).is_file()
+    except OSError:  # a formula longer than a name can be
+        return False
 
 
 def _of_expression(name: str, text: str, driven: Callable[[str], Port]) -> Function:
@@ -121,14 +128,13 @@ def _of_table(
     triples = {name: triple for name, port in ports.items() if (triple := port.triple())}
     rates = {f"{name.removesuffix(ports[name].name)}{rate.name}" for name in triples for rate in triples[name][1:]}
     for name in ports.keys() - triples.keys() - rates:
-        through = curve(knots(times, columns[name]))
-        found.functions[name] = lambda t, through=through: float(through(t))
+        table = knots(times, columns[name])
+        through, breaks = curve(table), table[0, 1:][np.diff(table[0]) == 0]
+        found.functions[name] = Signal(lambda t, through=through: float(through(t)), breaks.tolist())
     for name, triple in triples.items():
         owner, port = ports[name].part.name, ports[name].name
         beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
         found.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside)
-    if triples:
-        found.jumps.extend(times[1:][np.diff(times) == 0])
     return set(ports) - rates | triples.keys()
 
 

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from liaisons import ssp
 from liaisons.array_names import split
-from liaisons.cli._inputs import drives
+from liaisons.cli._inputs import Given, drives
 from liaisons.cosim import System
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.messages import logger
-from liaisons.cosim.simulation import Simulation, checked, communication_points
+from liaisons.cosim.simulation import Simulation, checked, owned
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
 
 MISMATCH = "_mismatch"
 _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothing, nor do its FMUs
-_INSTANT = 1e-6  # of a step: so long before a jump inputs are looked at once more
 
 
 def resolved(word: str, starts: Iterable[Any]) -> tuple[Path | System, dict[str, Any]]:
@@ -38,7 +35,7 @@ def resolved(word: str, starts: Iterable[Any]) -> tuple[Path | System, dict[str,
 
 def simulation(
     word: str,
-    starts: Iterable[Any],
+    starts: Sequence[Any],
     *span: float | None,
     given: Iterable[str],
     record: list[str] | None = None,
@@ -75,17 +72,19 @@ def simulation(
         )
         logger.warning(words, Path(word).name, end, size)
     driven = drives(system, given, begin, end, single=single)
+    _refuse_twice(system, dict(starts), driven, single=single)
     for owner, operators in driven.operators.items():
         system.prescribe(owner, operators)
     parts = {name: part.apart(isolated) if isolated else part for name, part in system.parts.items()}
-    points = _points(driven.jumps, begin, end, size)
     watched = [name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatches(part.fmu)]
     asked = checked(
         system.name,
         parts,
         system.connections,
         single=single,
-        **points,
+        start_time=begin,
+        stop_time=end,
+        step_size=size,
         tolerance=own.tolerance if tolerance is None else tolerance,
         record=record,
         also=watched,
@@ -94,14 +93,19 @@ def simulation(
     return system, asked
 
 
-def _points(jumps: Iterable[float], start: float, stop: float, step: float) -> dict[str, Any]:
-    """Begin, end and steps; where inputs jump, communication points, with each jump and an instant before it."""
-    inside = np.array([jump for jump in jumps if start < jump <= stop])
-    if not inside.size:
-        return {"start_time": start, "stop_time": stop, "step_size": step}
-    every = np.array(communication_points(start, stop, step))
-    near = np.abs(every[:, None] - inside).min(axis=1) <= _INSTANT * step
-    return {"times": np.unique(np.concatenate([every[~near], inside, inside - _INSTANT * step]))}
+def _refuse_twice(system: System, starts: Iterable[str], driven: Given, *, single: bool) -> None:
+    """Refuse a start value of what --input moves: it would be ignored.
+
+    :raises ProjectError: if there is one.
+    """
+    places = [owned(system.name, system.parts, "input", name, single=single) for name in driven.functions]
+    places += [(owner, port) for owner, operators in driven.operators.items() for port in operators]
+    for owner, variable in places:
+        port = system.parts[owner][variable]
+        for moved in port.triple() or [port]:
+            name = moved.name if single else str(moved)
+            if name in starts:
+                raise ProjectError(f"--set {name}: --input {variable} says where it begins, too; leave one out")
 
 
 def mismatches(fmu: Fmu) -> list[str]:

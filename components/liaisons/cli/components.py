@@ -45,6 +45,7 @@ def listing(
     liaisons build
     liaisons build Pendulum Sinusoid --backend python
     liaisons build Pendulum --fmi both
+    liaisons build PendulumChain --fmi 3 --no-arrays
     liaisons build Pendulum --fmi 3 --platforms wasm
     liaisons build OscillatorChain --size n=1000
     liaisons build my_component.py --output /tmp/fmus --platforms all
@@ -72,6 +73,13 @@ def build(
         Literal["2", "3", "both"],
         typer.Option(help="version: FMI 2.0, FMI 3.0, which goes to fmi3/ and is native, or both"),
     ] = "2",
+    arrays: Annotated[
+        bool,
+        typer.Option(
+            "--arrays/--no-arrays",
+            help="in FMI 3.0, arrays as such, or number by number for tools that know none, in fmi3/scalars/",
+        ),
+    ] = True,
     size: Annotated[
         Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", parser=assignment)
     ] = None,
@@ -85,7 +93,7 @@ def build(
     for _, component in named:
         claim(component, folder)
     names = [(target, component.__name__) for target, component in named]
-    how = {"backend": backend, "platforms": platforms}
+    how = {"backend": backend, "platforms": platforms, "arrays": arrays}
     sizes = dict([size] if size else [])
     versions = ["2", "3"] if fmi == "both" else [fmi]
     for paths in _on_all_cores(partial(_build_one, folder, sizes, versions, how), names):

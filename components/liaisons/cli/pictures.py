@@ -12,6 +12,7 @@ from liaisons.cli._command import Inputs, Start, Starts, Step, Stop, Tolerance, 
 from liaisons.project import ProjectError
 
 _WHAT = "FMU|SSP|NAME|FILE.py"
+_ZIG = "100 MB, 400 MB unpacked"
 
 
 @command("""
@@ -80,13 +81,25 @@ def show(
     starts: Starts,
     _limit: UnpackedLimit = None,
 ) -> int:
-    """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account."""
-    from liaisons.cli._subject import resolved
+    """Write a live page: the FMU's own C in the browser, with sliders, picture, plot and energy account.
+
+    Where the compiler for WebAssembly is not installed, a page with the recorded motion.
+    """
+    from liaisons.cli._subject import resolved, simulation
+    from liaisons.compiler import zig_compiler
+    from liaisons.cosim.run import performed
+    from liaisons.live import default_path
     from liaisons.live import show as written
 
     found, rest = resolved(fmu, starts)
-    page = written(found, output, **rest)
-    print(f"page: {page}")
+    page = output or default_path(found)
+    if zig_compiler():
+        written(found, page, **rest)
+        print(f"page: {page}")
+    else:
+        _system, asked = simulation(fmu, starts, None, None, None, None, given=())
+        performed(asked).animate(page)
+        print(f"page: {page}, a recorded motion; a live page needs ziglang: pip install ziglang ({_ZIG})")
     if launch:
-        webbrowser.open(page.path.resolve().as_uri())
+        webbrowser.open(page.resolve().as_uri())
     return 0

@@ -48,7 +48,8 @@ class Bus:
         places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
         self.index = {place: k for k, place in enumerate(places)}
         most = sum((1 + len(self.inputs[name])) * (1 + len(self.outputs(name))) for name in order)
-        self._store = np.zeros(len(places) + most)  # with room for slopes, and derivatives by inputs
+        most += 2 * len(places)
+        self._store = np.zeros(len(places) + most)  # with room for slopes, derivatives by inputs, integrals
         self.values = self._store[: len(places)]
         self.start, self.size, self.end = c_double(), c_double(), c_double()
 

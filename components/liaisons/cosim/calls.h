@@ -12,7 +12,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-enum { OK, WARNING, DISCARD };
+enum { OK, WARNING, DISCARD, ERROR, FATAL };
 enum { COPY, CONVERT, TRANSFER_2, TRANSFER_3, STEP_2, STEP_3, SAVE, RESTORE, ORDERS_2, DERIVE_2, PYTHON, COUPLED };
 
 typedef struct {
@@ -68,7 +68,7 @@ static inline int derive_2(const Call *call) {
                                        known->direction, call->values);
 }
 
-static inline int perform(const Call *call, double time, double size) {
+static inline int returned(const Call *call, double time, double size) {
     switch (call->kind) {
     case COPY: memmove(call->values, call->given, call->count * sizeof(double)); return OK;
     case CONVERT: return convert(call);
@@ -86,5 +86,13 @@ static inline int perform(const Call *call, double time, double size) {
     default: return ((Coupled *)call->function)(call->instance, time, size);
     }
 }
+
+/* The status; what an FMU returns beside those of FMI is taken for Fatal: negative numbers are ours. */
+static inline int perform(const Call *call, double time, double size) {
+    const int status = returned(call, time, size);
+    return status < OK && call->kind < PYTHON ? FATAL : status;
+}
+
+static inline bool fine(int status) { return status == OK || status == WARNING; }
 
 #endif

@@ -105,15 +105,29 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
             )
 
 
-def prepared(parts: Mapping[str, Part], feeds: Feeds, chosen: Coupling) -> Mapping[str, Part]:
+def prepared(
+    parts: Mapping[str, Part], connections: Sequence[Connection], driven: Collection[Place], chosen: Coupling
+) -> Mapping[str, Part]:
     """The components as the coupling needs them.
 
-    In an iteration, FMUs of ours that cannot be told how inputs move interpolate them.
+    In an iteration, FMUs of ours that cannot be told how inputs move interpolate them.  In explicit coupling those do
+    whose inputs are all known at the end of a step, and smooth, unless the user has said what they do.
 
-    :raises SimulationError: if the user has said that such a one does something else.
+    :raises SimulationError: if the user has said that one that has to interpolate does something else.
     """
+    feeds = {connection.target.place: connection.source.place for connection in connections}
     if chosen not in ITERATING:
-        return parts
+        # What a source that samples gives jumps at each communication point.
+        stepwise = {
+            c.target.part.name for c in connections if c.source.part.samples or not c.source.variable.continuous
+        }
+        stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
+        late = {name for name, _ in schedule.late_inputs(schedule.order(parts, feeds), feeds, chosen)}
+        late |= {name for name, _ in driven if chosen == "jacobi"}
+        known = {*feeds, *driven}
+        partial = {name for name, variable in known if not _whole(parts[name], variable, known)}
+        able = {name for name, _ in known} - stepwise - late - partial
+        return {name: part.interpolating() if name in able and _free(part) else part for name, part in parts.items()}
     fed = {name for name, _ in feeds}
     cyclic = schedule.in_cycles(schedule.groups(parts, feeds), feeds)
     ready = dict(parts)
@@ -129,6 +143,17 @@ def prepared(parts: Mapping[str, Part], feeds: Feeds, chosen: Coupling) -> Mappi
             )
         ready[name] = part.interpolating()
     return ready
+
+
+def _free(part: Part) -> bool:
+    """Whether it extrapolates its inputs, and nobody has said that it should."""
+    return part.reconstruction == 1 and INPUT_RECONSTRUCTION not in part.starts
+
+
+def _whole(part: Part, name: str, fed: Collection[Place]) -> bool:
+    """Whether the rates of an input are fed, too, if it has any."""
+    triple, _ = Port(part, name).curve()
+    return all(port.place in fed for port in triple or ())
 
 
 def _loops(parts: Mapping[str, Part], feeds: Feeds) -> list[str]:

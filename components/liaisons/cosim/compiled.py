@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import atexit
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from ctypes import CDLL
 from functools import lru_cache
 from hashlib import sha256
@@ -36,12 +36,24 @@ def loaded(sources: tuple[Path, ...], without: str) -> CDLL | None:
         target = host()
         key = sha256(repr((contents, target, FLAGS)).encode()).hexdigest()[:16]
         path = cache.folder() / f"{sources[0].stem}-{key}{target.extension}"
-        if not path.exists():
+        if not _whole(path):
             path = _written(path, compile_library(contents, target))
         return CDLL(str(path))
     except (BuildError, OSError) as error:
         logger.info("%s: %s", without, error)
         return None
+
+
+def _whole(path: Path) -> bool:
+    """Whether the file is there and as it was written; to load part of one would end this process."""
+    with suppress(OSError):
+        return _seal(path).read_text(encoding="ascii", errors="replace") == cache.digest(path)
+    return False
+
+
+def _seal(path: Path) -> Path:
+    """The file beside a library that has its digest."""
+    return path.with_suffix(".sha256")
 
 
 def _written(path: Path, content: bytes) -> Path:
@@ -50,6 +62,8 @@ def _written(path: Path, content: bytes) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as part:
             part.write_bytes(content)
+        with replacing(_seal(path)) as part:
+            part.write_text(sha256(content).hexdigest(), encoding="ascii")
     except (OSError, SimulationError):
         path = _passing() / path.name
         path.write_bytes(content)

@@ -9,7 +9,7 @@ enum { MOST_ITERATIONS = 100, SLOW = 3, SECANTS = 3, POWERS = 8, POINTS = 3 };
 enum { AS_SET, POLYNOMIAL, ASKED, MEAN }; /* how inputs move */
 enum { RAISED = -1, DIVERGED = -2 };      /* what is no status of FMI */
 
-static const double NOISE = 1e4, DEPENDENT = 1e-12, SMALLEST = 1e-3, CONTRADICTION = 1.0 / 4, MISS = 1.0 / 2;
+static const double NOISE = 1e4, DEPENDENT = 1e-12, SMALLEST = 1e-3;
 
 typedef struct { /* see elimination.py */
     size_t n;
@@ -63,12 +63,10 @@ typedef struct { /* see group.py */
 typedef unsigned char Flag;
 
 typedef struct { /* see handed.py */
-    size_t given, made;
-    const size_t *given_values, *given_slopes, *given_roots, *made_values;
+    size_t made;
+    const size_t *values;
     double *past, *spans;
     size_t *depth;
-    Flag *jumped;
-    const Flag *stairs;
     const double *instants, *others;
     Python *ask; /* NULL: there are no others */
 } Handed;
@@ -86,7 +84,7 @@ typedef struct { /* see coupled.py and signals.py */
     const size_t *rates, *kind;
     const Group *groups;
     const Handed *handed; /* one a group, and that of the functions of time */
-    Flag *held;
+    const Flag *held;
     Python *drive;        /* NULL: no functions of time */
     const double *inside; /* shape (orders, instants) */
     size_t orders, instants;
@@ -151,7 +149,7 @@ static int prepare(System *system, Newton *newton, const double powers[], double
     system->failure.deriving = 1;
     for (size_t i = 0; i < newton->count; i++) {
         const int status = perform(&newton->calls[i], 0, size);
-        if (status <= WARNING) continue;
+        if (fine(status)) continue;
         system->failure.call = (ptrdiff_t)i;
         return status;
     }
@@ -205,7 +203,7 @@ static int step(System *system, const Member *m, const double powers[], double t
     for (size_t i = 0; i < m->count; i++) {
         if (m->repeated && i == (again ? 0u : 1u)) continue;
         const int status = perform(&m->calls[i], time, size);
-        if (status <= WARNING) continue;
+        if (fine(status)) continue;
         system->failure.call = (ptrdiff_t)i;
         return status;
     }
@@ -375,51 +373,30 @@ static int fresh(const Handed *h) {
 
 typedef struct {
     double begin, end;
-    int off;
 } Slopes;
 
 /* Of the cubic through both ends and two more points; of a parabola or a straight line, as far as there are points. */
 static Slopes cubic(double size, double before, double now, double a, double b, double at_a, double at_b,
                     size_t depth) {
-    const double gap = (fmax(fmax(a, b), size) - fmin(fmin(a, b), 0)) / 3;
     const double first = (now - before) / size;
     const double second = depth > 1 ? (now - at_a) / (size - a) : first;
     const double bend = (second - first) / a;
     const double third = depth > 2 ? (at_a - at_b) / (a - b) : second + bend * (b - size);
     const double twist = ((third - second) / (b - size) - bend) / b;
-    const double off = depth > 2 ? 6 * (gap * gap) * fabs(twist) : 2 * gap * fabs(bend);
-    const double largest = larger(larger(fabs(first), fabs(second)), fabs(third));
-    return (Slopes){first + size * (a * twist - bend), first + size * ((size - a) * twist + bend), off > MISS * largest};
-}
-
-static void shape_given(const System *system, const Handed *h, double size) {
-    for (size_t i = 0; i < h->given; i++) system->held[h->given_roots[i]] = 0;
-    for (size_t i = 0; i < h->given; i++) {
-        const size_t value = h->given_values[i], slope = h->given_slopes[i];
-        const double change = system->now[value] - system->before[value];
-        const double begin = size * system->before[slope], end = size * system->now[slope];
-        const double largest = larger(fabs(change), larger(fabs(begin), fabs(end)));
-        if (fabs(change - (begin + end) / 2) > CONTRADICTION * largest) system->held[h->given_roots[i]] = 1;
-    }
+    return (Slopes){first + size * (a * twist - bend), first + size * ((size - a) * twist + bend)};
 }
 
 static void shape(const System *system, const Handed *h, double size, int others) {
-    shape_given(system, h, size);
     for (size_t i = 0; i < h->made; i++) {
-        const size_t value = h->made_values[i], slope = value + system->outputs;
+        const size_t value = h->values[i], slope = value + system->outputs;
         const double before = system->before[value], now = system->now[value];
         const double last = -h->spans[0], first = last - h->spans[1];
-        Slopes found = cubic(size, before, now, last, first, h->past[i], h->past[h->made + i], h->depth[i]);
-        if (h->depth[i] == 1) found.off = h->jumped[i];
-        if (others && h->depth[i] < POINTS) {
-            const Slopes too = cubic(size, before, now, h->instants[0], h->instants[1], h->others[i],
-                                     h->others[h->made + i], POINTS);
-            if (!too.off) found = too;
-        }
-        const int jumps = found.off || h->stairs[i];
-        system->held[value] = (Flag)jumps;
-        system->before[slope] = jumps ? 0 : found.begin;
-        system->now[slope] = jumps ? 0 : found.end;
+        Slopes slopes = cubic(size, before, now, last, first, h->past[i], h->past[h->made + i], h->depth[i]);
+        if (others && h->depth[i] < POINTS)
+            slopes = cubic(size, before, now, h->instants[0], h->instants[1], h->others[i], h->others[h->made + i],
+                           POINTS);
+        system->before[slope] = system->held[value] ? 0 : slopes.begin;
+        system->now[slope] = system->held[value] ? 0 : slopes.end;
     }
 }
 
@@ -427,12 +404,8 @@ static void take_over(const System *system, const Handed *h, double size) {
     if (h->made == 0) return;
     for (size_t i = 0; i < h->made; i++) {
         h->past[h->made + i] = h->past[i];
-        h->past[i] = system->before[h->made_values[i]];
-        h->jumped[i] = system->held[h->made_values[i]] && h->depth[i] > 1;
-        if (h->jumped[i])
-            h->depth[i] = 1;
-        else if (h->depth[i] < POINTS)
-            h->depth[i]++;
+        h->past[i] = system->before[h->values[i]];
+        if (h->depth[i] < POINTS) h->depth[i]++;
     }
     h->spans[1] = h->spans[0];
     h->spans[0] = size;

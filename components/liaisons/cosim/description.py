@@ -14,7 +14,7 @@ import fmpy
 from liaisons.array_names import Shape, split
 from liaisons.cosim.archive import Archive, plain_file
 from liaisons.cosim.model_description import Description, Table, UnitDefinition, parse
-from liaisons.cosim.variables import RECORDED, Variables
+from liaisons.cosim.variables import RECORDED, Scalar, Variables
 from liaisons.errors import SimulationError, suggestion
 
 LONGEST = 1000
@@ -116,6 +116,18 @@ class Fmu:
             for name in entry.names()
         ]
 
+    @property
+    def next_event_time(self) -> Scalar | None:
+        """The variable with the next instant [s] at which outputs jump, or the greatest double if none comes.
+
+        FMUs of ours have it where the component has such instants; the name is reserved there.  None: it has none.
+        """
+        found = self.variables.entries.get("next_event_time")
+        if not isinstance(found, Scalar):
+            return None
+        marked = (found.type, found.causality, found.continuous, found.unit) == ("Real", "local", False, "s")
+        return found if marked else None
+
     def references_of(self, causality: str) -> list[int]:
         """Value references of the real variables, or whole arrays, of this causality."""
         found = (entry.like for entry in self.variables.entries.values())
@@ -198,7 +210,7 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
         differentiates=_true(kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"),
         input_derivatives=exchanges or (two and _true(kind, "canInterpolateInputs")),
         inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
-        output_derivative_order=int(kind.get("maxOutputDerivativeOrder", 0)),
+        output_derivative_order=1 if exchanges else int(kind.get("maxOutputDerivativeOrder", 0)),
         only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
         unpacked=archive.size,
         log_categories=tuple(description.log_categories),

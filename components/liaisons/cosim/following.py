@@ -62,10 +62,13 @@ class Begin:
         return np.concatenate([np.empty(0), *self._parts])
 
 
-def followed(simulation: Simulation, bus: Bus, slopes: Mapping[Place, int], gains: Gains) -> list[Followed]:
+def followed(  # noqa: C901 - one case after the other
+    simulation: Simulation, bus: Bus, slopes: Mapping[Place, int], gains: Gains, inside: Mapping[Place, tuple[int, int]]
+) -> list[Followed]:
     """What every connected input follows.
 
     :param slopes: where the slopes of outputs stand that FMUs give.
+    :param inside: where the integrals of functions of time stand, and how many numbers each returns, by its inputs.
     """
     parts, feeds = simulation.parts, simulation.feeds
     between = {target: source for target, source in feeds.items() if source[0] != SIGNALS}
@@ -89,22 +92,29 @@ def followed(simulation: Simulation, bus: Bus, slopes: Mapping[Place, int], gain
             continue
         if target not in effects and Port(part, target[1]).curve()[1] > 0 and part.fmu.differentiates:
             continue  # a rate that moves nothing
-        if part.left_alone and part.reconstruction == 0:
+        if part.samples:
             continue  # samples are what was asked for
         own = columns[source]
         places, order = curve(parts, feeds, source)
         data = [columns[place] for place in places if place in columns]
         within = simulation.iterates and name in cyclic and group.get(source[0]) == group[name]
         shape: Shape = "hermite"
+        straight = False
         if (part.left_alone and name not in cyclic) or not (simulation.iterates or part.interpolates):
             data, order = _own(part, target, bus, own)
             shape = "newest" if part.reconstruction is None and target not in late else "taylor"
+        elif straight := part.interpolates and Port(part, target[1]).curve()[0] is None:
+            data, order = [own], 0
         elif part.way == "mean":
             shape, data, order = "mean", [own], 0
         elif len(data) < 3 or len(data) < len(places) or (part.reconstruction is None and not part.interpolates):
             sloped = part.follows and source in slopes
             shape = "hermite" if sloped or within or not part.follows else "points"
             data, order = [own, slopes[source]] if sloped else [own], 0
+        if shape in {"hermite", "points"} and not straight and inside.get(target, (0, 0))[1] == len(places):
+            shape, data = "quintic" if len(data) == 3 else "cubic", [inside[target][0], inside[target][0] + 1]
+        elif not parts[giver].fmu.variables[given_as].continuous and shape != "newest":
+            shape = "stairs"
         found.append(
             Followed(
                 f"{_name(source)} -> {'.'.join(target)}",
@@ -112,7 +122,6 @@ def followed(simulation: Simulation, bus: Bus, slopes: Mapping[Place, int], gain
                 tuple(data),
                 order,
                 shape,
-                not within,
                 tuple(effects.get(target, ())),
                 tuple(bus.index[place] for place in bus.outputs(name)),
             )

@@ -13,6 +13,9 @@ from liaisons.errors import SimulationError
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
+ROUNDING = 1e-13
+"""Numbers of two knots at one instant are equal if they differ by no more than this part of the greatest in their
+column and of the greatest value, rates times the span of the table: a number of 13 digits is so far off."""
 _COLUMNS = ("times", "values", "rates", "accelerations")
 
 
@@ -23,11 +26,14 @@ def knots(
 
     What is not given of rates and accelerations is that of the quintic spline through what is, between jumps.
 
-    :param times: [s], ascending, shape (n,), n >= 2; twice the same is a jump.
+    :param times: [s], ascending, shape (n,), n >= 2; twice the same is a jump, unless both knots agree to
+        :data:`ROUNDING`: then they are one.
     :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
     """
     given = dict(zip(_COLUMNS, (times, values, rates, accelerations), strict=True))
-    columns = {name: _column(name, column) for name, column in given.items() if column is not None}
+    columns = {
+        name: _column(name, column) for name, column in given.items() if column is not None or name in _COLUMNS[:2]
+    }
     t = columns["times"]
     for name, column in columns.items():
         if column.size != t.size or t.size < 2:
@@ -42,10 +48,21 @@ def knots(
     for part in np.split(np.arange(t.size), jumps):
         beside = (columns[name][part] if name in columns else None for name in _COLUMNS[2:])
         found[:, part] = _smooth(t[part], columns["values"][part], *beside)
-    return found
+    agree = _agree(found, jumps)
+    found[1:, jumps] = np.where(agree, found[1:, jumps - 1], found[1:, jumps])
+    return np.delete(found, jumps[agree.all(axis=0)], axis=1)
 
 
-def _column(name: str, column: ArrayLike) -> NDArray[np.float64]:
+def _agree(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether two knots at one instant, the later of which are given, have the same numbers to rounding; (3, n)."""
+    span = table[0, -1] - table[0, 0]
+    powers = span ** np.arange(3)[:, None] if span > 0 else np.ones((3, 1))  # so that all rows have the unit of a value
+    rows = table[1:] * powers
+    scale = np.max(np.abs(rows), axis=1, keepdims=True) + np.max(np.abs(rows[0]))
+    return np.abs(rows[:, later] - rows[:, later - 1]) <= ROUNDING * scale
+
+
+def _column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
     try:
         found = np.asarray(column, dtype=float)
     except (TypeError, ValueError):

@@ -14,7 +14,7 @@ EXPORT size_t advance(const Call calls[], size_t count, double *start, double *s
         *end = times[k + 1];
         for (size_t i = 0; i < count; i++) {
             const int status = perform(&calls[i], *start, *size);
-            if (status == OK || status == WARNING) continue;
+            if (fine(status)) continue;
             refusal[0] = (ptrdiff_t)i;
             refusal[1] = status;
             return k;

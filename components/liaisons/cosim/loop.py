@@ -30,13 +30,17 @@ class Loop:
     """Steps from each communication point to the next one.
 
     :param calls: those of one step.
-    :param times: communication points [s].
+    :param capacity: so many communication points are expected.
     :ivar rows: what was on the bus at each of :attr:`times`, shape (points, width of the bus), as far as ``done``.
+    :ivar unasked: which of them do not belong to the result; ``begins``: which are breaks, with what is right of them.
     """
 
-    def __init__(self, calls: Sequence[Call], bus: Bus, times: Sequence[float]) -> None:
-        self.done, self.times, self.rows = 0, np.array(times), np.empty((len(times), bus.values.size))
-        self._calls, self._bus, self._instants = calls, bus, times
+    def __init__(self, calls: Sequence[Call], bus: Bus, capacity: int) -> None:
+        self.done, self.times, self.rows = 0, np.empty(capacity), np.empty((capacity, bus.values.size))
+        self.unasked: set[int] = set()
+        self.begins: list[int] = []
+        self._called: dict[int, float] = {}
+        self._calls, self._bus = calls, bus
         self._compiled: Callable[..., int] | None = None
         if (library := compiled.steps()) is not None:
             records = [call.compiled() for call in calls]
@@ -49,45 +53,76 @@ class Loop:
 
     def begin_anew(self) -> None:
         """Forget what was recorded."""
-        self.done, self.times[: len(self._instants)] = 0, self._instants
+        self.done = 0
+        self.unasked.clear()
+        self.begins.clear()
+        self._called.clear()
 
-    def add(self, time: float, values: NDArray[np.float64]) -> None:
-        """Record a point that was reached otherwise."""
-        if self.done == len(self.rows):
-            self.rows, self.times = np.concatenate([self.rows] * 2), np.concatenate([self.times] * 2)
+    def add(
+        self, time: float, values: NDArray[np.float64], *, called: float | None = None, begins: bool = False
+    ) -> None:
+        """Record a point that was reached otherwise.
+
+        :param called: its time in the result [s], which may differ by rounding; None: it does not belong there.
+        :param begins: it is a break, with what is right of it.
+        """
+        self._make_room(1)
+        if called is None:
+            self.unasked.add(self.done)
+        elif called != time:
+            self._called[self.done] = called
+        if begins:
+            self.begins.append(self.done)
         self.rows[self.done], self.times[self.done] = values, time
         self.done += 1
 
-    def advance(self, rows: int) -> None:
-        """Make steps until so many rows are filled.
+    def asked(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Rows that belong to the result, and their times [s]."""
+        rows = np.delete(np.arange(self.done), sorted(self.unasked))
+        times = self.times[: self.done].copy()
+        times[list(self._called)] = list(self._called.values())
+        return rows, times[rows]
+
+    def advance(self, instants: Sequence[float], *, asked: bool = True) -> None:
+        """Make steps to these instants [s], one after the other.
 
         :raises SimulationError: if an FMU refuses a call, or ends the simulation; :attr:`done` says how far it came.
         """
+        first, wanted = self.done, len(instants)
+        self._make_room(wanted)
+        self.times[first : first + wanted] = instants
+        if not asked:
+            self.unasked.update(range(first, first + wanted))
         if self._compiled is None:
-            self._advance(rows)
+            self._advance(wanted)
             return
-        wanted = rows - self.done
         done = self._compiled(
-            c_void_p(self.times.ctypes.data + (self.done - 1) * self.times.itemsize),
+            c_void_p(self.times.ctypes.data + (first - 1) * self.times.itemsize),
             c_size_t(wanted),
-            c_void_p(self.rows.ctypes.data + self.done * self.rows.strides[0]),
+            c_void_p(self.rows.ctypes.data + first * self.rows.strides[0]),
             self._refusal,
         )
         self.done += done
         if done < wanted:
+            self.unasked.difference_update(range(self.done, first + wanted))
             call, status = self._refusal
             self._judge(self._calls[call], status)
 
-    def _advance(self, rows: int) -> None:
+    def _make_room(self, points: int) -> None:
+        while self.done + points > len(self.rows):
+            self.rows, self.times = np.concatenate([self.rows] * 2), np.concatenate([self.times] * 2)
+
+    def _advance(self, wanted: int) -> None:
         bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
         values, start, size, end, calls = bus.values.data, bus.start, bus.size, bus.end, self._calls
         place = self.done * width
-        for now, then in pairwise(self._instants[self.done - 1 : rows]):
+        for now, then in pairwise(self.times[self.done - 1 : self.done + wanted].tolist()):
             start.value = now  # Bus.turn and Bus.perform written out: two Python calls less a step
             size.value = then - now
             end.value = then
             for call in calls:
                 if status := call():
+                    self.unasked.difference_update(range(self.done, self.done + wanted))
                     self._judge(call, status)
             flat[place : place + width] = values
             place += width
@@ -107,5 +142,5 @@ class Loop:
                 bus.end.value = bus.end.value if whole else ended.time
                 with suppress(SimulationError):  # an FMU that has ended need not do more
                     bus.perform(calls[calls.index(call) + 1 :])
-                    self.add(bus.end.value, bus.values)
+                    self.add(bus.end.value, bus.values, called=bus.end.value)
             raise

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from numbers import Real
 from pathlib import Path
-from typing import Literal, final
+from typing import Literal, final, get_args
 
 from liaisons.arguments import as_path, shown
 from liaisons.cosim.description import Fmu, read
@@ -23,6 +23,9 @@ INPUT_RECONSTRUCTION = "input_reconstruction"
 Triple = tuple[str, str, str]
 """Names of value, rate and acceleration."""
 
+Solver = Literal["cvode"]
+"""What integrates an FMU of Model Exchange from the begin on, where that is not left to what its equations are like."""
+
 Way = Literal["polynomial", "asked", "interpolate", "mean"]
 """How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
 
@@ -36,25 +39,42 @@ class Part:
     :param fmu: what was read from the file.
     :param starts: start values that differ from those of the FMU.
     :param isolated: it runs in a process of its own, where a call may take so long [s]; 0: in this one.
+    :param solver: of its equations, in Model Exchange; None: DOP853 until they turn out to be stiff.
     """
 
     name: str
     fmu: Fmu
     starts: Mapping[str, Value]
     isolated: float = 0.0
+    solver: Solver | None = None
 
     @classmethod
-    def of(cls, name: str, path: Path | str, starts: Mapping[str, object], *, isolated: bool | float = False) -> Part:
+    def of(
+        cls,
+        name: str,
+        path: Path | str,
+        starts: Mapping[str, object],
+        *,
+        isolated: bool | float = False,
+        solver: Solver | float | None = None,  # a number for type checkers: start values come as dicts of them
+    ) -> Part:
         """Read an FMU and check the start values for it.
 
         :param isolated: True: as long as :data:`TIME_LIMIT`.
-        :raises SimulationError: if the file cannot be used here, or a start value does not fit.
+        :raises SimulationError: if the file cannot be used here, or a start value or solver does not fit.
         """
         limit = time_limit(f"{name}: isolated =", isolated)
         fmu = read(as_path(f"{name}: fmu", path))
+        if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
+            raise SimulationError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")
+        if solver is not None and not fmu.exchanges:
+            raise SimulationError(
+                f"{name}: solver = {solver!r} is for FMUs of Model Exchange, and {fmu.path.name} has its own: "
+                "leave it out"
+            )
         if sizes := structural_sizes(name, fmu, starts):
             fmu = read(fmu.path, sizes)
-        return cls(name, fmu, start_values(name, fmu, starts), limit)
+        return cls(name, fmu, start_values(name, fmu, starts), limit, solver)
 
     def __getitem__(self, name: str) -> Port:
         """A variable, an array, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
@@ -122,6 +142,11 @@ class Part:
         return INPUT_RECONSTRUCTION in self.starts and self.reconstruction in {0, 1}
 
     @property
+    def samples(self) -> bool:
+        """Whether the user has said that its inputs hold: what they read depends on where communication points are."""
+        return self.left_alone and self.reconstruction == 0
+
+    @property
     def asks(self) -> bool:
         """Whether it asks how inputs move within a step: an FMI 3.0 FMU of ours; others may say so and never ask."""
         return self.reconstruction is not None and self.fmu.inside_inputs and not self.interpolates
@@ -156,9 +181,9 @@ class Part:
             return "asked"
         return "polynomial" if self.fmu.input_derivatives else "mean"
 
-    def interpolating(self, yes: bool = True) -> Part:
-        """The same, but that it interpolates its inputs, else extrapolates them."""
-        return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2 if yes else 1})
+    def interpolating(self) -> Part:
+        """The same, but that it interpolates its inputs."""
+        return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
     def apart(self, limit: float = TIME_LIMIT) -> Part:
         """The same, isolated, unless it is so already."""

@@ -62,12 +62,13 @@ def try_to_start(part: Part, directory: Path, times: Sequence[float]) -> None:
         capture_output=True,
         check=False,
     )
-    if done.returncode == 0:
+    status = done.returncode
+    stages = re.findall(r"^STAGE (\w+)$", done.stdout.decode(errors="replace"), re.MULTILINE)
+    ended = stages[-1:] == ["released"]
+    if status == 0 and ended:
         cache.remember(key)
-    elif done.returncode != 1:  # 1: an exception of Python
-        stages = re.findall(r"^STAGE (\w+)$", done.stdout.decode(errors="replace"), re.MULTILINE)
-        status = done.returncode
-        reason = signal.Signals(-status).name if status < 0 else f"status {status:#x}"
+    elif stages and not ended and (status, stages) != (1, ["loaded"]):  # 1: cannot be loaded, as the run will say
+        reason = signal.Signals(-status).name if status < 0 else f"exit status {status}"
         raise SimulationError(
             f"{part.name}: {fmu.path.name} crashes when it is {stages[-1]} ({reason}); "
             "build or copy it again, or ask its maker"

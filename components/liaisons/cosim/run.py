@@ -9,7 +9,8 @@ calls.
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -17,20 +18,24 @@ from time import perf_counter
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from liaisons.cosim import explicit, schedule
-from liaisons.cosim.adaptive import adapted, divided, kinds
+from liaisons.cosim.adaptive import Stepper, adapted, divided, kinds
+from liaisons.cosim.breaks import Breaks, gap
 from liaisons.cosim.bus import Bus
 from liaisons.cosim.calls import Call
 from liaisons.cosim.coupling.coupled import Coupled
-from liaisons.cosim.coupling.signals import watched
-from liaisons.cosim.drives import SIGNALS
-from liaisons.cosim.estimate import Estimate, Worst
+from liaisons.cosim.coupling.signals import Vector, watched
+from liaisons.cosim.drives import SIGNALS, rounding
+from liaisons.cosim.estimate import Estimate
+from liaisons.cosim.finite import warn_of_what_is_not_finite
 from liaisons.cosim.following import Begin, followed
+from liaisons.cosim.inside import Inside
 from liaisons.cosim.instances import Instance, extracted, make
 from liaisons.cosim.interrupts import deferred_interrupts
 from liaisons.cosim.loop import Loop
-from liaisons.cosim.messages import logger
+from liaisons.cosim.messages import keeping_warnings, logger
 from liaisons.cosim.parts import Part
 from liaisons.cosim.probe import try_to_start
 from liaisons.cosim.simulation import Simulation
@@ -41,6 +46,8 @@ from liaisons.progress import progress_bar
 from liaisons.results import IncompleteError, Interrupted, Result
 
 _PORTION = 0.02  # [s] between two looks, about
+_AHEAD = 256
+"""For so many steps together functions of time are evaluated inside of them."""
 
 
 @final
@@ -70,15 +77,22 @@ class Run:
                 asks, isolated = simulation.iterates and part.asks, part.isolated
                 if not isolated:
                     try_to_start(part, folder, times)
-                self._instances[name] = stack.enter_context(make(name, part.fmu, folder, asks=asks, isolated=isolated))
+                stiff = part.solver is not None
+                made = make(name, part.fmu, folder, asks=asks, isolated=isolated, stiff=stiff)
+                self._instances[name] = stack.enter_context(made)
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
             recorded = simulation.recorded.values()
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
             self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
+            self._inside = Inside(simulation.drives, self._bus, simulation.step_tolerance)
+            self._ahead = 1  # so many steps are looked at together
             self._begin, self._estimate = self._estimating()
-            self._loop = Loop(self._step, self._bus, times)
+            self._breaks = Breaks(simulation, self._instances, self._bus)
+            reads_samples = any(parts[name].samples for name, _ in simulation.feeds if name in parts)
+            self._divides = self._breaks.divides and self._estimate.looks and not reads_samples
+            self._loop = Loop(self._step, self._bus, len(times))
             self._back = self._saved() if self.repeats else []
             self._stack = stack.pop_all()
 
@@ -105,6 +119,8 @@ class Run:
         for instance in self._instances.values():
             instance.begin_anew()
         bus.turn(begin, begin)
+        self._breaks.begin_piece(begin)
+        self._inside.begin_anew()
         bus.perform(self._back)
         bus.values[:] = 0.0
         if self._coupled is not None:
@@ -117,7 +133,8 @@ class Run:
             instance.exit_initialization()
         bus.perform(self._settle)
         bus.perform(self._begin.calls)
-        self._loop.add(begin, bus.values)
+        self._loop.add(begin, bus.values, called=begin)
+        self._breaks.look(begin)
 
     def finish(self, look: Callable[[float], None] | None = None) -> None:
         """Go to the end, from the begin.
@@ -125,45 +142,112 @@ class Run:
         :param look: is told now and then how far it came [s].
         :raises SimulationError: if an FMU refuses something.
         """
-        loop, times = self._loop, self._simulation.times
-        if self._simulation.error_tolerance is not None:  # steps as long as their error allows
-            for time, values in adapted(self._simulation, self._instances, self._bus, self._step, self._coupled):
-                loop.add(time, values)
-                if look:
-                    look(time)
+        simulation = self._simulation
+        if simulation.error_tolerance is None and not simulation.adapts:
+            self._go(simulation.times, look)
             return
-        if self._simulation.adapts and self._coupled is not None:
+        stepper = Stepper(
+            simulation,
+            self._instances,
+            self._bus,
+            self._step,
+            self._coupled,
+            self._breaks,
+            self._inside,
+            self._cross,
+        )
+        if simulation.adapts:
             self._estimate.begin_anew(self._begin.values)
-            parts = self._simulation, self._instances, self._bus, self._step, self._coupled, self._estimate
-            for time, values, error in divided(*parts):
-                loop.add(time, values)
-                self._errors.append(error)
-                if look:
-                    look(time)
-            return
-        many = 1 if look else len(times)  # so many at a time that nobody waits for long
-        while loop.done < len(times):
-            begin = perf_counter()
-            loop.advance(min(loop.done + many, len(times)))
-            many = max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2)
+        points = divided(stepper, self._estimate) if simulation.adapts else adapted(stepper)
+        for point in points:  # steps as long as their error allows
+            self._loop.add(point.time, point.values, called=point.called, begins=point.begins)
+            if point.error is not None:
+                self._errors.append(point.error)
             if look:
-                look(times[loop.done - 1])
+                look(point.time)
+
+    def _go(self, points: Sequence[float], look: Callable[[float], None] | None) -> None:
+        """Step to each of the communication points, and up to the breaks between them."""
+        loop, breaks, done = self._loop, self._breaks, 1
+        most = _AHEAD if self._inside else len(points)
+        many = 1 if look or self._inside else most  # so many at a time that nobody waits for long
+        while done < len(points):
+            begin, time = perf_counter(), float(loop.times[loop.done - 1])
+            size = points[done] - points[done - 1]
+            near = rounding(breaks.next) if breaks.next < np.inf else 0.0
+            free = bisect_left(points, breaks.next - near, done)
+            if done < free:  # points before the next break
+                last = min(done + many, free)
+                if self._is_alone() and free == done + 1:
+                    self._advance([(time + points[done]) / 2], asked=False)
+                else:
+                    done += self._advance(points[done:last])
+            elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
+                stop = breaks.next - tiny
+                self._advance([(time + stop) / 2, stop] if self._is_alone() else [stop], asked=False)
+            else:
+                then, called = breaks.next, None
+                if points[done] - then <= near:
+                    then, called = max(then, points[done]), points[done]
+                    done += 1
+                loop.add(then, self._cross(time, then), called=called, begins=True)
+            many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
+            if look:
+                look(float(loop.times[loop.done - 1]))
+
+    def _advance(self, instants: Sequence[float], *, asked: bool = True) -> int:
+        """Step to instants, one after the other, as far as there is no break; returns to how many."""
+        loop, inside = self._loop, self._inside
+        if not inside:
+            loop.advance(instants, asked=asked)
+            return len(instants)
+        first, time = loop.done, float(loop.times[loop.done - 1])
+        instants = instants[: self._ahead]
+        integrals = inside.ahead(np.array([time, *instants]))
+        self._ahead = max(1, 2 * len(integrals))  # what is evaluated beyond a break is evaluated again
+        if not len(integrals):
+            found = inside.look(time, instants[0])
+            if found < np.inf and self._breaks.divides:
+                self._breaks.insert(found)
+                return 0
+            loop.advance(instants[:1], asked=asked)
+            return 1
+        try:
+            loop.advance(instants[: len(integrals)], asked=asked)
+        finally:
+            loop.rows[first : loop.done, inside.place] = integrals[: loop.done - first]
+        return len(integrals)
+
+    def _is_alone(self) -> bool:
+        """Whether nothing was recorded since the last break, or the begin: of one step alone there is no estimate."""
+        loop = self._loop
+        return self._divides and loop.done - 1 == (loop.begins[-1] if loop.begins else 0)
+
+    def _cross(self, now: float, then: float) -> Vector:
+        """Make the tiny step to a break, and look for the next one; returns what is on the bus then."""
+        bus, coupled = self._bus, self._coupled
+        bus.turn(now, then)
+        self._breaks.begin_piece(then)
+        if coupled is None:
+            bus.perform(self._step)
+        else:
+            coupled.cross()
+            bus.perform(self._step[1:])
+        self._breaks.look(then)
+        return bus.values
 
     def result(self) -> Result:
         """What was recorded so far."""
         simulation, loop = self._simulation, self._loop
-        values = np.ascontiguousarray(loop.rows[: loop.done].T[self._columns])
-        times, names = loop.times[: loop.done].copy(), tuple(simulation.recorded)
+        asked, times = loop.asked()
+        values = np.ascontiguousarray(loop.rows[asked].T[self._columns])
+        names = tuple(simulation.recorded)
         kinds = {n: simulation.parts[p].fmu.variables[v].type for n, (p, v) in simulation.recorded.items()}
         strings = [row for row, name in enumerate(names) if kinds[name] == "String"]
         found, places = np.unique(values[strings], return_inverse=True)
         values[strings] = places.reshape(values[strings].shape)
         words = tuple(text(number).decode(errors="replace") for number in found)
-        if self._errors:
-            error = np.array([0.0, *self._errors])
-        else:
-            self._estimate.begin_anew(self._begin.values)
-            error = self._estimate(loop.rows[: loop.done], times)
+        self._error = self._estimated(asked)
         return Result(
             simulation.title,
             times,
@@ -172,14 +256,29 @@ class Run:
             simulation.units,
             texts={names[row]: words for row in strings},
             jumping=simulation.jumping,
-            coupling_error=error,
+            coupling_error=self._error,
             scene=simulation.scene,
+            warnings=simulation.warnings,
         )
 
-    @property
-    def worst(self) -> Worst | None:
-        """The largest coupling error of the steps in the result that was taken last."""
-        return self._estimate.worst
+    def concluded(self) -> Result:
+        """What was recorded, warned of where it is not finite, or its coupling errors are too large."""
+        result = self.result()
+        warn_of_what_is_not_finite(result)
+        if self._estimate.worst is not None:
+            self._estimate.worst.warn(float(np.nansum(self._error)))
+        return result
+
+    def _estimated(self, asked: NDArray[np.intp]) -> Vector:
+        """What has been added since the communication point before, of the rows that belong to the result."""
+        if self._errors:
+            return np.array([0.0, *self._errors])
+        loop, found = self._loop, np.zeros(len(asked))
+        self._estimate.begin_anew(self._begin.values)
+        errors = self._estimate(loop.rows[: loop.done], loop.times[: loop.done], loop.begins)
+        if len(asked) > 1:
+            found[1:] = np.add.reduceat(errors[: asked[-1] + 1], asked[:-1] + 1)
+        return found
 
     def reached(self) -> float | None:
         """The last communication point [s]; None before the begin."""
@@ -199,7 +298,8 @@ class Run:
         simulation, bus, coupled = self._simulation, self._bus, self._coupled
         gains = {} if coupled is None else coupled.gains
         begin = Begin(simulation, self._instances, bus, gains)
-        inputs = followed(simulation, bus, {} if coupled is None else coupled.slopes, {**gains, **begin.gains})
+        slopes = {} if coupled is None else coupled.slopes
+        inputs = followed(simulation, bus, slopes, {**gains, **begin.gains}, self._inside.columns)
         return begin, Estimate(inputs, bus.index, kinds(simulation, bus))
 
     def _other_readings(self, name: str) -> list[Call]:
@@ -227,6 +327,7 @@ def _made_to_stay() -> Iterator[None]:
             gc.enable()
 
 
+@keeping_warnings
 def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:
     """Run a simulation from its begin to its end, or until an FMU ends it.
 
@@ -257,9 +358,7 @@ def performed(simulation: Simulation, *, progress: bool = False, verify: bool = 
                 raise IncompleteError(str(error), run.result()) from error
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
             raise Interrupted(f"{reached}; .result of this exception has what there is", run.result()) from None
-        result = run.result()
-        if run.worst is not None:
-            run.worst.warn()
+        result = run.concluded()
         return _verified(simulation, result) if verify else result
 
 

@@ -11,7 +11,8 @@ to t + H, with Gauss-Seidel coupling::
     target of another make          u := y(t + H) --- doStep -----------> outputs are read
 
 An FMU of ours (it has the parameter ``input_reconstruction``) that holds or extrapolates takes its inputs for those at
-t and is given them; one that interpolates remembers those at t and is given those at t + H.  An FMU of another make
+t and is given them; one that interpolates remembers those at t and is given those at t + H.  So do all whose sources
+are stepped before them, unless the user has said otherwise: they have order 6 at ports, not 3.  An FMU of another make
 is given the newest values that there are.  With Jacobi coupling every input holds the value at t.
 
 In a cycle the components are stepped in the order in which they were added, and what feeds back to an earlier one

@@ -22,6 +22,7 @@ from liaisons.cosim.parts import Part
 from liaisons.cosim.scenes import FmuScene
 from liaisons.cosim.schedule import Coupling, Feeds, Place
 from liaisons.errors import SimulationError, suggestion
+from liaisons.logs import collected_warnings
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""
@@ -42,6 +43,7 @@ class Simulation:
     :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
     :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
     :param adapts: whether steps between the communication points are as short as the estimate of their error asks for.
+    :param warnings: what was warned of when it was checked.
     """
 
     title: str
@@ -54,6 +56,7 @@ class Simulation:
     coupling: Coupling
     error_tolerance: float | None
     adapts: bool = False
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def feeds(self) -> Feeds:
@@ -166,14 +169,27 @@ def checked(
                 raise SimulationError(f"{name} = {value!r}: must be > 0")
     feeds = _feeds(connections)
     driven = [place for drive in driving for place in drive.inputs]
-    chosen = checks.coupling(parts, connections, driven, coupling)
-    checks.signals(connections, chosen)
-    parts = checks.prepared(parts, feeds, chosen)
-    checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
-    checks.inputs(parts, feeds, driven)
+    with collected_warnings() as warned:
+        chosen = checks.coupling(parts, connections, driven, coupling)
+        checks.signals(connections, chosen)
+        parts = checks.prepared(parts, connections, driven, chosen)
+        checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
+        checks.inputs(parts, feeds, driven)
     free = all(part.fmu.restores and part.fmu.variable_step for part in parts.values())
     adapts = chooses and not single and free and error_tolerance is None and chosen in checks.ITERATING
-    return Simulation(title, parts, connections, driving, recorded, points, tolerance, chosen, error_tolerance, adapts)
+    return Simulation(
+        title,
+        parts,
+        connections,
+        driving,
+        recorded,
+        points,
+        tolerance,
+        chosen,
+        error_tolerance,
+        adapts,
+        warnings=warned.texts,
+    )
 
 
 def _own_step(fmu: Fmu, start_time: float, stop_time: float | None) -> float | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import as_path, shown
@@ -14,7 +15,7 @@ from liaisons.cosim.connections import Connection, connect
 from liaisons.cosim.description import DefaultExperiment
 from liaisons.cosim.diagram import Diagram, diagram
 from liaisons.cosim.drives import Function
-from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
+from liaisons.cosim.parts import Part, Port, Solver
 from liaisons.cosim.run import performed
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.cosim.simulation import checked
@@ -29,7 +30,6 @@ class OperatorFmu:
 
     fmu: Path
     starts: Mapping[str, ArrayLike]
-    interpolate: bool
 
 
 class System:
@@ -48,7 +48,14 @@ class System:
         self.experiment = DefaultExperiment()
 
     def add(
-        self, name: str, fmu: Path | str, /, *, isolated: bool | float = False, **starts: ArrayLike | OperatorFmu
+        self,
+        name: str,
+        fmu: Path | str,
+        /,
+        *,
+        isolated: bool | float = False,
+        solver: Solver | float | None = None,
+        **starts: ArrayLike | OperatorFmu,
     ) -> Part:
         """Put an FMU into the system.
 
@@ -57,8 +64,10 @@ class System:
         :param isolated: in a process of its own: when it crashes, ends its process or hangs there, the run ends with
             what there is, and says which call did it.  A number is for how long a call may take [s], True a minute.
             On Linux; elsewhere it runs in this process, with a warning.
+        :param solver: ``"cvode"`` integrates the equations of an FMU of Model Exchange from the begin on, which are
+            known to be stiff; None: DOP853 does until it sees that they are.
         :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or an
-            :func:`operator`, which is added as ``name_port``, connected, and followed as it wants to be.
+            :func:`operator`, which is added as ``name_port`` and connected.
         :returns: a handle; ``handle["length"]`` is one of its ports, to be connected.
         :raises SimulationError: if the name will not do, the file cannot be used here, or a start value is unknown,
             cannot be set, or has the wrong type.
@@ -67,26 +76,32 @@ class System:
             raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
-        return self._added(name, fmu, starts, isolated=isolated)
+        return self._added(name, fmu, starts, isolated=isolated, solver=solver)
 
-    def _added(self, name: str, fmu: Path | str, starts: Mapping[str, object], *, isolated: bool | float) -> Part:
+    def _added(
+        self,
+        name: str,
+        fmu: Path | str,
+        starts: Mapping[str, object],
+        *,
+        isolated: bool | float,
+        solver: Solver | float | None,
+    ) -> Part:
         operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
         own = {start: value for start, value in starts.items() if start not in operators}
-        part = Part.of(name, fmu, own, isolated=isolated)
+        part = Part.of(name, fmu, own, isolated=isolated, solver=solver)
         self._parts[name] = part
         return self.prescribe(name, operators)
 
     def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> Part:
         """Let operators prescribe ports of a component.
 
-        :returns: its handle from now on.
+        :returns: its handle.
         """
         part = self._parts[name]
-        followed = part.reconstruction is not None and INPUT_RECONSTRUCTION not in part.starts
-        if operators and followed:
-            part = self._parts[name] = part.interpolating(all(value.interpolate for value in operators.values()))
         for port, value in operators.items():
-            self.connect(self.add(f"{name}_{port}", value.fmu, isolated=False, **value.starts)["y"], part[port])
+            own = f"{name}_{port}".replace(".", "_")  # ports of a flattened FMU have dots
+            self.connect(self.add(own, value.fmu, isolated=False, solver=None, **value.starts)["y"], part[port])
         return part
 
     def connect(self, source: Port, target: Port) -> None:
@@ -122,7 +137,8 @@ class System:
             taken = self._connections.get(place) or joined.setdefault(place, connection)
             if taken is not connection:
                 ends = f"{connection.source} cannot be connected with {connection.target}"
-                raise ConnectError(f"{ends}: {taken.source} feeds it already; an input has one source")
+                cure = "; where two mechanisms hang, a Junction adds their forces" if connection.back else ""
+                raise ConnectError(f"{ends}: {taken.source} feeds it already; an input has one source{cure}")
         self._connections.update(joined)
 
     def simulate(
@@ -241,6 +257,7 @@ def simulate(
     record: str | Iterable[str] | None = None,
     inputs: Mapping[str, Function] | None = None,
     isolated: bool | float = False,
+    solver: Solver | float | None = None,
     **starts: ArrayLike | OperatorFmu,
 ) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates; what is not given its experiment says.
@@ -255,15 +272,17 @@ def simulate(
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
         return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
         from a connected source.
-    :param isolated: in a process of its own, as in :meth:`System.add`.
+    :param isolated: in a process of its own, as in :meth:`System.add`; ``solver``: the same.
     :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or the
-        :func:`operator` of a coordinate.
+        :func:`operator` of a coordinate.  What a function drives begins where the function does.
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
     path = as_path("fmu", fmu)
     system = System(path.stem or str(path))
-    system._added(path.stem, path, starts, isolated=isolated)  # noqa: SLF001 - it may have a dot in its name
+    system._added(  # noqa: SLF001 - it may have a dot in its name
+        path.stem, path, starts, isolated=isolated, solver=solver
+    )
     simulation = checked(
         path.stem,
         system.parts,
@@ -277,4 +296,9 @@ def simulate(
         record=record,
         inputs=inputs,
     )
+    for drive in simulation.drives:
+        for (_, name), begin in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
+            if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), begin, rtol=1e-9, atol=1e-9):
+                words = f"{name} = {shown(starts[name])}: the function of inputs says {begin:.10g} where it begins"
+                raise SimulationError(f"{path.stem}.{words}; leave one out")
     return performed(simulation)

@@ -39,7 +39,10 @@ def main() -> None:
     _say("loaded")
     functions = c.CDLL(library)
     _say("instantiated")
-    (_start_2 if version == 2 else _start_3)(functions, exchanges, [word.encode() for word in words], *rest)
+    try:
+        (_start_2 if version == 2 else _start_3)(functions, exchanges, [word.encode() for word in words], *rest)
+    finally:
+        _say("released")  # else the FMU has ended the process, whatever its exit status
     os._exit(0)  # some FMUs crash when the process ends, which it does not do in a run
 
 

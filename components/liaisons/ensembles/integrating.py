@@ -24,7 +24,17 @@ from liaisons.library import Target
 from liaisons.library import component as found_component
 from liaisons.results import Result
 
-_CHUNK = 16  # blocks that a thread takes at once
+_CHUNK = 16
+"""Blocks that a thread takes at once, at most."""
+_TURNS = 4
+"""So often a thread takes blocks, at least where there are enough: the last ones to be done are few."""
+_MOST_STEPS, _MOST_NUMBERS = 10**12, 10**10
+_CONVERGES = 2.0
+"""By how much the difference has to shrink when the steps are halved: as of a method of first order."""
+_LOST = 0.1
+"""States that differ by more of their size have parted: how much more a finer step would change is not to be seen."""
+_ROUNDINGS = 1e-12
+"""Differences that are less, of the largest value, are roundings of thousands of steps, and do not shrink."""
 
 
 def ensemble(
@@ -59,7 +69,10 @@ def ensemble(
         motion is smooth.
     :param operators: active coordinate -> operator that moves it, by its name, file or class.
     :param record: an output or several; coordinates and momenta if None.
-    :param estimate: estimate the error from a second run with steps twice as long, which costs half as much again.
+    :param estimate: estimate the error from runs with steps twice and four times as long, which cost three quarters as
+        much again: by the order that the three show, rounded up, the method's at most.  Where halving the step does not
+        even halve a difference the case's errors are infinite, see :attr:`liaisons.Result.unconverged`: its motion is
+        chaotic for that long, or the steps are too large.
     :param threads: how many; one a core if None.
     :param backend: ``"native"``: C, compiled for this machine; ``"numpy"``; ``"auto"``: C where there is a compiler.
     :returns: signals of shape (times, cases), :meth:`liaisons.Result.error` of each if it is estimated, and
@@ -84,6 +97,8 @@ def ensemble(
     lanes = {name: array for name, array in given.items() if array.ndim}
     shared = {name: array for name, array in given.items() if not array.ndim}
     count = _count(model.name, lanes)
+    if samples * count > _MOST_NUMBERS:
+        raise SimulationError(f"samples = {samples} of {count} cases are more numbers than memory holds; record less")
 
     moved = [state.name for state in model.states if state.name not in INTEGRALS]
     names = tuple(moved if record is None else listed("record", record))
@@ -98,15 +113,17 @@ def ensemble(
     seen = program([t, *constants, y], [equations.outputs, equations.conditions])
 
     def run(steps: int) -> list[Floats]:
-        """Outputs and conditions, (rows, times, cases) each, with so many steps from one time to the next."""
+        """Outputs, conditions and states, (rows, times, cases) each, with so many steps from one time to the next."""
         states = _states(advance, each, start, time, steps=steps, threads=threads or os.cpu_count() or 1)
-        return seen.evaluate([time[None, :, None], each[:, None], once[:, None, None], states])
+        return [*seen.evaluate([time[None, :, None], each[:, None], once[:, None, None], states]), states]
 
-    pairs = math.ceil((stop_time - start_time) / samples / step_size / 2 - 1e-9)
-    fine, conditions = run(2 * pairs)
+    parts = 4 if estimate else 1  # with estimate, steps four times as long have to fit
+    steps = parts * math.ceil((stop_time - start_time) / samples / step_size / parts - 1e-9)
+    fine, conditions, states = run(steps)
     errors = None
     if estimate:
-        errors = np.max(np.abs(fine - run(pairs)[0]), axis=1) / (2 ** METHODS[method].order - 1)
+        runs = ((outputs, reached) for outputs, _, reached in (run(steps // 2), run(steps // 4)))
+        errors = _estimate((fine, states), *runs, order=METHODS[method].order)
     failures = _lost(fine, conditions, equations.condition_texts, time)
     failures |= {case: (0, text) for case, text in _outside(variables, given, count).items()}
     for case, (first, _) in failures.items():
@@ -130,21 +147,45 @@ def _states(advance: Advance, each: Floats, start: Floats, time: Floats, *, step
     records = np.empty((len(time), *first.shape))
     records[0] = first
 
+    size = min(_CHUNK, -(-len(lanes) // (_TURNS * threads)))
+
     def advance_chunk(begin: int) -> None:
-        chunk = slice(begin, begin + _CHUNK)
+        chunk = slice(begin, begin + size)
         for k, (now, then) in enumerate(pairwise(time)):
             states = records[k, chunk].copy()
             advance(now, (then - now) / steps, steps, lanes[chunk], states)
             records[k + 1, chunk] = states
 
-    chunks = range(0, len(lanes), _CHUNK)
+    chunks = range(0, len(lanes), size)
     if threads == 1 or len(chunks) == 1:
         for begin in chunks:
             advance_chunk(begin)
     else:
-        with ThreadPoolExecutor(threads) as pool:
+        with ThreadPoolExecutor(min(threads, len(chunks))) as pool:
             list(pool.map(advance_chunk, chunks))
     return records.transpose(2, 0, 1, 3).reshape(len(start), len(time), -1)[..., : start.shape[1]]
+
+
+Run = tuple[Floats, Floats]
+"""Outputs and states, (rows, times, cases)."""
+
+
+def _estimate(fine: Run, half: Run, quarter: Run, *, order: int) -> Floats:
+    """Errors of the finest of three runs, largest over the times, (signals, cases); infinite without convergence.
+
+    Whether a case converges its states say: a single signal may agree by chance.
+
+    :param half: with steps twice as long; ``quarter``: four times.
+    """
+    near = np.max(np.abs(fine[0] - half[0]), axis=1)
+    size = np.max(np.abs(fine[1]), axis=1)
+    finer, coarser = (np.max(np.abs(a[1] - b[1]), axis=1) for a, b in ((fine, half), (half, quarter)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart, before = (np.max(np.where(of <= _ROUNDINGS * size, 0, of / size), axis=0) for of in (finer, coarser))
+        ratio = before / apart
+        shown = np.where(apart > 0, np.clip(np.ceil(np.log2(ratio)), 1, order), 1)
+        diverges = (apart > 0) & ((ratio <= _CONVERGES) | (apart > _LOST))
+    return np.where(diverges, np.inf, near / (2**shown - 1))
 
 
 def _blocks(rows: Floats) -> Floats:
@@ -181,6 +222,10 @@ def _check_times(start_time: float, stop_time: float, step_size: float, samples:
     if step_size <= 0:
         raise SimulationError(f"step_size = {step_size!r}: must be > 0")
     whole("samples", samples)
+    if not (stop_time - start_time) / step_size < _MOST_STEPS:
+        raise SimulationError(
+            f"step_size = {step_size!r}: too many steps until stop_time = {stop_time!r}; take larger ones"
+        )
 
 
 def _outside(variables: Mapping[str, Variable], given: Mapping[str, Floats], count: int) -> dict[int, str]:

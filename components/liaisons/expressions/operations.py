@@ -27,6 +27,28 @@ def instructions(function: ca.Function) -> Iterator[tuple[int, list[int], list[i
         yield code, function.instruction_input(k), function.instruction_output(k), constant
 
 
+_NOT_SMOOTH = {
+    *(ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO, ca.OP_FABS),
+    *(ca.OP_SIGN, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER),
+}
+
+
+def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
+    """Whether no operation with a kink or a jump in its result works on what depends on a symbol."""
+    others = [symbol for symbol in ca.symvar(expression) if not ca.is_equal(symbol, by)]
+    function = ca.Function("expression", [by, ca.vertcat(*others)], [expression])
+    depends = [False] * function.sz_w()
+    for code, read, written, _ in instructions(function):
+        if code == ca.OP_INPUT:
+            depends[written[0]] = read[0] == 0
+        elif code != ca.OP_OUTPUT:
+            found = code != ca.OP_CONST and any(depends[place] for place in read)
+            if found and code in _NOT_SMOOTH:
+                return False
+            depends[written[0]] = found
+    return True
+
+
 def _call(name: str, function: Callable[..., Any], arguments: int = 1) -> Operation:
     return Operation(f"{name}({', '.join(f'{{{i}}}' for i in range(arguments))})", function)
 

@@ -40,16 +40,19 @@ def build(
     backend: Backend = "auto",
     platforms: Platforms = "host",
     fmi: Fmi = "2",
+    arrays: bool = True,
 ) -> Path:
     """Build the FMU of a model; an FMU that is there already and up to date is left as it is.
 
     :param model: what ``assemble(Pendulum)`` returns.
-    :param output: folder; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, of the Python back end
-        ``python/NAME.fmu``.
+    :param output: folder; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, without arrays
+        ``fmi3/scalars/NAME.fmu``, of the Python back end ``python/NAME.fmu``.
     :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
     :param platforms: binaries for this machine; ``"all"``: for Linux, Windows and macOS; ``"wasm"``: for this machine,
         and, experimental, a WebAssembly component (FMI 3.0). Both are of the native back end and need ziglang.
     :param fmi: ``"2"``: FMI 2.0; ``"3"``: FMI 3.0 (native back end).
+    :param arrays: False: in FMI 3.0 the elements of arrays are variables, ``theta[1]``, as they are in FMI 2.0, for
+        importers that know no arrays.
     :returns: path of the FMU.
     :raises BuildError: if it cannot be compiled or written; then nothing is written.
     """
@@ -66,7 +69,9 @@ def build(
         backend = "python"
     if backend == "python":
         return _build_python(model, output)
-    return _build_native(model, output, platforms, fmi)
+    if fmi == "3":
+        output = output / "fmi3" if arrays else output / "fmi3" / "scalars"
+    return _build_native(model, output, platforms, fmi, arrays=arrays)
 
 
 @cache
@@ -74,16 +79,16 @@ def _say_how_to_get_native() -> None:
     _log.warning("no C compiler is found: FMUs are built in Python; for native ones: pip install ziglang")
 
 
-def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi) -> Path:
-    path = (output if fmi == "2" else output / "fmi3") / f"{model.name}.fmu"
-    sources = source_files(model, _NO_GUID, fmi)
+def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, arrays: bool) -> Path:
+    path = output / f"{model.name}.fmu"
+    sources = source_files(model, _NO_GUID, fmi, arrays=arrays)
     if fmi == "2":
         description = model_description(model, guid=_NO_GUID, backend="native")
     else:
-        description = model_description3(model, token=_NO_GUID)
+        description = model_description3(model, token=_NO_GUID, arrays=arrays)
     members = {
         _DESCRIPTION: description,
-        **extra_members(model, fmi),
+        **extra_members(model, fmi if arrays else "2"),  # which have the names of numbers
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     experimental = manifest() if platforms == "wasm" else {}

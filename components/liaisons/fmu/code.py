@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from importlib.util import find_spec
 from itertools import accumulate
@@ -40,44 +40,50 @@ _HEADERS = (
 )
 
 
-def source_files(model: Model, guid: str, fmi: Fmi = "2") -> dict[str, bytes]:
+def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> dict[str, bytes]:
     """Everything that is needed to compile the FMU, by file name.
 
     :param guid: what the binary compares the model description with.
+    :param arrays: False: in FMI 3.0, too, value references stand for numbers.
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
     model_c, *written = sources(fmi)
     return {
         "buildDescription.xml": _build_description(model, fmi),
-        model_c: model_code(model, guid, fmi).encode(),
+        model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
         **{name: (runtime / name).read_bytes() for name in (*_headers(model), *written)},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
 
 
-def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
+def model_code(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True) -> str:
     """``model.c``: the functions, then the tables that core.h declares."""
     adjoint = fmi == "3"  # where adjoint derivatives can be asked for
     loops = loop_functions(model.programs, coupled(model), adjoint=adjoint) if model.programs else {}
     rates = [] if loops else _rates(model)
     members = {"distances": model.conditions, "instants": model.events}
-    members |= {} if model.draw is None else {"draw": model.draw}
+    draw = (model.table and model.table.draw) or model.draw
+    members |= {} if draw is None else {"draw": draw}
     members |= {} if loops else _functions(model, adjoint=adjoint)
-    calls = _calls(model, members)
+    seeing, rates = _seeing(model, members, rates)
     functions = [*members.values(), *(function for pair in rates for function in pair)]
+    functions += [model.table.times] if model.table else []
     code, reals = function_code(functions)
-    pairs = [(every.name(), some.name()) for every, some in rates] or [_MOTION] * len(_ACTIVITIES)
+    names = {function.name(): name for name, function in seeing.items()}
+    pairs = [tuple(names.get(f.name(), f.name()) for f in pair) for pair in rates] or [_MOTION] * len(_ACTIVITIES)
     fields = {
         **_fields(model, guid),
+        **({} if arrays else {"by_number": "1"}),
         "coupled": str(rates[-1][1].numel_out(0) if rates else coupled(model)),
-        "most_arguments": str(max([_TABLE if calls else _MOST, *(function.sz_arg() for function in functions)])),
+        "most_arguments": str(max([_TABLE if model.table else _MOST, *(function.sz_arg() for function in functions)])),
         "most_results": str(max([_MOST, *(function.sz_res() for function in functions)])),
         "integers": str(max(function.sz_iw() for function in functions)),
         "reals": str(max([reals, *(loop.reals for loop in loops.values())])),
         "motions": _row(*(_row(*pair) for pair in pairs)),
-        **{name: function.name() for name, function in members.items() if not name.startswith("piece")},
-        **{name: name for name in calls},
+        "instants": "instants",
+        **({} if model.draw is None else {"draw": "draw"}),
+        **{name: names.get(function.name(), function.name()) for name, function in members.items()},
         **{name: name for name in loops if name not in _MOTION},
     }
     return "\n".join(
@@ -86,13 +92,13 @@ def model_code(model: Model, guid: str, fmi: Fmi = "2") -> str:
             "#include <math.h>",
             "",
             '#include "core.h"',
-            *(['#include "knots.h"'] if calls else []),
+            *_table_sizes(model),
             "",
             "#ifdef __GNUC__",
             '#pragma GCC diagnostic ignored "-Wunused-parameter"',
             "#endif",
             *code,
-            *(line for name, call in calls.items() for line in define(name, [call])),
+            *_by_table(model, seeing),
             *([PREAMBLE, *(loop.text for loop in loops.values())] if loops else []),
             *_tables(model),
             "const Model model = {",
@@ -107,7 +113,7 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
     """Those that are derived as expressions, by the names of core.h."""
     functions = {
         "start": model.start,
-        **({"calculate": model.outputs_function} if model.piece is None else {"piece": model.piece}),
+        "calculate": _outputs(model),
         "jump": model.jump,
         "remember": model.remember,
         "nominals": model.nominals,
@@ -118,21 +124,65 @@ def _functions(model: Model, *, adjoint: bool) -> dict[str, ca.Function]:
 
 
 def _headers(model: Model) -> tuple[str, ...]:
-    return _HEADERS if model.piece is None else (*_HEADERS, "knots.h")
+    return _HEADERS if model.table is None else (*_HEADERS, "knots.h")
 
 
-def _calls(model: Model, members: dict[str, ca.Function]) -> dict[str, str]:
-    """Statements of the functions that look up a piece of a table, by the names of core.h."""
-    if model.piece is None:
-        return {}
-    del members["instants"]
-    room, arguments = model.parameters[0].count, "arguments, results"
-    pieces = {name: name.replace("piece", "calculate") for name in members if name.startswith("piece")}
-    calls = {
-        calculate: f"{calculate.replace('calculate', 'calculate_piece')}({piece}, {room}, {arguments});"
-        for piece, calculate in pieces.items()
-    }
-    return {"instants": f"next_instant({room}, {arguments});"} | calls
+def _outputs(model: Model) -> ca.Function:
+    """(t, y, u, k, m) -> z; of a table with the rows that are seen instead of all."""
+    return model.outputs_function if model.table is None else model.table.outputs_function
+
+
+def _seeing(
+    model: Model, members: dict[str, ca.Function], rates: list[tuple[ca.Function, ca.Function]]
+) -> tuple[dict[str, ca.Function], list[tuple[ca.Function, ca.Function]]]:
+    """Functions that see rows of a table, by the names of those that look the rows up, which take their places."""
+    if model.table is None:
+        return {}, rates
+    seeing = {name: members[name] for name in members if name.startswith("calculate")}
+    seeing |= {"draw": model.table.draw} if model.table.draw else {}
+    seeing |= {function.name(): function for pair in rates for function in pair}
+    seeing = {name: _renamed(function, f"seen_{name}") for name, function in seeing.items()}
+    members |= {name: seeing[name] for name in members if name in seeing}
+    if model.table.has_events:
+        del members["instants"], members["draw"]
+    return seeing, [(seeing[every.name()], seeing[some.name()]) for every, some in rates]
+
+
+def _renamed(function: ca.Function, name: str) -> ca.Function:
+    arguments = function.sx_in()
+    return ca.Function(name, arguments, function.call(arguments, True, False))
+
+
+def _by_table(model: Model, seeing: Mapping[str, ca.Function]) -> list[str]:
+    """Definitions of functions that look rows up, for those that see them."""
+    calls = {name: f"see{name.removeprefix('calculate')}" for name in seeing if name.startswith("calculate")}
+    calls = dict.fromkeys(seeing, "see") | calls
+    arguments = "arguments, results, integers, reals, memory"
+    lines = [define(name, [f"return {call}({seeing[name].name()}, {arguments});"]) for name, call in calls.items()]
+    if model.table and model.table.has_events:
+        lines.append(define("instants", ["return next_instant(arguments, results);"]))
+        lines.append(define("draw", ["return next_break(arguments, results);"]))
+    return [line for definition in lines for line in definition]
+
+
+def _table_sizes(model: Model) -> list[str]:
+    """What knots.h has to know of a table, and knots.h."""
+    if model.table is None:
+        return []
+    table, lookups = model.table, model.table.lookups
+    behind = sum(variable.count for variable in model.parameters) - table.columns * table.rows
+    sizes = {"COLUMNS": table.columns, "ROOM": table.rows, "LOOKUPS": len(lookups), "BEHIND": behind}
+    columns = ", ".join(str(column) for lookup in lookups for column in lookup)
+    rests = ", ".join(str(int(rests)) for rests in table.rests)
+    return [
+        f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())}, SEEN = {table.seen} }};",
+        f"static const size_t of_lookup[] = {{{', '.join(str(len(lookup)) for lookup in lookups)}}};",
+        f"static const size_t seen_columns[] = {{{columns}}};",
+        f"static const int rests[] = {{{rests}}};",
+        "static Function times;",
+        "",
+        '#include "knots.h"',
+    ]
 
 
 def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
@@ -140,7 +190,7 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
 
     For each of the :data:`_ACTIVITIES`, without what is owed to inputs that are 0 then.  Of maps they are all one.
     """
-    whole = model.derivatives
+    whole = model.derivatives if model.table is None else model.table.derivatives
     if not whole.is_a("SXFunction"):
         return [(whole, whole)] * len(_ACTIVITIES)
     t, y, u, k = map(ca.SX, whole.sx_in())
@@ -154,7 +204,8 @@ def _rates(model: Model) -> list[tuple[ca.Function, ca.Function]]:
             given = stack(ca.SX(0) if is_zero else u[i] for i, is_zero in enumerate(zero))
             rates = ca.densify(ca.cse(whole.call([t, y, given, k], True, False)[0]))
             every = ca.Function(f"derivatives{suffix}", [t, y, u, k], [rates])
-            found[zero] = every, ca.Function(f"motion{suffix}", [t, y, u, k], [rates[:count]])
+            motion = ca.Function(f"motion{suffix}", [t, y, u, k], [rates[:count]]) if count < rates.numel() else every
+            found[zero] = every, motion
         pairs.append(found[zero])
     return pairs[::-1]
 
@@ -188,9 +239,7 @@ def _differentiated(model: Model) -> tuple[tuple[str, ca.Function, str, str], ..
     """Functions whose derivatives an importer can ask for, with their arguments and results."""
     return (
         ("start", model.start, "tuk", "ym"),
-        ("calculate", model.outputs_function, "tyukm", "z")
-        if model.piece is None
-        else ("piece", model.piece, "tt", "z"),
+        ("calculate", _outputs(model), "tyukm" if model.table is None else "tyurm", "z"),
         ("remember", model.remember, "tyukm", "m"),
     )
 
@@ -235,7 +284,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
         "outputs": sum(variable.count for variable in (*model.outputs, *model.drawn)),
         "states": model.start.numel_out(0),
         "memory": model.start.numel_out(1),
-        "events": model.events.numel_out(0) if model.piece is None else 1,
+        "events": 1 if model.table and model.table.has_events else model.events.numel_out(0),
         "conditions": len(model.condition_texts) - model.start_only,
         "start_conditions": len(model.condition_texts),
         "variable_rows": len(model.variables),
@@ -251,7 +300,7 @@ def _fields(model: Model, guid: str) -> dict[str, str]:
         "tolerance": _number(model.experiment.tolerance),
         **{name: str(number) for name, number in numbers.items()},
         **{name: name for name in tables},
-        **({"columns": str(len(model.parameters))} if model.piece else {}),
+        **({"columns": str(model.table.columns)} if model.table else {}),
         **({"drawn": str(sum(variable.count for variable in model.drawn))} if model.drawn else {}),
         **({"jumps": "jumps"} if jump_table(model) else {}),
     }
@@ -330,7 +379,7 @@ def _variable(variable: Variable, kind: str, first: int, state: str, activity: i
 
 def _common_start(variable: Variable) -> float:
     """What all numbers of a variable start at, but those that are listed one by one."""
-    return 0.0 if isinstance(variable.start, tuple) else variable.start or 0.0
+    return variable.starts[0] if len(set(variable.starts)) == 1 else 0.0
 
 
 def _starts(model: Model) -> list[tuple[int, float]]:
@@ -339,9 +388,8 @@ def _starts(model: Model) -> list[tuple[int, float]]:
     return [
         (where[variable.name][i], value)
         for variable in model.variables
-        if isinstance(variable.start, tuple)
-        for i, value in enumerate(variable.start)
-        if value != 0
+        for i, value in enumerate(variable.starts)
+        if value != _common_start(variable)
     ]
 
 

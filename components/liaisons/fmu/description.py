@@ -90,7 +90,8 @@ def _parts(model: Model, backend: Backend) -> Iterator[str]:
     else:
         yield from element("CoSimulation", {"modelIdentifier": model.name, **_CO_SIMULATION_IN_PYTHON})
     yield from unit_definitions(model.variables)
-    yield from log_categories()
+    if backend == "native":  # pythonfmu's wrapper gives what is fatal no category: who asks for categories misses it
+        yield from log_categories()
     yield from default_experiment(model)
     yield from element("ModelVariables", {}, _variables(model, backend))
     yield from element("ModelStructure", {}, _structure(model))

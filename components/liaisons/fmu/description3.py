@@ -6,6 +6,7 @@ A variable's value reference is its position in the file, from 1; see :mod:`liai
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,9 +45,13 @@ _CO_SIMULATION = {
 }
 
 
-def model_description3(model: Model, *, token: str) -> bytes:
-    """The model description of a native FMU; the token is what the binary will compare with, ``"{...}"``."""
+def model_description3(model: Model, *, token: str, arrays: bool = True) -> bytes:
+    """The model description of a native FMU; the token is what the binary will compare with, ``"{...}"``.
+
+    :param arrays: False: the elements of arrays are variables, and structural sizes constants.
+    """
     attributes = root_attributes(model, "3.0", instantiationToken=token)
+    model = model if arrays else replace(model.flat(), programs=())
     return document(element("fmiModelDescription", attributes, _parts(model)))
 
 
@@ -72,7 +77,9 @@ def _variables(model: Model) -> Iterator[str]:
     reference_of_size = size_references(model)
     for size in model.dimensions:
         of_size = reference_of_size[size.name]
-        attributes = size_attributes(size, of_size, causality="structuralParameter", variability="fixed")
+        sizes_arrays = any(variable.dimension == size for variable in model.variables)
+        kind = ("structuralParameter", "fixed") if sizes_arrays else ("local", "constant")
+        attributes = size_attributes(size, of_size, **dict(zip(("causality", "variability"), kind, strict=True)))
         yield from element("UInt64", attributes | dict.fromkeys(("min", "max", "start"), str(size.count)))
     for variable in model.variables:
         attributes = general_attributes(variable, variable.name, reference[variable.name])

@@ -11,6 +11,9 @@ from liaisons.expressions import OPERATIONS, c_parts
 _LONGEST = 1000
 """Operations in one function of C: for twice as many a compiler takes more than twice the time."""
 
+_ZEROS = 100
+"""So many entries of a result that are 0 are written one by one; more are cleared at once."""
+
 _STATES = 1
 """Place among the arguments.  States come from the stage before; what else goes in has been there for long."""
 
@@ -47,22 +50,39 @@ def _is_scalar(function: ca.Function) -> bool:
 def _straight(function: ca.Function) -> tuple[list[str], int]:
     arguments = function.sx_in()
     results = function.call(arguments, True, False)
+    clear: list[str] = []
+    written: list[tuple[ca.SX, str]] = []
+    for i, result in enumerate(results):
+        is_zero = [entry.is_zero() for entry in ca.vertsplit(result)]
+        if sum(is_zero) <= _ZEROS:
+            written.append((result, f"results[{i}][{{}}]"))
+            continue
+        clear.append(f"for (int j = 0; j < {len(is_zero)}; j++) results[{i}][j] = 0;")
+        for first, end in _runs(is_zero):
+            written.append((result[first:end], f"results[{i}][{first} + {{}}]"))
     parts, kept = c_parts(
         [(argument, f"arguments[{i}][{{}}]") for i, argument in enumerate(arguments)],
-        [(result, f"results[{i}][{{}}]") for i, result in enumerate(results)],
+        written,
         kept="reals[{}]",
         most=_LONGEST,
         late=_STATES,
     )
     if len(parts) == 1:
-        return define(function.name(), parts[0]), 0
+        return define(function.name(), [*clear, *parts[0]]), 0
     names = [f"{function.name()}_{i}" for i in range(len(parts))]
     lines = [line for name, statements in zip(names, parts, strict=True) for line in define(name, statements)]
     # Called by way of a table, so that compilers do not put them together again.
     lines += [f"static Function *const {function.name()}_parts[] = {{{', '.join(names)}}};", ""]
     calls = f"for (int i = 0; i < {len(parts)}; i++)"
     call = f"    {function.name()}_parts[i](arguments, results, integers, reals, memory);"
-    return lines + define(function.name(), [calls, call]), kept
+    return lines + define(function.name(), [*clear, calls, call]), kept
+
+
+def _runs(is_zero: list[bool]) -> list[tuple[int, int]]:
+    """First and end of the entries that are not 0."""
+    edges = [True, *is_zero, True]
+    changes = [i for i in range(len(edges) - 1) if edges[i] != edges[i + 1]]
+    return list(zip(changes[::2], changes[1::2], strict=True))
 
 
 def define(name: str, statements: Iterable[str]) -> list[str]:

@@ -152,8 +152,9 @@ def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArra
         return
     rate = _rate(model, motion, k)
     nominals = np.array(model.nominals.call([ca.DM(0), y, motion(0.0), k])[0]).ravel()
-    events = np.array(model.events.call([k])[0]).ravel()
-    corners = [*sorted(float(t) for t in events if 0 < t < times[-1]), float(times[-1])]
+    corners = []
+    while not corners or corners[-1] < times[-1]:
+        corners.append(min(model.next_event(k, corners[-1] if corners else 0.0), float(times[-1])))
     t, waiting = 0.0, list(times[1:])
     for corner in corners:
         solver = DOP853(rate, t, y, corner, rtol=TOLERANCE, atol=cast(Any, TOLERANCE * nominals))

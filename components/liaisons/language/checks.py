@@ -16,7 +16,7 @@ from liaisons import units
 from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.expressions.dimensions import Declared, check_units
 from liaisons.language.declarations import UNCHECKED, Declaration, InternalState, Symbol
-from liaisons.language.variables import Variable
+from liaisons.language.variables import NEXT_EVENT_TIME, Variable
 
 D = TypeVar("D", bound=Declaration)
 _IDENTIFIER = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
@@ -206,7 +206,7 @@ def reject_reserved_names(cls: type) -> None:
 def reject_clashes(cls: type, names: Iterable[str]) -> None:
     """Raise a ComponentError for two variables of one name."""
     seen: set[str] = set()
-    for name in [*names, "input_reconstruction", "symplectic_steps", "time", "picture"]:
+    for name in [*names, "input_reconstruction", "symplectic_steps", "time", "picture", NEXT_EVENT_TIME]:
         if name in seen:
             raise ComponentError(
                 f"{cls.__name__}: two variables would be called {name!r}; rename the parameter, coordinate, "

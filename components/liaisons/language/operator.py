@@ -2,28 +2,50 @@
 
 from __future__ import annotations
 
+import logging
+import sys
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise, takewhile
+from typing import final
 
 import casadi as ca
 
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
+from liaisons.expressions.operations import is_smooth
 from liaisons.language.checks import Formulas, call
 from liaisons.language.component import Component, Every
 from liaisons.language.declarations import Input, InternalState, ParameterArray
 from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
 from liaisons.language.variables import State, Terminal, TerminalMember
 
+_log = logging.getLogger(__name__)
+
 TRIPLE = ("y", "y_dot", "y_ddot")
 _TEXTS = ("signal", "first derivative of the signal", "second derivative of the signal")
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Lookup:
+    """Two rows of a table, as symbols."""
+
+    time: ca.SX
+    columns: tuple[str, ...]
+    rests: bool
+    begin: ca.SX
+    end: ca.SX
 
 
 class Operator(Component, abstract=True):
     """Source of a signal y(t) and its derivatives, for an active port; abstract.
 
-    A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, :meth:`events`.  One
+    A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, :meth:`events`: who
+    follows the signal has a communication point there.  One
     that closes a loop declares inputs and internal states with :meth:`internal_rates`; the signal then depends on the
     states, and through at least three of them on an input, so that y, y_dot and y_ddot are continuous.
     The outputs ``y``, ``y_dot``, ``y_ddot`` carry no unit: they take that of the port they are connected to.
@@ -34,12 +56,14 @@ class Operator(Component, abstract=True):
 
     inputs = Every(Input)
     internal_states = Every(InternalState)
+    lookups: list[Lookup] | None
     clock: ca.SX
     internal: ca.SX
     input_column: ca.SX
 
     def __init__(self) -> None:
         super().__init__()
+        self.lookups = None  # a list: rows are symbols, kept in it
         self.clock = ca.SX.sym("t")
         self.internal = self._symbols(state.name for state in self.internal_states)
         self.input_column = self._symbols(item.name for item in self.inputs)
@@ -48,18 +72,74 @@ class Operator(Component, abstract=True):
     def signal(self, t: ca.SX) -> ca.SX:
         """y as an expression of time, the parameters and the internal states."""
 
-    def piece(self, t: ca.SX, ends: ca.SX) -> ca.SX | None:
-        """The signal between two rows of a table, whose columns are the parameter arrays; None: there is no table.
+    def interval(self, t: ca.SX, *columns: str, rests: bool = False) -> tuple[list[ca.SX], list[ca.SX]]:
+        """Two rows of a table between whose instants t lies: the values of these columns in each of them.
 
-        :param ends: one row after the other.
+        The parameter arrays that are declared first and have one dimension are the table, a column each; the first of
+        them has the instants of the rows, ascending, and ends where they no longer ascend.  Before all rows it is the
+        first interval, behind them the last one; intervals without length are none.  An FMU's runtime looks rows up,
+        and the functions generated for it see no others; a file in its resources may hold more rows.
+
+        :param t: when; may depend on time, internal states, inputs and other parameters.
+        :param columns: names of the parameter arrays.
+        :param rests: behind all rows both are the last one.
         """
+        if self.lookups is None:
+            return self._chosen(t, columns, rests=rests)
+        for found in self.lookups:
+            if (found.columns, found.rests) == (columns, rests) and ca.is_equal(found.time, t, 100):
+                break
+        else:
+            begin, end = (ca.vertcat(*(ca.SX.sym(f"{c}[{row}]") for c in columns)) for row in ("k", "k+1"))
+            found = Lookup(t, columns, rests, begin, end)
+            self.lookups.append(found)
+        return ca.vertsplit(found.begin), ca.vertsplit(found.end)
+
+    def _chosen(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
+        """The same as expressions of all rows."""
+        instants, ascends = ca.vertsplit(self.table[0].of(self)), ca.SX(1)
+        begun, has_length = [], []
+        for t_0, t_1 in pairwise(instants):
+            ascends = ca.logic_and(ascends, t_1 >= t_0)
+            has_length.append(ca.logic_and(ascends, ca.logic_or(rests, t_1 > t_0)))
+            begun.append(ca.logic_and(has_length[-1], t >= (t_1 if rests else t_0)))
+        last = len(instants) - 1
+        order = [(k, begun[k]) for k in reversed(range(last))]
+        order += [] if rests else list(enumerate(has_length))
+        chosen, passed = [ca.SX(0)] * len(instants), ca.SX(0)
+        for k, holds in order:
+            row = k + 1 if rests else k
+            chosen[row] += ca.logic_and(holds, ca.logic_not(passed))
+            passed = ca.logic_or(passed, holds)
+        chosen[0 if rests else last - 1] += ca.logic_not(passed)
+        begin, end = stack(chosen), stack([ca.SX(0), *chosen[:-1]])
+        if rests:
+            more = stack([*has_length, ca.SX(0)])  # whether there is a next row
+            end = stack([ca.SX(0), *ca.vertsplit(begin * more)[:-1]]) + begin * (1 - more)
+        whole = [next(p for p in self.table if p.name == name).of(self) for name in columns]
+        return [ca.dot(begin, x) for x in whole], [ca.dot(end, x) for x in whole]
+
+    @property
+    def table(self) -> list[ParameterArray]:
+        """The parameter arrays in front, of one dimension: columns in which :meth:`interval` looks."""
+        first = next(iter(self.parameters), None)
+        return [
+            p
+            for p in takewhile(lambda p: isinstance(p, ParameterArray), self.parameters)
+            if isinstance(p, ParameterArray) and isinstance(first, ParameterArray) and p.dimension == first.dimension
+        ]
 
     def internal_rates(self) -> Mapping[str, ca.SX]:
         """Rates of the internal states, by name."""
         return {}
 
     def events(self) -> Sequence[ca.SX]:
-        """Instants at which y or one of its first two derivatives is not smooth."""
+        """Instants [s] at which y or one of its first two derivatives is not smooth; the solver stops there.
+
+        Expressions of parameters.  Where events recur, of ``clock``, too: instants about that time, the first one
+        after it among them.  With ``k = ca.floor(self.clock / self.period)``, which rounding may put off by one, these
+        are ``[i * self.period for i in (k, k + 1, k + 2)]``.
+        """
         return []
 
     def layout(self) -> Layout:
@@ -81,7 +161,13 @@ class Operator(Component, abstract=True):
         formulas, symbols = Formulas(self), self.symbols | {"t": self.clock}
         formulas("signal", symbols, units.ANY, self.clock)
         for i, instant in enumerate(call(self, "events")):
-            formulas.take(f"events[{i}]", instant, self.symbols, "s")
+            formulas.take(f"events[{i}]", instant, symbols, "s")
+        if call(self, "next_event_time") is None and not is_smooth(ca.SX(self.signal(self.clock)), self.clock):
+            _log.warning(
+                "%s: the signal has kinks or jumps (abs, sign, fmin, fmax, floor, if_else, ...); return their instants "
+                "in events(), or who follows it may step over them",
+                type(self).__name__,
+            )
         formulas.internal_rates(self.internal_states, self.symbols)
         formulas.check_units(self.layout().variables, symbols, t="s")
         for name, expression in zip(TRIPLE, self.triple(), strict=True):
@@ -91,14 +177,29 @@ class Operator(Component, abstract=True):
                     "each of which follows the one before"
                 )
 
-    def triple(self, signal: ca.SX | None = None) -> list[ca.SX]:
-        """y and its derivatives along the motion of the internal states; of another signal, if one is given."""
+    def triple(self) -> list[ca.SX]:
+        """y and its derivatives along the motion of the internal states."""
         rates = stack(ca.SX(rate) for rate in self.rates())
-        triple = [ca.SX(self.signal(self.clock) if signal is None else signal)]
+        triple = [ca.SX(self.signal(self.clock))]
         for _ in range(2):
             y = triple[-1]
             triple.append(ca.jacobian(y, self.clock) + ca.jtimes(y, self.internal, rates))
         return triple
+
+    def next_event_time(self) -> ca.SX | None:
+        """First instant [s] after ``clock`` at which the signal is not smooth; None: it always is.
+
+        The first of :meth:`events`.  An operator whose instants depend on internal states returns its own,
+        ``self.first_after(instants)``.
+        """
+        instants = self.events()
+        return self.first_after(instants) if instants else None
+
+    @final
+    def first_after(self, instants: Iterable[ca.SX]) -> ca.SX:
+        """The first of some instants [s] after ``clock``; the greatest double if there is none."""
+        after = [ca.if_else(instant > self.clock, instant, sys.float_info.max) for instant in instants]
+        return reduce(ca.fmin, after, ca.SX(sys.float_info.max))
 
     def rates(self) -> list[ca.SX]:
         """Rates of the internal states, in their order."""

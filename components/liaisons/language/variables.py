@@ -14,6 +14,9 @@ Causality = Literal["parameter", "calculatedParameter", "input", "output", "loca
 TerminalKind = Literal["free", "active", "point", "signal"]
 Variability = Literal["fixed", "tunable", "discrete", "continuous"]
 
+NEXT_EVENT_TIME = "next_event_time"
+"""Name of the variable by which an FMU announces its next event; reserved for it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Dimension:

@@ -38,6 +38,12 @@ class LivePage:
         return framed(self.path.read_bytes(), _HEIGHT)
 
 
+def default_path(subject: Path | System) -> Path:
+    """Where the page of an FMU or a system goes unless something else is said: ``NAME.html`` where we are."""
+    name = subject.name if isinstance(subject, System) else subject.stem
+    return Path(re.sub(r"[^\w .=-]", "_", name) + ".html")
+
+
 def show(subject: Path | str | System, /, path: Path | str | None = None, **starts: object) -> LivePage:
     """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
 
@@ -53,8 +59,7 @@ def show(subject: Path | str | System, /, path: Path | str | None = None, **star
     if isinstance(subject, System) and starts:
         raise SimulationError(f"{subject.name}: start values of a system are given where its FMUs are added")
     fmu = subject if isinstance(subject, System) else Path(subject)
-    name = fmu.name if isinstance(fmu, System) else fmu.stem
-    target = Path(re.sub(r"[^\w .=-]", "_", name) + ".html") if path is None else as_path("show: path", path)
+    target = default_path(fmu) if path is None else as_path("show: path", path)
     content = live_page(fmu, starts)
     with replacing(target) as whole:
         whole.write_bytes(content)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -51,7 +51,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     ordered = list(order([part.name for part in parts.values()], feeds))
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
-    components = [_component(prefix, part, paths, feeds) for prefix, part in parts.items()]
+    components = [_component(prefix, part, paths, feeds, ordered[:i]) for i, (prefix, part) in enumerate(parts.items())]
     place = {part.name: i for i, part in enumerate(parts.values())}
     stops = [part.fmu.experiment.stop_time for part in parts.values()]
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
@@ -94,8 +94,16 @@ def _compiled(path: Path, *_identity: int) -> str:
 
 
 def _component(
-    prefix: str, part: Part, paths: Sequence[Path], feeds: Mapping[tuple[str, str], tuple[str, str]]
+    prefix: str,
+    part: Part,
+    paths: Sequence[Path],
+    feeds: Mapping[tuple[str, str], tuple[str, str]],
+    before: Collection[str],
 ) -> dict[str, Any]:
+    """What the page has to know of a component.
+
+    :param before: names of the components that are stepped before it.
+    """
     description: ModelDescription = fmpy.read_model_description(part.fmu.path, validate=False)
     variables = {v.name: v for v in description.modelVariables if v.type == "Real"}
     fed = {variable for name, variable in feeds if name == part.name}
@@ -105,7 +113,9 @@ def _component(
     outputs = [name for name, v in variables.items() if v.causality in {"output", "input"} and split(name)[1] is None]
     elements = [name for name, v in variables.items() if v.causality == "output" and split(name)[1] is not None]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
-    mode = _INTERPOLATE if part.reconstruction is not None and not fed else part.reconstruction
+    later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in before}
+    chooses = part.reconstruction is not None and not later and not (fed and part.left_alone)
+    mode = _INTERPOLATE if chooses else part.reconstruction
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
     kept = {*hidden, *part.starts, *(name for name, *_ in free)}  # beside what is read or has a slider
     listed = [_variable(v, part, read=name in read, hidden=name in hidden) for name, v in variables.items()]
@@ -116,7 +126,7 @@ def _component(
         "variables": [v for v in listed if v.get("read") or v.get("set") or v["name"] in kept],
         "free": free,
         "settings": {} if mode is None else {str(reference): mode},
-        "reconstruction": mode or 0,
+        "reconstruction": _INTERPOLATE if mode is None else mode,  # others are given the newest
         "picture": picture.document,
         "units": {s: [variables[f"{s}_force"].unit or "", "W"] for s, *_ in free if f"{s}_force" in variables},
     }

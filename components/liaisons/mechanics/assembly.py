@@ -14,7 +14,7 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.language.operator import Operator
 from liaisons.mechanics.chains.assembly import chain_model
 from liaisons.mechanics.mechanisms import mechanism_model
-from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.model import NEXT_EVENT, LookupTable, Model, described
 from liaisons.mechanics.printing import of_operator
 
 
@@ -38,31 +38,81 @@ def assemble(component: type[Component], n: object = None) -> Model:
 def _operator_model(component: type[Operator]) -> Model:
     """Lay an operator out as variables and functions."""
     picture = component()
+    picture.lookups = []
     t, x, u = picture.clock, picture.internal, picture.input_column
-    rates, triple = picture.rates(), picture.triple()
+    rates, triple, next_event = stack(map(ca.SX, picture.rates())), picture.triple(), picture.next_event_time()
+    announced = ca.SX(0, 1) if next_event is None else next_event
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
     k, none = ca.vertcat(picture.parameter_column, start), ca.SX(0, 1)  # an operator has nothing to remember
+    outputs = ca.densify(stack([*triple, x, rates]))
+    equations = of_operator(picture, triple[0])
+    table = None
+    if picture.lookups:
+        table = _table(picture, k, rates, outputs, announced)
+        rates, outputs, announced = _of_all_rows(picture, rates, outputs, announced)
+    events = stack(map(ca.SX, picture.events()))
+    instants_of = [k, t] if ca.depends_on(events, t) else [k]
     functions = {
         "start": ([t, u, k], [start, none]),
-        "derivatives": ([t, x, u, k], [stack(rates)]),
-        "outputs": ([t, x, u, k, none], [ca.densify(stack([*triple, x, *rates]))]),
+        "derivatives": ([t, x, u, k], [rates]),
+        "outputs": ([t, x, u, k, none], [outputs]),
         "jump": ([t, x, u, k, none], [x]),
         "remember": ([t, x, u, k, none], [none]),
         "nominals": ([t, x, u, k], [ca.SX.ones(x.shape)]),
         "conditions": ([t, x, u, k], [none]),
-        "events": ([k], [stack(picture.events())]),
+        "events": (instants_of, [events]),
     }
-    columns = len(picture.parameters)
-    ends = ca.SX.sym("ends", 2 * columns)
-    piece = picture.piece(t, ends)
-    if piece is not None:
-        functions["piece"] = ([t, ends], [ca.densify(stack(picture.triple(piece)))])
+    if next_event is not None:
+        functions["draw"] = ([t, x, u, k], [announced])
     made: dict[str, Any] = {name: ca.Function(name, *ends) for name, ends in functions.items()}
     return Model(
         **described(picture),
         memory=(),
         outputs_function=made.pop("outputs"),
         **made,
+        drawn=() if next_event is None else (NEXT_EVENT,),
         condition_texts=(),
-        equations=of_operator(picture, triple[0]),
+        equations=equations,
+        table=table,
     )
+
+
+def _table(picture: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced: ca.SX) -> LookupTable:
+    """What is calculated from the two rows of each look-up."""
+    t, x, u, lookups = picture.clock, picture.internal, picture.input_column, picture.lookups or []
+    names = [column.name for column in picture.table]
+    rows = picture.table[0].dimension.count
+    behind = k[len(names) * rows :]
+    seen = stack([*(row for lookup in lookups for row in (lookup.begin, lookup.end)), behind])
+    has_events = any(ca.is_equal(lookup.time, t) for lookup in lookups)
+    seeing = [rates, outputs] if has_events else [rates, outputs, announced]
+    unseen = [name for name in map(str, ca.symvar(stack(seeing))) if name in _elements(picture)]
+    if unseen:
+        raise ComponentError(f"{type(picture).__name__}: {unseen[0]} is part of a table: ask interval() for it")
+    return LookupTable(
+        columns=len(names),
+        rows=rows,
+        lookups=tuple(tuple(names.index(column) for column in lookup.columns) for lookup in lookups),
+        rests=tuple(lookup.rests for lookup in lookups),
+        times=ca.Function("times", [t, x, u, behind], [stack(lookup.time for lookup in lookups)]),
+        derivatives=ca.Function("derivatives", [t, x, u, seen], [rates]),
+        outputs_function=ca.Function("outputs", [t, x, u, seen, ca.SX(0, 1)], [outputs]),
+        has_events=has_events,
+        draw=None if has_events or announced.is_empty() else ca.Function("draw", [t, x, u, seen], [announced]),
+    )
+
+
+def _elements(picture: Operator) -> set[str]:
+    return {name for column in picture.table for name in column.names}
+
+
+def _of_all_rows(picture: Operator, *expressions: ca.SX) -> list[ca.SX]:
+    """The same with the rows of each look-up chosen among all."""
+    lookups, picture.lookups = picture.lookups or [], None
+    symbols, rows = [], []
+    for lookup in lookups:
+        both = picture.interval(lookup.time, *lookup.columns, rests=lookup.rests)
+        for symbol, row in zip((lookup.begin, lookup.end), both, strict=True):
+            symbols.append(symbol)
+            rows.append(stack(row))
+    return ca.substitute(list(expressions), symbols, rows)

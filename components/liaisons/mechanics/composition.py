@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -17,7 +18,7 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Experiment, Terminal, TerminalMember, Variable
 from liaisons.mechanics.bookkeeping import function
-from liaisons.mechanics.model import ActiveInput, Model, State
+from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Model, State
 
 
 def compose(
@@ -40,6 +41,7 @@ def compose(
     :raises ComponentError: for an unknown variable, or inputs that depend on each other in a way that is not linear.
     """
     parts = [_named(part, model.flat()) for part, model in models.items()]
+    longest = max((part.experiment for part in parts), key=lambda e: e.stop_time)
     values = {variable: float(value) for variable, value in (starts or {}).items()}
     _check(name, parts, connections, values)
     joined = _Joined(name, parts, connections)
@@ -64,7 +66,7 @@ def compose(
         start_only=sum(part.start_only for part in parts),
         active=tuple(a for a in _all(parts, "active") if a.value not in connections),
         ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
-        experiment=experiment or max((part.experiment for part in parts), key=lambda e: e.stop_time),
+        experiment=experiment or replace(longest, reference={}),  # the start values are those of the whole
     )
 
 
@@ -117,7 +119,7 @@ class _Part:
         if group == "start":
             return list(called.call([self.t, self.u, self.k]))
         if group == "events":
-            return list(called.call([self.k]))
+            return list(called.call([self.k, self.t][: called.n_in()]))
         arguments = [self.t, self.y if y is None else y, self.u, self.k, self.m if m is None else m]
         return list(called.call(arguments[: called.n_in()]))
 
@@ -162,17 +164,20 @@ class _Joined:
         def connected(expression: Any, values: Any = v) -> Any:
             return ca.substitute(expression, self.v, values) if self.inner else expression
 
+        recur = any(part.model.events.n_in() > 1 for part in self.parts)
         whole = {
             "start": function("start", [self.t, self.u, self.k], connected(y_0, v_0), connected(m_0, v_0)),
             "outputs_function": function("outputs", booked, connected(self._stack([z, self.v]))),
             "conditions": function("conditions", motion, connected(self._stack(conditions))),
-            "events": function("events", [self.k], self._stacked("events")),
+            "events": function("events", [self.k, self.t] if recur else [self.k], self._stacked("events")),
         }
         for group, arguments in (("derivatives", motion), ("nominals", motion), ("jump", booked), ("remember", booked)):
             whole[group] = function(group, arguments, connected(self._stacked(group)))
         if any(part.model.project is not None for part in self.parts):
             rows = (part.y if part.model.project is None else part.at("project")[0] for part in self.parts)
             whole["project"] = function("project", motion, connected(self._stack(rows)))
+        if announcing := [part.at("draw")[0] for part in self.parts if NEXT_EVENT in part.model.drawn]:
+            whole |= {"draw": function("draw", motion, connected(reduce(ca.fmin, announcing))), "drawn": (NEXT_EVENT,)}
         return whole
 
     def conditions(self) -> list[tuple[str, Any]]:

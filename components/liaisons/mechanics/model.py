@@ -21,10 +21,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from liaisons.expressions.rows import RowProgram
 from liaisons.language.component import Component
 from liaisons.language.variables import (
+    NEXT_EVENT_TIME,
     ActiveInput,
     Dimension,
     Experiment,
@@ -45,6 +47,48 @@ class Equation:
     right: ca.SX
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LookupTable:
+    """Parameters that are looked up row by row: functions that see two rows at each of some times, not the whole.
+
+    Their parameters r are, for each of the times, its columns at the begin of the interval, the same at its end; then
+    all parameters behind the table.
+
+    :param lookups: which columns are seen at each of the times.
+    :param rests: whether behind all rows both are the last one; else they are those of the last interval.
+    :param times: (t, y, u, parameters behind the table) → (times,).
+    :param derivatives: (t, y, u, r) → (y_dot,).
+    :param outputs_function: (t, y, u, r, m) → (z,).
+    :param has_events: whether the instants of its rows are those of :attr:`Model.events`.
+    :param draw: (t, y, u, r) → (next event,), unless these instants are it, or there is none.
+    """
+
+    columns: int
+    rows: int
+    lookups: tuple[tuple[int, ...], ...]
+    rests: tuple[bool, ...]
+    times: ca.Function
+    derivatives: ca.Function
+    outputs_function: ca.Function
+    has_events: bool
+    draw: ca.Function | None = None
+
+    @property
+    def seen(self) -> int:
+        """How many numbers of it functions see."""
+        return 2 * sum(map(len, self.lookups))
+
+
+NEXT_EVENT = Variable(
+    NEXT_EVENT_TIME,
+    "s",
+    "first instant after the present time at which a signal is not smooth; 1.7976931348623157e308: there is none",
+    "local",
+    "discrete",
+)
+"""Announces the instants that an importer should have as communication points."""
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """A component, ready to become an FMU.
@@ -59,9 +103,9 @@ class Model:
     * ``nominals``    (t, y, u, k) → (n,)           size of each state, at initialization; scales the tolerance
     * ``project``     (t, y, u, k) → (y,)           state put back onto constraints after a solver's step; None: no need
     * ``conditions``  (t, y, u, k) → (c,)           each entry must stay > 0 (a singularity lies at 0)
-    * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted
-    * ``draw``        (t, y, u, k) → (d,)           what only the picture needs, when it is read; None: nothing
-    * ``piece``       (t, ends) → (z,)              between two rows of a table, which the parameters are; or None
+    * ``events``      (k,) → (times,)               instants at which the model is not smooth, unsorted; where they
+      recur (k, t) → (times,), the first one after t among them
+    * ``draw``        (t, y, u, k) → (d,)           what only the picture needs, or the next event; when it is read
     """
 
     name: str
@@ -92,14 +136,22 @@ class Model:
     dimensions: tuple[Dimension, ...] = ()
     programs: tuple[RowProgram, ...] = ()  # what those of the functions that run along links were made from
     picture: Mapping[str, Any] | None = field(default=None, hash=False)  # content of resources/picture.json
-    drawn: tuple[Variable, ...] = ()  # what only the picture needs
+    drawn: tuple[Variable, ...] = ()  # what is calculated only when it is read
     draw: ca.Function | None = None
-    piece: ca.Function | None = None
+    table: LookupTable | None = None  # that the first parameters are
 
     @property
     def variables(self) -> tuple[Variable, ...]:
         """All real variables; the place in this tuple is the value reference: parameters, inputs, outputs, drawn."""
         return self.parameters + self.inputs + self.outputs + self.drawn
+
+    def next_event(self, k: Any, t: float) -> float:
+        """First instant after t [s] at which the model is not smooth; inf if there is none.
+
+        :param k: parameters.
+        """
+        instants = np.asarray(self.events.call([k, t][: self.events.n_in()])[0]).ravel()
+        return float(min(instants[instants > t], default=np.inf))
 
     def flat(self) -> Model:
         """The same model with the elements of its arrays as variables, which is how FMI 2.0 shows them."""

@@ -16,7 +16,7 @@ from liaisons.language.chain import Chain
 from liaisons.language.checks import call
 from liaisons.language.component import Component
 from liaisons.language.shapes import Named, Rod, Shape, Spring
-from liaisons.language.variables import Dimension, Variable, element
+from liaisons.language.variables import Variable, element
 
 VERSION = "1.0"
 """Of the form of ``resources/picture.json``."""
@@ -30,7 +30,7 @@ _DRAWN = "picture"
 @final
 @dataclass(eq=False)
 class Drawing:
-    """What is drawn, for ``resources/picture.json``, and what only it needs, each once, in an array of its own."""
+    """What is drawn, for ``resources/picture.json``, and what only it needs, each once, in a variable of its own."""
 
     names: dict[int, str] = field(default_factory=dict)  # of variables, by the keys of their expressions
     shapes: list[dict[str, Any]] = field(default_factory=list)
@@ -69,12 +69,10 @@ class Drawing:
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """An array of the coordinates that no other variable has."""
-        if not self.expressions:
-            return ()
-        size = Dimension("", len(self.expressions), "")
-        text = "coordinates that only the picture needs, calculated when they are read"
-        return (Variable(_DRAWN, units.ANY, text, "local", "continuous", dimension=size),)
+        """The coordinates that no other variable has: scalars, since importers of FMI 3.0 fail at local arrays."""
+        text = "coordinate that only the picture needs, calculated when it is read"
+        names = (element(_DRAWN, i) for i in range(1, len(self.expressions) + 1))
+        return tuple(Variable(name, units.ANY, text, "local", "continuous") for name in names)
 
 
 def mechanism_picture(m: Component, known: Mapping[str, ca.SX]) -> Drawing:

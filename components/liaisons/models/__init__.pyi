@@ -14,6 +14,7 @@ from .free_particle import FreeParticle as FreeParticle
 from .general_swing import GeneralSwing as GeneralSwing
 from .hoop import Hoop as Hoop
 from .isokinetic_oscillator import IsokineticOscillator as IsokineticOscillator
+from .junction import Junction as Junction
 from .kepler_orbit import KeplerOrbit as KeplerOrbit
 from .linear_molecule import LinearMolecule as LinearMolecule
 from .nose_hoover_oscillator import NoseHooverOscillator as NoseHooverOscillator

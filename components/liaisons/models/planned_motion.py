@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -25,7 +24,7 @@ class PlannedMotion(Operator):
         y = y_k + y_k' τ + y_k'' τ²/2 + (10 D - 4 V h + A h²/2) (τ/h)³
             - (15 D - 7 V h + A h²) (τ/h)⁴ + (6 D - 3 V h + A h²/2) (τ/h)⁵
 
-    Two knots at one instant are a jump, at which the later one holds; no jump is a smooth point up to y''.  The list
+    Two knots at one instant are a jump, at which the later one holds, unless they are equal.  The list
     ends where the instants no longer increase: those that are left at 0 are not there.  Beyond both ends the
     polynomials go on.  ``liaisons.plan`` finds the knots; any FMU that follows it interpolates by the same polynomial.
     """
@@ -36,18 +35,7 @@ class PlannedMotion(Operator):
     acceleration = ParameterArray((), ANY, "accelerations at the knots, in units of y a second squared", _KNOTS)
 
     def signal(self, t: ca.SX) -> ca.SX:
-        columns = self.instant, self.value, self.rate, self.acceleration
-        knots = [ca.vertcat(*row) for row in zip(*map(ca.vertsplit, columns), strict=True)]
-        pairs = [ca.vertcat(*pair) for pair in pairwise(knots)]
-        passed, chosen = ca.SX(0), ca.SX(0)
-        for pair in reversed(pairs[1:]):  # of the intervals that have begun the last; one without length is none
-            begun = ca.logic_and(t >= pair[0], pair[4] > pair[0])
-            chosen += ca.if_else(ca.logic_and(begun, ca.logic_not(passed)), pair, 0)
-            passed = ca.logic_or(passed, begun)
-        return self.piece(t, chosen + ca.if_else(passed, 0, pairs[0]))
-
-    def piece(self, t: ca.SX, ends: ca.SX) -> ca.SX:
-        t_0, y, v, a, t_1, y_1, v_1, a_1 = ca.vertsplit(ends)
+        (t_0, y, v, a), (t_1, y_1, v_1, a_1) = self.interval(t, "instant", "value", "rate", "acceleration")
         h, tau = t_1 - t_0, t - t_0
         u = tau / ca.if_else(h > 0, h, 1)
         D, V, A = y_1 - (y + v * h + a * h**2 / 2), (v_1 - (v + a * h)) * h, (a_1 - a) * h**2

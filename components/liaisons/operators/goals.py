@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from liaisons.arguments import as_path
+from liaisons.arguments import as_path, named
 from liaisons.errors import suggestion
 from liaisons.operators.planning import plan
 from liaisons.operators.plans import Plan
@@ -35,7 +35,7 @@ def planned(path: Path | str, **options: Any) -> Plan:
     path = as_path("path", path, PlanError)
     try:
         asked = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise PlanError(f"{path}: {error}") from None
     known = {*inspect.signature(plan).parameters} - {"guess", "progress"}
     for key in asked:
@@ -45,6 +45,9 @@ def planned(path: Path | str, **options: Any) -> Plan:
         if key not in asked:
             raise PlanError(f"{path}: {key} is missing, for example {key} = {_EXAMPLES[key]}")
     mechanism, values = str(asked.pop("mechanism")), asked.pop("values", {})
+    for key in named(f"{path}: values", values, PlanError):
+        if key in known:
+            raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
     beside = path.parent / mechanism
     if beside.suffix == ".py" and beside.is_file():
         mechanism = str(beside)

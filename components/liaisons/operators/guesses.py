@@ -3,58 +3,116 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.language import Orientation
-from liaisons.operators.problems import Problem
+from liaisons.operators.problems import PlanError, Problem
 from liaisons.operators.transcription import DEGREE, Arc, Track, mixture
 
 Array = NDArray[np.float64]
+_FINE = 30
+"""So many intervals, of six steps each, on which Runge and Kutta's method leaves 1e-9 of a loop."""
+_ALIKE = 1e-9
+"""By how much ends may differ, in units of their sizes, that are the same."""
+_OFF = 1e-3
+"""By how much an end that stays has to be off, in units of its size, to be refused."""
+_BEYOND = 1.3
+"""So much longer takes a way that is not at rest at its end."""
+_EACH = 4
+"""Of so many loops the one that misses the end least is taken."""
+_PRIMES = (2, 3, 5, 7, 11, 13)
+_SHAKES = (0.02, 0.5, 0.1, 1.5)
+"""Of waves on the straight way, in turn."""
 
 
-def guesses(problem: Problem, intervals: int, count: int) -> list[Track]:
-    """So many motions to start from, the best one first: loops where σ is closed, else ways from start to end.
+def guesses(problem: Problem, intervals: int) -> Iterator[Track]:
+    """Motions to start from, without end: loops where σ is closed, else ways from start to end.
 
     Of loops the states follow from the rates; on ways they are joined by straight lines, unless constraints forbid it.
+
+    :param problem: a relative one.
     """
-    if _is_loop(problem):
-        return sorted(_loops(problem, intervals), key=lambda track: _miss(problem, track))[:count]
+    if problem.is_loop:
+        return _loops(problem, intervals)
     if not problem.constrained:
-        return list(_ways(problem, intervals, count))
-    track, _, _ = _blank(problem, intervals)
-    return [_followed(problem, track, _Way(problem, track.durations[0], k)) for k in range(count)]
+        return _ways(problem, intervals)
+    return _constrained_ways(problem, intervals)
 
 
-def duration_of(problem: Problem) -> float:
-    """Where nothing is known of it: a second, if it may be."""
+def refuse_invariants(problem: Problem) -> None:
+    """Refuse an end that stays as it is whatever is moved, as some motions show.
+
+    :param problem: a relative one.
+    :raises PlanError: naming it.
+    """
+    end, given = problem.end, set(problem.start.labels)
+    started = {state for state in problem.states if state in given or state in problem.moves}
+    if not end.labels or len(started) < len(problem.states):
+        return
+    values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
+    for k in range(1, 6):
+        track = _ellipse(problem, _FINE, k) if problem.is_loop else _drift(problem, k)
+        values = np.hstack([values, np.array(end.function(track.knots[:, -1]))])
+        spread = np.ptp(values, axis=1)
+        off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
+        if k > 1 and not ((spread < _ALIKE) & (off > _OFF)).any():
+            return
+    for i in np.flatnonzero((spread < _ALIKE) & (off > _OFF)):
+        size, stays = problem.scales.end[i], round(float(values[i, 0]), 5) + 0.0
+        wanted = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
+        how = " and comes back" if problem.is_loop else ""
+        raise PlanError(
+            f"{problem.name}: end: {end.labels[i]} = {wanted:.6g} cannot be reached: "
+            f"however {', '.join(problem.moves)} moves{how}, it ends at {stays * size:.6g}"
+        )
+
+
+def duration_of(problem: Problem, k: int = 0) -> float:
+    """Where it is free, of the k-th start: the geometric mean at first, then all over the range."""
     low, high = problem.duration
-    if low == high:
-        return low
-    return float(np.clip(1.0 if not np.isfinite(high) else np.sqrt(max(low, 1e-3 * high) * high), low, high))
+    return low + (high - low) * _spread(k, 0) if k > 0 else float(np.sqrt(max(low, 1e-3 * high) * high))
 
 
-def _is_loop(problem: Problem) -> bool:
-    closed = {problem.states[i] for i in problem.closed}
-    return bool(closed) and set(problem.moves) <= closed
+def _spread(k: int, dimension: int) -> float:
+    """The k-th of numbers that fill (0, 1) evenly from the first on, in each dimension its own; J. H. Halton."""
+    base, found, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
+    while k > 0:
+        digit /= base
+        k, rest = divmod(k, base)
+        found += digit * rest
+    return found
 
 
-def _blank(problem: Problem, intervals: int) -> tuple[Track, Array, Array]:
+def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[Track, Array, Array]:
     """A motion that rests at the start, and where the knots and collocation points lie between 0 and 1."""
     m, n, c = intervals, len(problem.states), len(problem.moves)
-    durations = np.array([duration_of(problem)])
+    durations = np.array([duration_of(problem, k)])
     rest = np.repeat(problem.at_start[:, None], m * DEGREE + m + 1, axis=1)
     track = Track((Arc(m),), durations, rest[:, : m + 1], rest[:, m + 1 :], np.zeros((c, m * DEGREE)))
     assert track.knots.shape == (n, m + 1)
     return track, track.breaks / durations[0], track.instants / durations[0]
 
 
-def _ways(problem: Problem, intervals: int, count: int) -> Iterator[Track]:
+def _constrained_ways(problem: Problem, intervals: int) -> Iterator[Track]:
+    return (_constrained_way(problem, intervals, k) for k in count())
+
+
+def _constrained_way(problem: Problem, intervals: int, k: int) -> Track:
+    track, _, _ = _blank(problem, intervals, k)
+    return _followed(problem, track, _Way(problem, track.durations[0], k))
+
+
+def _ways(problem: Problem, intervals: int) -> Iterator[Track]:
     """From start to end; the later ones are shaken."""
-    track, knots, points = _blank(problem, intervals)
+    return (_way(problem, intervals, k) for k in count())
+
+
+def _way(problem: Problem, intervals: int, k: int) -> Track:
+    track, knots, points = _blank(problem, intervals, k)
     T = track.durations[0]
     turned = [i for i, name in enumerate(problem.states) if name in Orientation.quaternion]
     way = np.array([problem.aims.get(name, x) - x for name, x in zip(problem.states, problem.at_start, strict=True)])
@@ -78,11 +136,10 @@ def _ways(problem: Problem, intervals: int, count: int) -> Iterator[Track]:
             controls[i] = way[problem.states.index(name)] * smooth(points)[problem.order]
         elif problem.order == 0:
             controls[i] = problem.rest[i]
-    for k in range(count):
-        rng = np.random.default_rng(k)
-        size = (0.02 if k == 0 else 0.5) * (1 + np.abs(way).max()) / T**problem.order
-        shake = size * np.array([_wave(rng, points) for _ in problem.moves])
-        yield Track(track.arcs, track.durations, states(knots), states(points), controls + shake)
+    rng = np.random.default_rng(k)
+    size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(way).max()) / T**problem.order
+    shake = size * np.array([_wave(rng, points) for _ in problem.moves])
+    return Track(track.arcs, track.durations, states(knots), states(points), controls + shake)
 
 
 def _wave(rng: np.random.Generator, u: Array) -> Array:
@@ -92,31 +149,88 @@ def _wave(rng: np.random.Generator, u: Array) -> Array:
 
 
 def _loops(problem: Problem, intervals: int) -> Iterator[Track]:
-    """Circles and ellipses of several sizes and centres, round both ways, with states that follow them."""
+    """Circles and ellipses, with states that follow them: of some simple ones the best, then all over the ranges."""
+    yield min(_circles(problem, intervals), key=lambda track: _miss(problem, track))
+    if not _is_begun(problem):
+        yield from _far_circles(problem, intervals)
+    for k in count(1):
+        several = (_ellipse(problem, intervals, _EACH * k + i) for i in range(_EACH))
+        yield min(several, key=lambda track: _miss(problem, track))
+
+
+def _ranges(problem: Problem) -> tuple[Array, Array]:
+    """Where what is moved may be: middles and half widths, of its bounds, else a half turn or so round the start."""
+    start = problem.at_start[[problem.states.index(name) for name in problem.moves]]
+    bounds = dict(zip(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True), strict=True))
+    low, high = np.array([bounds.get(name, (-np.inf, np.inf)) for name in problem.moves]).T
+    low = np.where(np.isfinite(low), low, np.minimum(start - np.pi, high - 2 * np.pi))
+    high = np.where(np.isfinite(high), high, np.maximum(start + np.pi, low + 2 * np.pi))
+    return (low + high) / 2, (high - low) / 2
+
+
+def _is_begun(problem: Problem) -> bool:
+    """Whether it is said where loops begin."""
+    return set(problem.moves) <= set(problem.start.labels)
+
+
+def _ellipse(problem: Problem, intervals: int, k: int) -> Track:
+    track, _, _ = _blank(problem, intervals, k)
+    c = len(problem.moves)
+    u = np.array([[_spread(k, 1 + 3 * i + j) for j in range(3)] for i in range(c)])
+    middles, widths = _ranges(problem)
+    radii = widths * (0.1 + 0.7 * u[:, 1])
+    centres = middles + (widths - radii) * (2 * u[:, 0] - 1)
+    phases = 2 * np.pi * u[:, 2]
+    if not _is_begun(problem):
+        phases -= np.angle(mixture(c) @ (radii * np.exp(1j * phases)))
+    else:
+        centres = problem.at_start[[problem.states.index(name) for name in problem.moves]]
+    return _followed(problem, track, _Loop(centres, radii, phases, _is_begun(problem), track.durations[0]))
+
+
+def _far_circles(problem: Problem, intervals: int) -> Iterator[Track]:
+    """Small and large ones, about what is opposite to the start and between, where joints may turn as they like."""
+    track, _, _ = _blank(problem, intervals)
+    middles, widths = _ranges(problem)
+    widths = np.minimum(widths, np.pi)
+    between = widths / 2 * (-1) ** np.arange(len(widths))
+    for offset, radius, way in ((widths, 0.16, 1), (-between, 0.45, -1), (widths, 0.8, -1), (between, 0.45, 1)):
+        phases = way * np.pi / 2 * np.arange(len(widths))
+        phases = phases - np.angle(mixture(len(widths)) @ np.exp(1j * phases))
+        centre = middles + np.where(widths < np.pi, 0, offset)
+        yield _followed(problem, track, _Loop(centre, radius * widths, phases, False, track.durations[0]))
+
+
+def _circles(problem: Problem, intervals: int) -> Iterator[Track]:
+    """Of several sizes and centres, round both ways."""
     track, _, _ = _blank(problem, intervals)
     T = track.durations[0]
-    places = [problem.states.index(name) for name in problem.moves]
-    bounds = dict(zip(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True), strict=True))
-    start = problem.at_start[places]
-    middles = np.array([np.mean(bounds.get(name, (s, s))) for name, s in zip(problem.moves, start, strict=True)])
-    middles = np.where(np.isfinite(middles), middles, start)
-    turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(places))])
-    begins = "start" if set(problem.moves) <= set(problem.start.labels) else "free"
-    centres = [start] if begins == "start" else [start, middles, start + turns, start - turns]
-    for centre in centres:
+    start = problem.at_start[[problem.states.index(name) for name in problem.moves]]
+    middles, _ = _ranges(problem)
+    turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
+    is_begun = _is_begun(problem)
+    for centre in [start] if is_begun else [start, middles, start + turns, start - turns]:
         for radius in (0.25, 0.5, 0.9, 1.4):
             for way in (1, -1):
-                phases = way * np.pi / 2 * np.arange(len(places))
-                extremal = np.angle(mixture(len(places)) @ np.exp(1j * phases))
-                for first in (extremal,) if begins == "free" else (0.0, np.pi / 2, np.pi, -np.pi / 2):
-                    shape = _Loop(centre, radius, phases - first, begins == "start", T)
+                phases = way * np.pi / 2 * np.arange(len(start))
+                extremal = np.angle(mixture(len(start)) @ np.exp(1j * phases))
+                for first in (0.0, np.pi / 2, np.pi, -np.pi / 2) if is_begun else (extremal,):
+                    shape = _Loop(centre, np.full(len(start), radius), phases - first, is_begun, T)
                     yield _followed(problem, track, shape)
+
+
+def _drift(problem: Problem, k: int) -> Track:
+    """Some motion from the start, small or large, that ends anywhere, at any rate."""
+    track, _, _ = _blank(problem, _FINE, k)
+    motion = _Way(problem, _BEYOND * track.durations[0], 1 + k)
+    motion.way = 10.0 ** (k % 3) * np.random.default_rng(k).normal(size=motion.way.size)
+    return _followed(problem, track, motion)
 
 
 class _Loop:
     """σ on an ellipse: one round in the time T; through its centre where it has to begin there."""
 
-    def __init__(self, centre: Array, radius: float, phases: Any, through: bool, T: float) -> None:
+    def __init__(self, centre: Array, radius: Array, phases: Any, through: bool, T: float) -> None:
         self.centre, self.radius, self.phases, self.rate = centre, radius, phases, 2 * np.pi / T
         self.shift = np.cos(phases) if through else np.zeros(len(phases))
 
@@ -133,7 +247,7 @@ class _Way:
         at = {name: (x, problem.aims.get(name, x)) for name, x in zip(problem.states, problem.at_start, strict=True)}
         ends = [at.get(name, (rest, rest)) for name, rest in zip(problem.moves, problem.rest, strict=True)]
         self.begin, self.way, self.T = np.array([a for a, _ in ends]), np.array([b - a for a, b in ends]), T
-        size = (0.02 if k == 0 else 0.3) * (1 + np.abs(self.way).max())
+        size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(self.way).max())
         self.waves = size * np.random.default_rng(k).normal(size=(len(ends), 3)) / np.arange(1, 4) ** 2
 
     def __call__(self, t: float) -> tuple[Array, Array, Array]:

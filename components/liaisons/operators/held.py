@@ -6,28 +6,39 @@ import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from liaisons.arguments import finite, shown
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
+from liaisons.cosim.description import DefaultExperiment
 from liaisons.cosim.messages import logger
-from liaisons.errors import LiaisonsError
-from liaisons.interface import System
-from liaisons.language import Chain
-from liaisons.library import Target, component, fmu_path
+from liaisons.errors import LiaisonsError, suggestion
+from liaisons.interface import System, with_table
+from liaisons.language import Chain, ParameterArray
+from liaisons.library import Target, component, fmu_file, fmu_path
 from liaisons.models import regulator
 from liaisons.operators.feedback import Array, multipliers
+from liaisons.operators.problems import Goal, PlanError, Reader
 
 After = Literal["rests", "repeats", "ends"]
 
 _NEAR = 1e-5
 """Size of the differences by which the FMUs' multipliers are measured."""
 _STILL = 1e-6
-"""What is off by less has not moved."""
+"""What is off by less, relative to its size, has not moved."""
+_RADIANS = 20
+"""Of the free motion: so long is seen whether something comes back."""
+_DOUBLINGS = 60
+"""Of the first force tried."""
+_PAIR = 1e-6
+"""Two knots that are nearer than this part of a step are both sides of a jump, for a Regulator, too."""
+_NEVER = 1e30
 _SAME = 1e-10
 """Part of a round that is owed to rounding."""
 
@@ -41,6 +52,15 @@ class Course:
     planned: Array  # σ, σ̇, σ̈ (moves, 3, times)
     reference: Array  # the states that are read (states, times)
     after: After
+
+    def next_jump(self, apart: float) -> Array:
+        """The first instant after each of the times [s] at which σ or a rate jumps; 1e30 if there is none.
+
+        :param apart: two times that are less apart [s], where σ or a rate differs, are a jump.
+        """
+        differs = np.any(np.diff(self.planned, axis=2) != 0, axis=(0, 1))
+        jumps = self.times[1:][differs & (np.diff(self.times) < apart)]
+        return np.append(jumps, _NEVER)[np.searchsorted(jumps, self.times, side="right")]
 
 
 @final
@@ -63,6 +83,9 @@ class Held:
     reach: Array  # (directions, ·) those that can be controlled
     conserved: tuple[str, ...]  # states, or sums of them, that no move can change
     returns: bool  # whether the course leads back to where it began, up to how the mechanism is turned
+    sizes: Array  # of the states, by which loop, directions, ends and reach are divided
+    energy: float  # kinetic, of what moves by its size in that time [J]
+    time: float  # in which states change by their sizes [s]
     values: Mapping[str, float]  # of parameters, as they were given
     starts: Mapping[str, float]  # start values of the FMU, σ, σ̇ and σ̈ among them
     shifts: tuple[Mapping[str, float], ...]  # of these, by which the states are made to differ
@@ -102,32 +125,26 @@ class Held:
         return self._system(self.room, starts)
 
     def _system(self, room: Mapping[str, Array], starts: Mapping[str, float]) -> System:
-        system, given = System(f"held {self.name}"), {**self.starts, **starts}
-        course, sources = self.course, {}
-        missing = regulator.KNOTS - course.times.size
-        regulators = []
+        system = System(f"held_{self.name}")
+        given: dict[str, Any] = {**self.starts, **starts}
+        course, sources, regulators = self.course, {}, []
         for i, move in enumerate(self.moves):
-            gains = self.gains[:, i]
-            settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}  # readings are samples
-            columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), course.planned[i], strict=True))
-            columns |= {"instant": course.times, "offset": np.sum(gains.T * course.reference, axis=0)}
-            columns |= {name: values[i] for name, values in room.items()}
-            columns |= {f"gain_{j}": gains[:, j - 1] for j in range(1, len(self.states) + 1)}
-            settings |= {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
+            # What is read is a sample: it stays until the next communication point.
+            settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}
+            fmu, columns = self._regulator(i, room)
+            settings |= columns
             triple = [f"{move}{end}" for end in ("", "_dot", "_ddot")]
             for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
                 settings[start] = given.pop(triple[n]) - course.planned[i, n, 0]
             if course.after == "repeats":
-                settings |= {
-                    "repeats": self.duration,
-                    "shift": np.pad(self._shift, (0, regulator.READINGS - self._shift.size)),
-                }
-            regulators.append(system.add(f"{self.name}_{move}", "Regulator", **settings))
+                settings["repeats"] = self.duration
+            regulators.append(system.add(f"{self.name}_{move}", fmu, **settings))
             sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
-        follows = {} if course.times.size == 1 else {"input_reconstruction": 2}
+        system.experiment = DefaultExperiment(0.0, self._stop, self._even_step)
+        follows: dict[str, Any] = {} if course.times.size == 1 else {"input_reconstruction": 2}
         found = component(self.component)
         sizes: Any = {n: value for n, value in self.values.items() if n == "n" and issubclass(found, Chain)}
-        values = {name: value for name, value in self.values.items() if name not in sizes}
+        values: dict[str, Any] = {name: value for name, value in self.values.items() if name not in sizes}
         fmu = fmu_path(self.component, **sizes)
         mechanism = system.add(self.name, fmu, **values, **follows, **given)
         for move, part in zip(self.moves, regulators, strict=True):
@@ -136,6 +153,38 @@ class Held:
             for i, name in enumerate(self.states, start=1):
                 system.connect(sources[name] if name in sources else mechanism[name], part[f"reading_{i}"])
         return system
+
+    @property
+    def _settling(self) -> float:
+        """How long is seen what comes back [s], in whole steps."""
+        return self.step_size * float(np.ceil(_RADIANS * self.time / self.step_size))
+
+    @property
+    def _stop(self) -> float:
+        """Until when what is held is seen [s]: the end of the plan."""
+        return self._settling if self.course.times.size == 1 else self.duration
+
+    @property
+    def _even_step(self) -> float:
+        """The distance of the communication points [s], if they are even; else the longest that is not above it."""
+        if self.course.times.size == 1:
+            return self.step_size
+        return self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
+
+    def _regulator(self, i: int, room: Mapping[str, Array]) -> tuple[Path, dict[str, Array]]:
+        """The FMU for one of what moves, with its table in a file if it is long, else in its parameters."""
+        course, gains = self.course, self.gains[:, i]
+        columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), course.planned[i], strict=True))
+        columns |= {"next_jump": course.next_jump(_PAIR * self.step_size)}
+        columns |= {"instant": course.times, "offset": np.sum(gains.T * course.reference, axis=0)}
+        columns |= {"advance": self._shift @ gains.T} | {name: values[i] for name, values in room.items()}
+        columns |= {f"gain_{j}": gains[:, j - 1] for j in range(1, len(self.states) + 1)}
+        fmu, missing = fmu_file("Regulator"), regulator.KNOTS - course.times.size
+        if missing >= 0:
+            return fmu, {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
+        arrays = (p for p in regulator.Regulator.parameters if isinstance(p, ParameterArray))
+        whole = [columns.get(p.name, np.full(course.times.size, sum(p.leading[:1]))) for p in arrays]
+        return with_table(fmu, np.array(whole)), {}
 
     @property
     def _shift(self) -> Array:
@@ -159,11 +208,23 @@ class Held:
     ) -> Result:
         """Run :meth:`system`.
 
-        :param stop_time: end [s]; that of the plan unless given.
+        :param stop_time: end [s]; unless given that of the plan, of an equilibrium twenty radians of the free motion.
         :param inputs: input of the mechanism -> function of time: a disturbance.
         :param starts: as of :meth:`system`.
+        :raises PlanError: if a time or a start value is no finite number, or the end is not after the start.
         """
         given = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
+        for name, value in starts.items():
+            finite(f"{self.name}: {name}", value, PlanError)
+        stop_time = self._stop if stop_time is None else stop_time
+        _positive("stop_time", stop_time)
+        if self.course.after == "ends" and stop_time > self.duration * (1 + 1e-9):
+            logger.warning(
+                "%s: the plan ends in motion at %g s; what is simulated until %g s is not planned: σ goes on evenly",
+                self.name,
+                self.duration,
+                stop_time,
+            )
         return self._run(self.system(**starts), stop_time, given or None)
 
     def _run(self, system: System, stop_time: float | None, inputs: Mapping[str, Any] | None = None) -> Result:
@@ -184,33 +245,63 @@ class Held:
             np.array([run[name] for name in names]) - self.course.reference[:, places] - np.outer(self._shift, rounds)
         )
 
-    def survives(self, port: str, duration: float, *, stop_time: float | None = None, first: float = 0.01) -> float:
+    def survives(
+        self, port: str, duration: float, *, stop_time: float | None = None, first: float | None = None
+    ) -> float:
         """Greatest of the forces tried at a port, from 0 on, after which what is held came back.
 
-        Doubled until it falls, then halved in between twelve times: nothing is said of other forces.
+        Doubled until it falls, forty times at most, then halved in between twelve times: nothing is said of other
+        forces.
 
         :param port: input of the mechanism, ``"theta_force"``.
         :param duration: how long the force acts [s].
-        :param stop_time: by then the free coordinates are back to 5 % of where they were most [s].
-        :param first: the first force tried.
+        :param stop_time: in the last radian of the free motion before it [s] the free coordinates are back to 5 % of
+            where they were most; unless given twenty radians after the push and the plan.
+        :param first: the first force tried; unless given a thousandth of one whose work is a usual energy.
+        :raises PlanError: if the port is no free input, or a number is not finite and greater than 0.
         """
+        model = Reader(Goal(self.component, self.moves, {}, {}, (), (1.0, 1.0), "time", {}, self.values)).model
+        moved = {f"{move}{end}" for move in self.moves for end in ("", "_dot", "_ddot")}
+        ports = [v.name for v in model.inputs if v.name not in moved]
+        if port not in ports:
+            raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
+        _positive("survives: duration", duration)
+        ends = self.course.after == "ends"
+        stop = (
+            (self.duration if ends else max(self.duration, duration) + self._settling)
+            if stop_time is None
+            else stop_time
+        )
+        _positive("survives: stop_time", stop)
+        if stop <= duration:
+            raise PlanError(
+                f"survives: stop_time = {stop:g} s: must be greater than the push, duration = {duration:g} s"
+            )
+        coordinate = port.removesuffix("_force").removesuffix("_load")
+        usual = self.energy / dict(zip(self.states, self.sizes, strict=True)).get(coordinate, 1.0)
+        high = 1e-3 * usual if first is None else first
+        _positive("survives: first", high)
         places = [self.states.index(name) for name in self.free if name not in self.moves]
+        sizes = self.sizes[places, None]
 
         def comes_back(force: float) -> bool:
             try:
                 with _unwarned():  # of a push that begins and ends between two communication points, as it is meant
-                    run = self.simulate(stop_time, inputs={port: lambda t: force if t < duration else 0.0})
+                    run = self.simulate(stop, inputs={port: lambda t: force if t < duration else 0.0})
             except LiaisonsError:
                 if force == 0:
                     raise
                 return False
-            off = np.abs(self.deviation(run)[places])
-            return bool(np.all(off[:, -1] <= max(0.05 * np.max(off), _STILL)))
+            off = np.abs(self.deviation(run)[places]) / sizes
+            after = off[:, run.time >= max(duration, stop - self.time)]
+            return bool(np.all(after <= max(0.05 * np.max(off, initial=0.0), _STILL)))
 
-        low, high = 0.0, first
+        low = 0.0
         if not comes_back(low):
             return low
-        while comes_back(high) and high < 1e6:
+        for _ in range(_DOUBLINGS):
+            if not comes_back(high):
+                break
             low, high = high, 2 * high
         for _ in range(12):
             middle = (low + high) / 2
@@ -228,14 +319,18 @@ class Held:
             shifted: list[dict[str, Any]] = [
                 {name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)
             ]
-            runs = [self._run(self._system({}, starts), self.duration) for starts in shifted]
-            change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR)
+            with _unwarned():  # of what a step that is too long for a continuous feedback does: it is in the matrix
+                runs = [self._run(self._system({}, starts), self.duration) for starts in shifted]
+            change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
             begins.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])
         return np.linalg.lstsq(np.array(begins), np.array(ends), rcond=None)[0].T
 
     def verify(self) -> list[Verdict]:
-        """Whether one step or the whole course of the FMUs is what was predicted, and what is controlled comes back."""
+        """Whether one step or the whole course of the FMUs is what was predicted, and what is controlled comes back.
+
+        And whether what nobody disturbs stays with its motion: for two rounds, or until well after the end of the plan.
+        """
         measured = self.measured()
         what = "one step" if self.course.times.size == 1 else "one round" if self.returns else "the whole plan"
         error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
@@ -249,13 +344,25 @@ class Held:
         if self.returns:
             radius = float(np.max(np.abs(self.controlled)))
             found.append(verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9))
-        return found
+        after = 0.0 if self.course.after == "ends" else max(self._settling, self.duration)
+        stop = self.duration + after
+        with _unwarned():
+            off = np.abs(self.deviation(self.simulate(stop))) / self.sizes[:, None]
+        why = "ten times by how much a motion that returns may miss its begin"
+        words = f"undisturbed it stays with its motion for {stop:.3g} s, relative to sizes"
+        return [*found, verdict(words, error=float(np.max(off)), tolerance=1e-5, reason=why)]
 
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))
         what = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
         rest = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
         return f"<{self.name} held by {', '.join(self.moves)} every {self.step_size:g} s: {what}{radius:.6f}{rest}>"
+
+
+def _positive(label: str, value: object) -> None:
+    finite(label, value, PlanError)
+    if value <= 0:  # type: ignore[operator]  # a number
+        raise PlanError(f"{label} = {value:g}: must be > 0")
 
 
 @contextmanager

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import svd
 
-from liaisons.arguments import finite, named, shown
+from liaisons.arguments import finite, named, numbers, shown
 from liaisons.library import Target, component
-from liaisons.models import regulator
 from liaisons.operators.feedback import (
     RANK,
     Array,
@@ -40,15 +39,28 @@ from liaisons.operators.sampling import Sampled, reduced
 _SUFFIXES = ("", "_dot", "_ddot", "_force")
 _PAIRS = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Bounds of a correction, its rate and its acceleration, as a Regulator calls them."""
-_FAR = 1e9
+_FAR = 1e30
 _MASSLESS = 1e-3
 """An effective mass that is less than this, of the greatest on the way, is none."""
-_DRIFT = 1e-4
-"""Weight of the rate of what moves without being held, beside 1 for what is."""
-_STEPS = 40
-"""Communication steps of a plan, unless said."""
+_DRIFT = 1e-3
+"""Weight of the rate of what moves without being held, beside 1 for what is: it must be weighted, or nothing stops it;
+alone, v' = w, it comes back by exp(-t √(_DRIFT / effort)), in 30 radians of the free motion, after what is held."""
+_STEPS, _LONGEST = 40, 0.25
+"""Communication steps of a plan, and how long they are at most, in radians of the free motion, unless said: of samples
+25 a period, the usual 20 to 30 (Åström and Wittenmark, Computer-Controlled Systems, 4.3), ten times Nyquist's two."""
+_RADIANS, _PARTS = 3, 30
+"""A free motion counts of which a plan has so many radians: a slower one is no more than a drift on the way.  Without
+one states change by their sizes in such a part, the fastest that so many steps can still sample."""
+_MANY = 1000
+"""In an equilibrium a step is no smaller part of such a time."""
+_PER_RADIAN = 16
+"""Communication steps of an equilibrium in a radian of the free motion, unless said."""
 _INSTANT = 1e-9
 """How long before a jump, relative to the duration, the regulators are asked once more."""
+_MOST = 10_000
+"""Steps of a plan: a matrix each."""
+_UNKNOWN = 1e-10
+"""Of a step's matrix, relative: what the integration leaves."""
 _AHEAD = 6
 """So many knots ahead corrections keep to the room that there will be."""
 _SAME = 1e-6
@@ -63,7 +75,7 @@ def hold(
     *,
     step_size: float | None = None,
     weights: Mapping[str, float] | None = None,
-    effort: float = 0.01,
+    effort: float = 1.0,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     **values: float,
 ) -> Held:
@@ -78,17 +90,19 @@ def hold(
         run = regulator.simulate(30, inputs={"torque_x": lambda t: 0.01})
 
     Once a step the states are read and the accelerations of what moves are chosen, so that the sum over all steps of
-    Σ weight (x - x_0)² + effort w² is least.  Where a moved coordinate enters nothing (the angle of a wheel), it is
-    held only if it is asked for by name.  A plan that returns to where it began is repeated; one after which the
-    mechanism can rest is held there.
+    Σ weight (x - x_0)² + effort w² is least, each divided by its size: an angle's is 1, a length's that at which the
+    mass has the angles' moment of inertia (of a pendulum its length), time is in radians of the free motion.  Where a
+    moved coordinate enters nothing (the angle of a wheel), it is held only if it is asked for by name.  A plan that
+    returns to where it began is repeated; one after which the mechanism can rest is held there.
 
     :param motion: a plan; or name, file or class of a mechanism.
     :param at: values of coordinates at the equilibrium, and of rates of what moves; the others as declared, at rest.
     :param moves: active coordinates that the feedback moves; all unless given, or those of the plan.
-    :param step_size: distance of the communication points [s], which is the sampling period; else the experiment's,
-        of a plan a fortieth.
+    :param step_size: distance of the communication points [s], which is the sampling period; else about a sixteenth
+        radian of the free motion, of a plan a fortieth at most.
     :param weights: of states by name; coordinates have 1, momenta 0.
-    :param effort: weight of the accelerations.
+    :param effort: weight of the accelerations; 1, as that of the coordinates, by Bryson's rule: all are divided by the
+        sizes that they may have.
     :param bounds: (low, high) of σ, σ̇, σ̈ and forces of what moves, ``{"pivot_x_ddot": (-5, 5)}``, beside those of the
         plan: there the feedback saturates.  Of forces it knows what they are along the motion.
     :param values: parameters.
@@ -103,14 +117,32 @@ def hold(
     if isinstance(motion, Plan):
         if at is not None or moves is not None or values:
             raise PlanError("hold: a plan says what moves, where, and with which parameters; leave at and moves out")
-        return _along(motion, motion.duration / _STEPS if step_size is None else step_size, wishes)
+        return _along(motion, step_size, wishes)
     if at is None:
         raise PlanError("hold keeps an equilibrium or a plan: give a mechanism and at={name: value, ...}, or a plan")
-    if step_size is None:
-        step_size = component(motion).experiment.step_size
-    names = move_names(motion, moves)
-    goal = Goal(motion, names, at, {}, (), (step_size, step_size), "time", {}, values)
-    return _at_rest(Sampled(goal, at, interpolate=False), step_size, wishes)
+    for name, value in named("at", at, PlanError).items():
+        if not np.all(np.isfinite(numbers(f"at: {name}", value, PlanError))):
+            raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
+    usual = component(motion).experiment.step_size
+    H = usual if step_size is None else step_size
+    goal = Goal(motion, move_names(motion, moves), at, {}, (), (H, H), "time", {}, values)
+    sampled = Sampled(goal, at, interpolate=False, time=H, longest=_MANY * H)
+    if step_size is None and sampled.moves_freely:
+        H = _plain(sampled.time / _PER_RADIAN)
+    return _at_rest(sampled, H, wishes)
+
+
+def _greatest_near(matrix: Array) -> float:
+    """The greatest multiplier of matrices that differ from one by what is not known of it."""
+    random, size = np.random.default_rng(0), _UNKNOWN * np.max(np.abs(matrix), initial=0.0)
+    near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
+    return max(float(np.max(np.abs(np.linalg.eigvals(of)), initial=0.0)) for of in near)
+
+
+def _plain(value: float) -> float:
+    """1, 2 or 5 times a power of ten, that is not above a value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(digit * power for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-9)))
 
 
 @dataclass(frozen=True)
@@ -126,6 +158,10 @@ class _Wishes:
         for name in self.weights:
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
+        for name, weight in self.weights.items():
+            finite(f"weight of {name}", weight, PlanError)
+            if weight < 0:
+                raise PlanError(f"{sampled.name}: weight of {name} = {weight:g}: must be >= 0")
         diagonal = np.array([(cost | dict(self.weights))[name] for name in sampled.states])
         return [(D.T * diagonal) @ D for D in directions]
 
@@ -138,8 +174,9 @@ def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
     y, sigma = sampled.start[sampled.places], sampled.sigma
     still = dict(zip(sampled.names, sampled.rates(y, sigma), strict=True))
     still |= {m: sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.kept}
-    worst = max(still, key=lambda name: abs(still[name]))
-    if not abs(still[worst]) <= 1e-9:
+    sizes = dict(zip(sampled.states, sampled.sizes, strict=True))
+    worst = max(still, key=lambda name: abs(still[name]) / sizes[name])
+    if not abs(still[worst]) * sampled.time <= 1e-9 * sizes[worst]:
         raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {still[worst]:.3g}")
     planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
@@ -148,11 +185,11 @@ def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
     ((A, B),) = reduced(steps, [D, D])
     (Q,) = wishes.costs(sampled, [D])
     still_ones = unmoved([(A, B)])
-    V, U = reachable((A - np.eye(len(A))) / H, B / H)
+    V, U = reachable((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
     K = np.zeros((B.shape[1], len(A)))
     with suppress(np.linalg.LinAlgError):
         K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, wishes.effort * np.eye(B.shape[1])) @ V.T
-    if not np.max(np.abs(np.linalg.eigvals(V.T @ (A - B @ K) @ V)), initial=0.0) < 1:
+    if not _greatest_near(V.T @ (A - B @ K) @ V) < 1:
         what = f"{', '.join(sampled.moves)} every {H:g} s hardly reach all that falls"
         raise PlanError(f"{sampled.name} cannot be held there: {what}; Riccati's equation has no solution in 16 digits")
     if U.size:
@@ -169,7 +206,7 @@ def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
         sampled,
         H,
         course,
-        (K @ np.linalg.pinv(D))[None],
+        _physical(sampled, K @ np.linalg.pinv(D))[None],
         _checked(sampled, wishes.bounds, sigma),
         loop=A - B @ K,
         directions=D,
@@ -183,9 +220,11 @@ def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
 # ---- a plan -------------------------------------------------------------------------------------------------------
 
 
-def _along(motion: Plan, H: float, wishes: _Wishes) -> Held:
+def _along(motion: Plan, step_size: float | None, wishes: _Wishes) -> Held:
     """The feedback of least cost along a plan."""
     sampled = _beside(motion)
+    longest = min(motion.duration / _STEPS, _LONGEST * sampled.time)
+    H = motion.duration / np.ceil(motion.duration / longest - 1e-9) if step_size is None else step_size
     course, steps, returns = _course(motion, sampled, H)
     D = [sampled.directions(x, s) for x, s in zip(course.reference.T, course.planned.transpose(2, 0, 1), strict=True)]
     steps, costs = reduced(steps, D), wishes.costs(sampled, D)
@@ -219,7 +258,7 @@ def _along(motion: Plan, H: float, wishes: _Wishes) -> Held:
         sampled,
         H,
         course,
-        np.array([K @ np.linalg.pinv(directions) for K, directions in zip(gains, D, strict=True)]),
+        np.array([_physical(sampled, K @ np.linalg.pinv(of)) for K, of in zip(gains, D, strict=True)]),
         {n: pair for n, pair in motion.goal.bounds.items() if n in known} | _checked(sampled, wishes.bounds),
         loop=through(steps, gains),
         directions=D[0],
@@ -245,40 +284,39 @@ def _beside(motion: Plan) -> Sampled:
         if not callable(part) and not isinstance(part, str)
         for name in part
     }
-    return Sampled(replace(bare, start=start), asked, interpolate=True)
+    return Sampled(replace(bare, start=start), asked, interpolate=True, time=T / _PARTS, longest=T / _RADIANS)
 
 
 def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[Course, list[Step], bool]:
     """The plan at its communication points, and whether it comes back to where it was, up to how it is turned."""
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
+    if T / H > _MOST:
+        raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {_MOST} steps; give a longer one")
     edges = [0.0, *motion.switches, T]
     parts = [np.linspace(a, b, max(1, int(np.ceil((b - a) / H - 1e-9))), endpoint=False) for a, b in pairwise(edges)]
     times = np.unique(np.concatenate([*parts, motion.switches - _INSTANT * T, [T]]))
-    if times.size >= regulator.KNOTS:
-        least = T / (regulator.KNOTS - 3 - 2 * motion.switches.size)
-        room = f"a Regulator has room for {regulator.KNOTS} communication points"
-        raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: {room}; give {least:.2g} at least")
     sigma = motion.sigma(times)
     planned = np.array([[sigma[m + end] for end in ("", "_dot", "_ddot")] for m in moves])
     reference, steps = sampled.steps(times, planned, H)
     gap = np.abs(reference[:, -1] - reference[:, 0])
     may_jump = {f"{m}{end}" for m in moves for end in ("", "_dot", "_ddot")[order:]}
     turned = {axis for axes in sampled.turns.values() for axis in axes}
-    missed = gap > _SAME * np.maximum(1.0, np.abs(reference).max(axis=1))
+    missed = gap > _SAME * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     missing = {name for name, is_off in zip(sampled.states, missed, strict=True) if is_off}
     missing -= {*sampled.cyclic, *may_jump}
     still = planned[:, :, -1].copy()
     stops = [order < 2 or m in sampled.kept for m in moves]
-    fast = np.abs(still[:, 1]) > _SAME
+    size = sampled.of_pushes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
+    fast = np.abs(still[:, 1]) > _SAME * size[:, 1]
     still[stops, 1], still[:, 2] = 0.0, 0.0
     rests = order < 2 or not np.any(fast & stops)
     after: After = "ends"
-    last = planned[:, :, -1]
+    last, end = planned[:, :, -1], reference[: len(sampled.names), -1]
     if not missing:
         after, last = "repeats", planned[:, :, 0]
-    elif rests and np.abs(sampled.rates(reference[: len(sampled.names), -1], still)).max() <= _SAME:
+    elif rests and np.all(np.abs(sampled.rates(end, still)) * sampled.time <= _SAME * sampled.sizes[: len(end)]):
         after, last = "rests", still
-    if not np.allclose(last, planned[:, :, -1], rtol=0, atol=_SAME):
+    if np.any(np.abs(last - planned[:, :, -1]) > _SAME * size):
         times = np.append(times[:-1], [T - _INSTANT * T, T])
         planned = np.dstack([planned, last])
         reference, steps = sampled.steps(times, planned, H)
@@ -286,6 +324,11 @@ def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[Course, list[Step
 
 
 # ---- both ---------------------------------------------------------------------------------------------------------
+
+
+def _physical(sampled: Sampled, gains: Array) -> Array:
+    """Gains of what is not divided by sizes."""
+    return sampled.of_pushes[:, None] * gains / sampled.sizes
 
 
 def _held(sampled: Sampled, H: float, course: Course, gains: Array, bounds: Mapping[str, Any], **found: Any) -> Held:
@@ -306,6 +349,9 @@ def _held(sampled: Sampled, H: float, course: Course, gains: Array, bounds: Mapp
         gains=gains,
         room=_room(sampled, course, bounds),
         values=reader.goal.values,
+        sizes=sampled.sizes,
+        energy=sampled.energy,
+        time=sampled.time,
         starts={name: float(value) for name, value in starts.items()},
         shifts=_shifts(sampled, *at, starts),
         **found,
@@ -316,18 +362,20 @@ def _shifts(
     sampled: Sampled, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
     """Start values that lead into all directions."""
-    of = sampled.reader.starts
+    of, sizes = sampled.reader.starts, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
         rates = sampled.rates_off(reference, sigma, directions)
         names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
         known = [(i, of.get(name, name)) for i, name in enumerate(names) if of.get(name, name) in starts]
-        return tuple({name: float(column[i]) for i, name in known} for column in np.vstack([directions, rates]).T)
+        columns = np.vstack([sizes * directions, rates]).T
+        return tuple({name: float(column[i]) for i, name in known} for column in columns)
     turned = [axis for axes in sampled.turns.values() for axis in axes]
-    turns = [{i: column[i] for i in np.flatnonzero(column)} for column in directions.T]
+    turns = [{i: column[i] for i in np.flatnonzero(column)} for column in (sizes * directions).T]
     turns = [turn for turn in turns if any(sampled.states[i] in turned for i in turn)]
+    name_of = {parameter: name for name, parameter in of.items()}
     singles = [name for name in starts if name not in {of[axis] for axis in turned}]
     moved = ({of[sampled.states[i]]: float(x) for i, x in turn.items()} for turn in turns)
-    return (*moved, *({name: 1.0} for name in singles))
+    return (*moved, *({name: sampled.start_sizes[name_of.get(name, name)]} for name in singles))
 
 
 def _room(sampled: Sampled, course: Course, bounds: Mapping[str, Any]) -> dict[str, Array]:
@@ -379,6 +427,8 @@ def _checked(sampled: Sampled, bounds: Mapping[str, Any], at: Array | None = Non
         if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
             raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high)")
         low, high = _ends(pair)
+        if not low < high:
+            raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with low < high")
         i, n = known[name]
         if at is not None and n < 3 and not low < at[i, n] < high:
             raise PlanError(f"bounds of {name} = {shown(pair)}: give (low, high) with low < {at[i, n]:g} < high")
@@ -400,8 +450,9 @@ def _named(sampled: Sampled, directions: Array, places: Sequence[int]) -> tuple[
 
 def _combination(sampled: Sampled, directions: Array, u: Array) -> str:
     """What a row of directions stands for, in names."""
-    vector = np.linalg.pinv(directions).T @ u
-    places = [i for i in range(vector.size) if abs(vector[i]) > 1e-3 * np.max(np.abs(vector))]  # not what H adds
+    part = np.linalg.pinv(directions).T @ u
+    vector = part / sampled.sizes
+    places = [i for i in range(vector.size) if abs(part[i]) > 1e-3 * np.max(np.abs(part))]  # not what H adds
     terms = [f"{vector[i] / vector[places[0]]:+.3g}" for i in places]
     text = " ".join(f"{term[0]} {term[1:]} {sampled.states[i]}" for term, i in zip(terms, places, strict=True))
     return text.removeprefix("+ ").removeprefix("1 ")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, final
@@ -15,15 +15,17 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from liaisons.arguments import as_path
+from liaisons.arguments import as_path, finite, listed, named, shown
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description import DefaultExperiment
+from liaisons.errors import LiaisonsError
+from liaisons.files import replacing
 from liaisons.interface import System, simulate, tabulated
 from liaisons.language import Chain
-from liaisons.library import catalogue, component, fmu_path
+from liaisons.library import Target, catalogue, component, fmu_path
 from liaisons.operators.problems import Goal, PlanError, Problem, problem_of
-from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Solution, Track
+from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, Solution, Track, relative
 from liaisons.operators.verifying import verdicts
 
 _LOST = 1e-12
@@ -51,12 +53,18 @@ class Plan:
     @property
     def duration(self) -> float:
         """[s]."""
-        return float(self.solution.track.durations.sum())
+        low, high = self.problem.duration
+        return low if low == high else float(self.solution.track.durations.sum())
 
     @property
-    def proved(self) -> bool:
+    def finished(self) -> bool:
         """Whether the search came to its end; False after a time limit or Ctrl-C."""
-        return self.solution.proved
+        return self.solution.finished
+
+    @cached_property
+    def proved(self) -> bool:
+        """Whether all verdicts of :meth:`verify` pass; evaluated when it is read first."""
+        return self.finished and all(verdict.passed for verdict in self.verify())
 
     @property
     def multipliers(self) -> dict[str, float]:
@@ -110,10 +118,10 @@ class Plan:
             a master can that steps operators first; False: for masters that step all at once, in equal steps, which
             are a tenth as long.
         """
-        system = System(f"planned {self.problem.name}")
-        system.add(self.problem.name, self._fmu(), **self._values(interpolate=interpolate))
+        system = System(f"planned_{self.problem.name}")
+        system.add(self.problem.name, self._fmu(), **self._values())
         times = self._times()
-        first, end = float(times[1]), float(times[-1])
+        first, end = float(times[1]), self.duration
         system.experiment = DefaultExperiment(0.0, end, first if interpolate else _even(end, first / 10))
         return system
 
@@ -121,12 +129,18 @@ class Plan:
         """The motion as the FMUs perform it; communication points are the knots."""
         return simulate(self._fmu(), times=self._times(), tolerance=_TOLERANCE, **self._values())
 
-    def verify(self) -> list[Verdict]:
-        """Replay through the FMUs, second mesh, law of the extremal, multipliers, bounds between the nodes.
+    def verify(self, time_limit: float = 60.0) -> list[Verdict]:
+        """Replay through the FMUs, bounds between nodes, law of the extremal, second order, second mesh, multipliers.
 
+        They hold of the motion near which they are taken: that there is no better one far away is not proved.
+
+        :param time_limit: [s]; a claim for which no time is left fails.
         :returns: verdicts; ``liaisons.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """
-        return verdicts(self.problem, self.solution, self.replay())
+        finite("time_limit", time_limit, PlanError)
+        clock = Clock(time_limit)
+        problem = self.problem.relative
+        return verdicts(problem, relative(self.problem, self.solution), self.replay(), clock)
 
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals of the replay: what is moved, and what moves freely, unless names are given."""
@@ -144,14 +158,14 @@ class Plan:
         sizes: Any = {"n": self.goal.values["n"]} if issubclass(found, Chain) and "n" in self.goal.values else {}
         return fmu_path(self.goal.component, **sizes)
 
-    def _values(self, *, interpolate: bool = True) -> dict[str, Any]:
+    def _values(self) -> dict[str, Any]:
         """Start values of the mechanism, and an operator for what is moved."""
         problem, track = self.problem, self.solution.track
         begin = self.sigma(0.0)
         controls = np.array([begin[name] for name in problem.controls])
         values: dict[str, Any] = dict(problem.fmu_starts(track.knots[:, 0], controls))
         for name, table in self._knots.items():
-            values[name] = tabulated(*table, interpolate=interpolate and problem.order > 0)
+            values[name] = tabulated(*table)
         return values
 
     @cached_property
@@ -206,28 +220,37 @@ class Plan:
                 )
         solution = {k: v for k, v in vars(self.solution).items() if k != "track"}
         document = {"goal": goal, "track": vars(self.solution.track), "solution": solution}
-        path.write_text(json.dumps(document, default=_plain, indent=1), encoding="utf-8")
+        text = json.dumps(document, default=_plain, indent=1)
+        with replacing(path) as part:
+            part.write_text(text, encoding="utf-8")
 
     @classmethod
-    def load(cls, path: Path | str) -> Plan:
+    def load(cls, path: Path | str, component: Target | None = None, *, trust: bool = False) -> Plan:
         """Read what :meth:`save` has written.
 
+        :param component: the mechanism, instead of what the file names; needed if that is not in the catalogue.
+        :param trust: run the Python file that the plan names; without, opening a plan runs no code.
         :raises PlanError: if it is no plan.
         """
         path = as_path("path", path, PlanError)
         try:
             document = json.loads(path.read_text(encoding="utf-8"))
-            goal = Goal(**{name: _tuples(value) for name, value in document["goal"].items()})
-            track = document["track"]
-            arcs = tuple(Arc(arc["intervals"], _tuples(arc["held"])) for arc in track.pop("arcs"))
-            found: Any = {k: np.array(v) if isinstance(v, list) else v for k, v in document["solution"].items()}
-            solution = Solution(track=Track(arcs, **{k: np.array(v) for k, v in track.items()}), **found)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            goal = _read_goal(document["goal"], component, trust=trust)
+            solution = _read_solution(document["track"], document["solution"])
+            problem = problem_of(goal)
+            _check_shapes(problem, solution)
+        except PlanError as error:
             raise PlanError(f"{path} is no saved plan: {error}") from None
-        return cls(goal, problem_of(goal), solution)
+        except LiaisonsError as error:
+            raise PlanError(f"{path}: {error}") from None
+        except OSError as error:
+            raise PlanError(f"{path}: {error.strerror or error}") from None
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError) as error:
+            raise PlanError(f"{path} is no saved plan: {type(error).__name__}: {shown(str(error))}") from None
+        return cls(goal, problem, solution)
 
     def __repr__(self) -> str:
-        word = "" if self.proved else ", not proved: it was stopped on the way"
+        word = "" if self.finished else ", not proved: it was stopped on the way"
         moves = ", ".join(self.problem.moves)
         return f"<Plan of {self.problem.name}: {moves} in {self.duration:.6g} s, cost {self.cost:.8g}{word}>"
 
@@ -264,3 +287,93 @@ def _tuples(value: Any) -> Any:
     if isinstance(value, list):
         return tuple(map(_tuples, value))
     return {name: _tuples(item) for name, item in value.items()} if isinstance(value, dict) else value
+
+
+# ---- reading ------------------------------------------------------------------------------------------------------
+
+
+def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
+    known = [field.name for field in fields(Goal)]
+    if not isinstance(document, dict) or sorted(document) != sorted(known):
+        raise PlanError(f"goal has to have the keys {', '.join(known)}")
+    if component is None:
+        component = document["component"]
+        if not isinstance(component, str):
+            raise PlanError(f"goal.component = {shown(component)}: a name is wanted")
+        if component not in catalogue() and not trust:
+            raise PlanError(
+                f"goal.component = {shown(component)} is not in the catalogue, and opening a plan runs no code: "
+                "pass component=..., or trust=True if you know the file"
+            )
+    for name in ("bounds", "values"):
+        named(f"goal.{name}", document[name], PlanError)
+    for name in ("moves", "closed"):
+        listed(f"goal.{name}", document[name], PlanError)
+    goal = Goal(
+        **{name: _tuples(value) for name, value in document.items() if name != "component"}, component=component
+    )
+    low, high = goal.duration
+    finite("goal.duration", low, PlanError)
+    finite("goal.duration", high, PlanError)
+    if not 0 < low <= high:
+        raise PlanError(f"goal.duration = {shown(goal.duration)}: two numbers > 0 are wanted")
+    return goal
+
+
+def _read_solution(track: Any, document: Any) -> Solution:
+    numbers = {name: _finite(name, track[name]) for name in ("durations", "knots", "inner", "controls")}
+    arcs = tuple(
+        Arc(_whole(arc["intervals"]), tuple((_whole(i), float(x)) for i, x in arc["held"])) for arc in track["arcs"]
+    )
+    m = sum(arc.intervals for arc in arcs)
+    n, c = len(numbers["knots"]), len(numbers["controls"])
+    wanted = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, m * DEGREE), "controls": (c, m * DEGREE)}
+    _check(numbers, wanted)
+    if not arcs or any(arc.intervals < 1 for arc in arcs) or not (numbers["durations"] > 0).all():
+        raise PlanError("arcs have to have intervals, and durations > 0")
+    arrays = ("hamiltonian", "adjoints", "end_multipliers", "path")
+    found = {name: _finite(name, document[name]) for name in arrays}
+    found["path"] = found["path"].reshape(-1, m * DEGREE)  # JSON does not know the shape of what has no rows
+    _check(found, {"hamiltonian": (m * DEGREE,), "adjoints": (n, m * DEGREE)})
+    return Solution(
+        track=Track(arcs, **numbers),
+        cost=float(_finite("cost", document["cost"])),
+        status=str(document["status"]),
+        seconds=float(_finite("seconds", document["seconds"])),
+        residual=float(_finite("residual", document["residual"])),
+        finished=document["finished"] in (1, True),
+        starts=_whole(document["starts"]),
+        optima=_whole(document["optima"]),
+        **found,
+    )
+
+
+def _check_shapes(problem: Problem, solution: Solution) -> None:
+    """Whether a solution is one of this problem."""
+    n, c, rows, ends = (len(x) for x in (problem.states, problem.controls, problem.path.labels, problem.end.labels))
+    points = solution.track.inner.shape[1]
+    wanted = {"knots": (n, points // DEGREE + 1), "controls": (c, points)}
+    _check(vars(solution.track), wanted)
+    _check(vars(solution), {"path": (rows, points), "end_multipliers": (ends,)})
+    for i, bound in (held for arc in solution.track.arcs for held in arc.held):
+        if not 0 <= i < rows or bound not in (problem.path.low[i], problem.path.high[i]):
+            raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
+
+
+def _check(arrays: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]]) -> None:
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise PlanError(f"{name} has the shape {arrays[name].shape}; {shape} is wanted")
+
+
+def _finite(name: str, value: Any) -> Array:
+    found = np.array(value, dtype=float)
+    if not np.isfinite(found).all():
+        raise PlanError(f"{name} has values that are not finite")
+    return found
+
+
+def _whole(value: Any) -> int:
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or value != int(value):
+        raise PlanError(f"{shown(value)}: a whole number is wanted")
+    return int(value)

@@ -19,6 +19,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from numbers import Real
 from typing import Any, Literal, TypeAlias
 
 import casadi as ca
@@ -31,12 +33,17 @@ from liaisons.expressions.formulas import FormulaError, formula
 from liaisons.language import Chain, Mechanism, Orientation
 from liaisons.library import Target, component, model
 from liaisons.mechanics import Model
+from liaisons.operators.scaling import Scales, base_scales, size
 
 Expression: TypeAlias = "Callable[[Readings], Any] | str"
 """Of the mechanism's variables: ``lambda m: m.pivot_x_ddot**2``, or the same as text, ``"pivot_x_ddot**2"``."""
 Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] | None"
 """A number; a range; four numbers for an orientation; None: free."""
 Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
+
+
+_ROUNDING = 1e-10
+"""Nothing that is smaller than this, in units of its size, can be told from 0."""
 
 
 class PlanError(LiaisonsError):
@@ -67,6 +74,11 @@ class Rows:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
+    def relative(self, scales: NDArray[np.float64], *sizes: NDArray[np.float64]) -> Rows:
+        """The same in units of scales, of arguments that are in units of theirs."""
+        function = _relative(self.function, scales, *sizes)
+        return Rows(self.labels, function, self.low / scales, self.high / scales)
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -90,6 +102,32 @@ class Problem:
     constrained: bool  # the states obey constraints, which straight lines would break
     mass: ca.Function  # Θ of the states
     fmu_starts: Callable[[NDArray[np.float64], NDArray[np.float64]], dict[str, float]]  # start values of the FMU
+    scales: Scales
+
+    @property
+    def is_loop(self) -> bool:
+        """Whether all that is moved comes back to where it was."""
+        closed = {self.states[i] for i in self.closed}
+        return bool(closed) and set(self.moves) <= closed
+
+    @cached_property
+    def relative(self) -> Problem:
+        """The same problem in units of its scales, so that no number in it depends on units."""
+        scales, X, U = self.scales, self.scales.states, self.scales.controls
+        sizes, shape = dict(zip(self.states, X, strict=True)), U * scales.time**self.order
+        return replace(
+            self,
+            at_start=self.at_start / X,
+            aims={name: value / sizes[name] for name, value in self.aims.items()},
+            rest=self.rest / shape,
+            rates=_relative(self.rates, X / scales.time, X, U),
+            cost=_relative(self.cost, np.array([scales.cost / scales.time]), X, U),
+            path=self.path.relative(scales.path, X, U),
+            start=self.start.relative(scales.start, X),
+            end=self.end.relative(scales.end, X),
+            duration=(self.duration[0] / scales.time, self.duration[1] / scales.time),
+            mass=_relative(self.mass, scales.energy * scales.time**2 / np.outer(shape, shape), X, U),
+        )
 
 
 class Readings(Mapping[str, ca.SX]):
@@ -132,6 +170,12 @@ class _Row:
     expression: ca.SX
     low: float
     high: float
+    size: float = 1.0
+
+    @property
+    def relative(self) -> ca.SX:
+        """In units of its size."""
+        return self.expression / self.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +186,12 @@ class _Asked:
     end: list[_Row]
     path: list[_Row]
     cost: ca.SX
+    cost_size: float
+
+    @property
+    def relative(self) -> ca.SX:
+        """What is weighed or bounded on the way, in units of sizes."""
+        return ca.vertcat(self.cost / self.cost_size, *(row.relative for row in self.path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +199,7 @@ class _State:
     name: str
     symbol: ca.SX
     rate: ca.SX
+    size: float
 
 
 class Reader:
@@ -169,6 +220,7 @@ class Reader:
         self.turns = {turn.name: turn.quaternion for turn in getattr(found, "orientations", ())}
         self._read_parameters()
         self._read_start()
+        self._read_scales()
         self._evaluate()
 
     # ---- the mechanism ----------------------------------------------------------------------------------------
@@ -223,8 +275,33 @@ class Reader:
         for name in self.x_names:
             if name in self.starts and isinstance(given.get(name), (int, float)):
                 self.k[self.starts[name]] = float(given[name])
+        for name in {*self.x_names, *moved} & given.keys():
+            if given[name] is not None:
+                self._range("start", name, given[name])
         declared = {active.value: self.u[active.value] for active in self.model.active}
         self.s_start = np.array([_middle(given.get(name), declared[name]) for name in self.goal.moves])
+
+    def _read_scales(self) -> None:
+        """Sizes of all quantities, from the numbers of parameters, start, end, bounds and duration."""
+        variables = (*self.model.parameters, *self.model.inputs, *self.model.outputs)
+        units = {variable.name: variable.unit for variable in variables}
+        goal = self.goal
+        wanted = [goal.bounds, {} if self.is_free else goal.start, goal.end if isinstance(goal.end, Mapping) else {}]
+        numbers = [
+            (value, units[name])
+            for values in wanted
+            for name, given in values.items()  # type: ignore[union-attr]
+            for value in (given if isinstance(given, (tuple, list)) else [given])
+            if name in units and isinstance(value, (int, float))
+        ]
+        numbers += [(value, units[name]) for name, value in (self.k | self.u).items()]
+        base = base_scales([*numbers, *((value, "s") for value in goal.duration)])
+        self.sizes = {name: size(base, unit) for name, unit in units.items()}
+        self.time, self.energy = size(base, "s"), size(base, "J")
+        self.y_size = np.array([self.sizes.get(name, 1.0) for name in self.x_names])
+        self.s_size = np.array([self.sizes[name] for name in goal.moves])
+        moved = [np.where(self.s_start == 0, self.s_size, np.abs(self.s_start))]  # what is > 0 stays so
+        self._spread = [self.y_size, *moved, self.s_size / self.time, self.s_size / self.time**2]
 
     def _evaluate(self) -> None:
         """Rates and everything that can be read, in the symbols of state and σ."""
@@ -240,6 +317,7 @@ class Reader:
         z = ca.vertsplit(_expanded(self.model.outputs_function)(0, y, _column(u), column, zero))
         start = _expanded(self.model.start)(0, _column(before), _column(self.k | k))[0]
         self.rates = ca.densify(rates[: len(self.x_names)])
+        self.relative_rates = self.rates / (self.y_size / self.time)
         self.start_state = ca.densify(start[: len(self.x_names)])
         outputs = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
         self.signals = outputs | dict(zip(self.x_names, ca.vertsplit(self.y), strict=True))
@@ -283,8 +361,8 @@ class Reader:
 
     def _range(self, label: str, name: str, value: Any) -> tuple[float, float]:
         if isinstance(value, (tuple, list)):
-            if len(value) != 2:
-                raise PlanError(f"{self.name}: {label} of {name} = {shown(value)}: give a number, or (low, high)")
+            if len(value) != 2 or not all(x is None or (isinstance(x, Real) and not np.isnan(float(x))) for x in value):
+                raise PlanError(f"{self.name}: {label} of {name} = {shown(value)}: give a number, or two, (low, high)")
             low, high = (-np.inf if value[0] is None else value[0]), (np.inf if value[1] is None else value[1])
         else:
             low = high = self._number(name, value)
@@ -368,9 +446,15 @@ class Reader:
             if domain is None or name in bounded or (domain.minimum is None and domain.maximum is None):
                 continue
             low, high = (np.nan if x is None else float(x) for x in (domain.minimum, domain.maximum))
-            margin = 1e-3 if domain.strict else 0.0  # a singularity lies there
+            margin = 1e-3 * self._room(name) if domain.strict else 0.0  # a singularity lies there
             rows.append(_Row(name, known[name], np.nan_to_num(low + margin, nan=-np.inf), _inf(high - margin)))
         return rows
+
+    def _room(self, name: str) -> float:
+        """Size of a coordinate: where it starts, if that is not 0."""
+        if name in self.goal.moves:
+            return float(self._spread[1][self.goal.moves.index(name)])
+        return abs(self.k.get(self.starts.get(name, ""), 0.0)) or self.sizes.get(name, 1.0)
 
     def _mass(self) -> ca.SX:
         """The effective mass Θ of what is moved."""
@@ -394,7 +478,8 @@ class Reader:
 
     def _refuse_singular(self, theta: ca.SX, label: str) -> None:
         """Where the effective mass vanishes a finite force says nothing of the acceleration."""
-        eigenvalues = np.linalg.eigvalsh(self._at(theta, 0.0))
+        relative = self._at(theta, 0.0) * np.outer(self.s_size, self.s_size) / (self.energy * self.time**2)
+        eigenvalues = np.linalg.eigvalsh(relative)
         if eigenvalues[0] <= 1e-9 * max(1e-300, np.max(np.abs(eigenvalues))) or eigenvalues[-1] <= 1e-12:
             raise PlanError(
                 f"{self.name}: {label}: the effective mass Θ at {', '.join(self.goal.moves)} is singular at the start, "
@@ -410,34 +495,73 @@ class Reader:
         y[[i for i, n in enumerate(self.x_names) if n == Orientation.quaternion[0]]] = 1.0
         arguments = [y, self.s_start, np.zeros(len(self.goal.moves)), np.zeros(len(self.goal.moves))]
         points = [
-            x + spread * rng.uniform(-1, 1, x.shape) * size for x, size in zip(arguments, (1, 0.5, 3, 3), strict=True)
+            x + spread * rng.uniform(-1, 1, x.shape) * factor * size
+            for x, factor, size in zip(arguments, (1, 0.5, 3, 3), self._spread, strict=True)
         ]
         function = ca.Function("at", [self.y, self.s, self.v, self.a], [expression])
         return np.atleast_2d(np.array(function(*points)))
 
+    @property
+    def _symbols(self) -> dict[str, float]:
+        """Sizes of the symbols by their names."""
+        columns = zip((self.y, self.s, self.v, self.a), (self.y_size, *self._rates_of(self.s_size)), strict=True)
+        pairs = ((ca.vertsplit(symbols), sizes) for symbols, sizes in columns)
+        return {s.name(): float(x) for symbols, sizes in pairs for s, x in zip(symbols, sizes, strict=True)}
+
+    def _rates_of(self, sizes: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        return [sizes / self.time**n for n in range(3)]
+
+    def _slope(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
+        """Derivatives with respect to symbols in units of their sizes."""
+        sizes = self._symbols
+        columns = ca.DM([sizes[symbol.name()] for symbol in ca.vertsplit(symbols)])
+        return ca.jacobian(expression, symbols) @ ca.diag(columns)
+
     def acts(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
-        """Which symbols enter which rows, numerically: a rate that cancels still stands in the expression."""
-        slope = ca.jacobian(expression, symbols)
+        """Which symbols enter which rows, numerically: a rate that cancels still stands in the expression.
+
+        :param expression: in units of its size.
+        """
+        slope = self._slope(expression, symbols)
         if slope.nnz() == 0:
             return np.zeros(slope.shape, dtype=bool)
         slope = ca.densify(slope)
-        return np.any([np.abs(self._at(slope, 0.3, seed)) > 1e-10 for seed in range(1, 4)], axis=0)
+        return np.any([np.abs(self._at(slope, 0.3, seed)) > _ROUNDING for seed in range(1, 4)], axis=0)
 
     def depends(self, expression: ca.SX, symbols: ca.SX) -> bool:
-        """Whether any of the symbols enters."""
+        """Whether any of the symbols enters.
+
+        :param expression: in units of its size.
+        """
         return bool(self.acts(expression, symbols).any())
+
+    def _size(self, expression: ca.SX) -> float:
+        """Of a scalar at states around the start: of its value and of its changes."""
+        slope = self._slope(expression, ca.vertcat(self.y, self.s, self.v, self.a))
+        column = ca.densify(ca.horzcat(expression, slope))
+        values = np.array([np.linalg.norm(self._at(column, 0.5, seed)) for seed in range(1, 10)])
+        found = float(np.median(values[np.isfinite(values)])) if np.isfinite(values).any() else 0.0
+        return found or 1.0
+
+    def _sized(self, rows: Iterable[_Row]) -> list[_Row]:
+        return [replace(row, size=self.sizes.get(row.label) or self._size(row.expression)) for row in rows]
+
+    def _asked(self) -> _Asked:
+        start, end, path = map(self._sized, (self._start_rows(), self._end_rows(), self._path_rows()))
+        cost = self._cost()
+        return _Asked(start, end, path, cost, self._size(cost))
 
     def problem(self) -> Problem:
         """The whole."""
         goal = self.goal
-        asked = _Asked(self._start_rows(), self._end_rows(), self._path_rows(), self._cost())
+        asked = self._asked()
         self._refuse_unbounded_forces(asked.path)
         self._refuse_excluded(asked)
         self._refuse_momenta(asked.end)
         order = self._order(asked)
         if order == 0:
             asked = replace(asked, start=[row for row in asked.start if row.label not in goal.moves])
-        if order == 2 and self.depends(ca.vertcat(asked.cost, *(row.expression for row in asked.path)), self.a):
+        if order == 2 and self.depends(asked.relative, self.a):
             asked = replace(asked, start=[*asked.start, *self._at_rest({row.label for row in asked.start})])
         elif order == 2:
             self._refuse_impulses(asked)
@@ -471,6 +595,10 @@ class Reader:
         if goal.minimize == "time" and path.function.jac_sparsity(0, 1).nnz() == 0:
             names = ", ".join(f"{name}{suffix}" for name in goal.moves)
             raise PlanError(f"{self.name}: minimize = 'time' would take none: bound {names}, or forces")
+        self._refuse_chosen(
+            ("start", asked.start), ("end", asked.end), chosen=chosen, names=[f"{n}{suffix}" for n in goal.moves]
+        )
+        start, end = rows(asked.start, "start", X), rows(asked.end, "end", X)
         names = tuple(state.name for state in states if state.name in kept)
         ranges = {row.label: (row.low, row.high) for row in asked.start}
         begin = {name: _middle(ranges.get(name), numbers[name]) for name in names}
@@ -480,6 +608,7 @@ class Reader:
             moves=goal.moves,
             order=order,
             states=names,
+            scales=self._scales(asked, [state for state in states if state.name in kept], order, (path, start, end)),
             controls=tuple(f"{name}{suffix}" for name in goal.moves),
             at_start=np.array([begin[name] for name in names]),
             aims=self._aims(begin, asked.end),
@@ -487,8 +616,8 @@ class Reader:
             rates=function("rates", ca.vertcat(*(state.rate for state in states if state.name in kept))),
             cost=function("cost", asked.cost),
             path=path,
-            start=rows(asked.start, "start", X),
-            end=rows(asked.end, "end", X),
+            start=start,
+            end=end,
             closed=tuple(names.index(name) for name in closed if name in names),
             duration=goal.duration,
             constrained=any(
@@ -498,12 +627,28 @@ class Reader:
             fmu_starts=self._fmu_starts(signals, tuple(self.signals)),
         )
 
+    def _scales(self, asked: _Asked, states: list[_State], order: int, kept: tuple[Rows, Rows, Rows]) -> Scales:
+        sizes = ({row.label: row.size for row in rows} for rows in (asked.path, asked.start, asked.end))
+        labels = (rows.labels for rows in kept)
+        rows = [np.array([of[label] for label in names]) for of, names in zip(sizes, labels, strict=True)]
+        return Scales(
+            states=np.array([state.size for state in states]),
+            controls=self._rates_of(self.s_size)[order],
+            time=self.time,
+            energy=self.energy,
+            cost=asked.cost_size * self.time,
+            path=rows[0],
+            start=rows[1],
+            end=rows[2],
+        )
+
     def _states(self, order: int) -> list[_State]:
-        states = [_State(name, self.y[i], self.rates[i]) for i, name in enumerate(self.x_names)]
+        s_size, v_size, _ = self._rates_of(self.s_size)
+        states = [_State(name, self.y[i], self.rates[i], self.y_size[i]) for i, name in enumerate(self.x_names)]
         if order >= 1:
-            states += [_State(name, self.s[i], self.v[i]) for i, name in enumerate(self.goal.moves)]
+            states += [_State(name, self.s[i], self.v[i], s_size[i]) for i, name in enumerate(self.goal.moves)]
         if order == 2:
-            states += [_State(f"{name}_dot", self.v[i], self.a[i]) for i, name in enumerate(self.goal.moves)]
+            states += [_State(f"{name}_dot", self.v[i], self.a[i], v_size[i]) for i, name in enumerate(self.goal.moves)]
         return states
 
     def _at_rest(self, said: set[str]) -> list[_Row]:
@@ -511,14 +656,14 @@ class Reader:
         if self.is_free:
             return []
         waiting = [(i, f"{name}_dot") for i, name in enumerate(self.goal.moves) if name not in self.goal.closed]
-        return [_Row(rate, self.v[i], 0.0, 0.0) for i, rate in waiting if rate not in said]
+        return self._sized(_Row(rate, self.v[i], 0.0, 0.0) for i, rate in waiting if rate not in said)
 
     def _order(self, asked: _Asked) -> int:
         declared = set(self.goal.moves) - set(self.given)  # where σ would start if it could not jump at once
         start = (row for row in asked.start if row.label not in declared)
-        ends = ca.vertcat(*(row.expression for row in (*start, *asked.end)))
-        way = ca.vertcat(self.rates, asked.cost, *(row.expression for row in asked.path))
-        curved = self.depends(ca.jacobian(self.rates, self.v), self.v)
+        ends = ca.vertcat(*(row.relative for row in (*start, *asked.end)))
+        way = ca.vertcat(self.relative_rates, asked.relative)
+        curved = self.depends(self._slope(self.relative_rates, self.v), self.v)
         if curved or self.depends(ca.vertcat(ends, way), self.a) or self.depends(ends, self.v):
             return 2
         return int(bool(self.goal.closed) or self.depends(way, self.v) or self.depends(ends, self.s))
@@ -541,22 +686,23 @@ class Reader:
     def _conserved(self, states: list[_State], start: list[_Row]) -> set[str]:
         """States that start at a number and stay there."""
         started = {row.label for row in start if row.low == row.high}
-        return {state.name for state in states if state.name in started and self._vanishes(state.rate)}
+        relative = {state.name: state.rate * (self.time / state.size) for state in states if state.name in started}
+        return {name for name, rate in relative.items() if self._vanishes(rate)}
 
     def _vanishes(self, expression: ca.SX) -> bool:
         everything = ca.vertcat(self.s, self.v, self.a, self.y)
-        return not self.depends(expression, everything) and abs(self._at(expression, 0.3).item()) < 1e-12
+        return not self.depends(expression, everything) and abs(self._at(expression, 0.3).item()) < _ROUNDING
 
     def _needed(self, states: list[_State], asked: _Asked, closed: list[str]) -> set[str]:
         """Names of the states that what is asked for depends on."""
-        wanted = ca.vertcat(asked.cost, *(row.expression for row in (*asked.end, *asked.path)))
+        wanted = ca.vertcat(asked.relative, *(row.relative for row in asked.end))
         waiting = [state for state in states if state.name in closed or self.depends(wanted, state.symbol)]
         kept: set[str] = set()
         while waiting:
             state = waiting.pop()
             kept.add(state.name)
             more = (other for other in states if other.name not in kept and other not in waiting)
-            waiting += [other for other in more if self.depends(state.rate, other.symbol)]
+            waiting += [other for other in more if self.depends(state.rate * (self.time / state.size), other.symbol)]
         if not kept:
             raise PlanError(f"{self.name}: nothing that {', '.join(self.goal.moves)} can change is asked for")
         return kept
@@ -566,7 +712,8 @@ class Reader:
         if ca.depends_on(expression, ca.vertcat(*arguments)):
             return True
         value = float(ca.Function("value", [], [expression])()["o0"])
-        if label == "end" and not row.low - 1e-12 <= value <= row.high + 1e-12:
+        rounding = _ROUNDING * row.size
+        if label == "end" and not row.low - rounding <= value <= row.high + rounding:
             what = f"{row.label} = {_shown(row)} cannot be reached: it is conserved and stays {value:g}"
             raise PlanError(f"{self.name}: end: {what}")
         return False
@@ -579,6 +726,14 @@ class Reader:
                 if row.expression.is_symbolic() and (row.high < bound.low or row.low > bound.high):
                     what = f"{row.label} = {_shown(row)} lies outside of its bounds {_shown(bound)}"
                     raise PlanError(f"{self.name}: {where}: {what}")
+
+    def _refuse_chosen(self, *ends: tuple[str, list[_Row]], chosen: ca.SX, names: list[str]) -> None:
+        """Refuse to ask at an instant for what the plan chooses anew at each instant."""
+        for where, rows in ends:
+            for row in rows:
+                if self.depends(row.relative, chosen):
+                    what = f"{row.label} depends on {', '.join(names)}, which may be anything at a single instant"
+                    raise PlanError(f"{self.name}: {where}: {what}: ask for states, or set bounds on {row.label}")
 
     def _refuse_unbounded_forces(self, path: list[_Row]) -> None:
         if any(row.label.endswith(("_force", "_power")) for row in path):
@@ -606,7 +761,8 @@ class Reader:
         for i, name in enumerate(self.x_names):
             is_momentum = name not in self.starts or name in Orientation.momenta
             value = float(self.given.get(name) or started[i])
-            if is_momentum and abs(value) > 1e-12 and self._vanishes(self.rates[i]):
+            is_moving = abs(value) > _ROUNDING * self.y_size[i]
+            if is_momentum and is_moving and self._vanishes(self.relative_rates[i]):
                 what = f"nothing can come to rest: {name} is conserved, and it is {value:g} at the start"
                 raise PlanError(f"{self.name}: end: {what}")
 
@@ -622,6 +778,13 @@ class Reader:
             return values | {parameter: float(found[name]) for name, parameter in self.starts.items()}
 
         return of
+
+
+def _relative(function: ca.Function, value: NDArray[np.float64], *sizes: NDArray[np.float64]) -> ca.Function:
+    """A function in units of a size, of arguments in units of theirs."""
+    arguments = [ca.SX.sym(f"x{i}", size.size) for i, size in enumerate(sizes)]
+    result = function(*(x * ca.DM(size) for x, size in zip(arguments, sizes, strict=True)))
+    return ca.Function(function.name(), arguments, [ca.densify(result / ca.DM(value))])
 
 
 def _expanded(function: ca.Function) -> ca.Function:

@@ -12,12 +12,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import null_space
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 from liaisons.operators.problems import Problem, Rows
 
@@ -25,9 +28,10 @@ DEGREE = 5
 """Collocation points in an interval: of order 10 at its ends."""
 
 Array = NDArray[np.float64]
+_ACTIVE = 1e-7
+"""So near to its bound, in units of its size, a row is active where IPOPT has come to its end."""
 _GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-INTERRUPTED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")  # Ctrl-C, as CasADi passes it on
-_STOPPED = (*INTERRUPTED, "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
+_STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
 
 
 def _coefficients() -> tuple[Array, Array, Array]:
@@ -67,8 +71,10 @@ class Track:
     @property
     def breaks(self) -> Array:
         """Ends of the intervals [s], (m + 1,)."""
-        steps = np.concatenate([np.full(arc.intervals, T / arc.intervals) for arc, T in self._pairs()])
-        return np.append(0.0, np.cumsum(steps))
+        ends = np.append(0.0, np.cumsum(self.durations))
+        pairs = zip(ends[:-1], self._pairs(), strict=True)
+        inside = [begin + T * np.arange(1, arc.intervals) / arc.intervals for begin, (arc, T) in pairs]
+        return np.sort(np.concatenate([ends, *inside]))
 
     @property
     def instants(self) -> Array:
@@ -105,20 +111,41 @@ class Clock:
 
     :param limit: [s].
     :param show: is told how many seconds have passed.
+    :param interrupts: from the keyboard; CasADi, in which they may come, swallows exceptions.
     """
 
-    def __init__(self, limit: float = 60.0, show: Callable[[float], None] | None = None) -> None:
-        self._begun, self._limit, self._show = time.perf_counter(), limit, show
+    def __init__(
+        self,
+        limit: float = 60.0,
+        show: Callable[[float], None] | None = None,
+        interrupts: Sequence[int] = (),
+    ) -> None:
+        self._begun, self._limit, self._show, self._interrupts = time.perf_counter(), limit, show, interrupts
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether there was an interrupt from the keyboard."""
+        return len(self._interrupts) > 0
 
     @property
     def left(self) -> float:
         """[s]."""
         return max(1e-2, self._limit - (time.perf_counter() - self._begun))
 
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is left."""
+        return self.is_interrupted or time.perf_counter() - self._begun >= self._limit
+
     def tick(self, _iteration: int) -> None:
-        """An iteration has passed."""
+        """An iteration has passed.
+
+        :raises KeyboardInterrupt: which ends IPOPT, if there was one.
+        """
         if self._show is not None:
             self._show(min(time.perf_counter() - self._begun, self._limit))
+        if self.is_interrupted:
+            raise KeyboardInterrupt
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +161,53 @@ class Solution:
     end_multipliers: Array  # dJ/d(row at the end), of rows that are given as numbers
     path: Array  # rows of the path at the collocation points (rows, m · DEGREE)
     residual: float  # the largest violation of an equation
-    proved: bool = field(default=True)  # False: stopped on the way
+    finished: bool = field(default=True)  # False: stopped on the way
+    starts: int = 1  # of how many it is the best,
+    optima: int = 1  # with so many different costs
 
     @property
     def succeeded(self) -> bool:
         """Whether IPOPT says so."""
         return self.status in _GOOD
+
+
+def in_units(problem: Problem, solution: Solution) -> Solution:
+    """A solution of the relative problem in SI units."""
+    return _scaled(problem, problem, solution, 1)
+
+
+def relative(problem: Problem, solution: Solution) -> Solution:
+    """A solution in SI units as one of the relative problem."""
+    return _scaled(problem, problem.relative, solution, -1)
+
+
+def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> Solution:
+    """Multiplied by powers of the scales; rows are held at the bounds that the other problem has."""
+    scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
+    X, U, rows, ends = (size[:, None] ** power for size in (scales.states, scales.controls, scales.path, scales.end))
+    time, cost = scales.time**power, scales.cost**power
+
+    def held(i: int, bound: float) -> tuple[int, float]:
+        return i, float(to.path.low[i] if bound == path.low[i] else to.path.high[i])
+
+    track, (low, high) = solution.track, to.duration
+    if low == high:
+        time = low / float(track.durations.sum())  # to the last digit
+    return replace(
+        solution,
+        track=Track(
+            arcs=tuple(replace(arc, held=tuple(held(*row) for row in arc.held)) for arc in track.arcs),
+            durations=track.durations * time,
+            knots=track.knots * X,
+            inner=track.inner * X,
+            controls=track.controls * U,
+        ),
+        cost=solution.cost * cost,
+        hamiltonian=solution.hamiltonian * (cost / scales.time**power),
+        adjoints=solution.adjoints * (cost / X),
+        end_multipliers=solution.end_multipliers * (cost / ends.ravel()),
+        path=solution.path * rows,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,28 +238,16 @@ def solve(
 ) -> Solution:
     """Solve the problem on the mesh of the guess.
 
-    :param clock: a limit; what there is then is returned as not proved.
+    :param clock: a limit; what there is then is returned as not finished.
     :param soft: come as near to the end as possible, at any cost, instead of reaching it.
     :param shift: added to the values at the end.
     :param near: the guess is all but the solution: stay with it.
     """
     begun = time.perf_counter()
-    program = _collocated(problem, guess)
-    opti = program.opti
-    stages, steps = program.stages == 0, program.steps == 0
-    opti.subject_to(stages)
-    opti.subject_to(steps)
-    _bound(opti, problem, guess.arcs, program)
-    _within(opti, problem.start, problem.start.function(program.knots[:, 0]))
-    for i in problem.closed:
-        opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
-    _anchor(opti, problem, program)
-    _smooth(opti, problem, guess.arcs, program)
-    end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
-    nothing: tuple[list[int], Any] = ([], None)
-    given, reached = nothing if soft else _within(opti, problem.end, end)
-    opti.minimize(ca.sumsqr(end - np.clip(0.0, problem.end.low, problem.end.high)) if soft else program.cost)
-    status = _run(opti, near=near, clock=clock or Clock())
+    clock = clock or Clock()
+    posed = _posed(problem, guess, soft=soft, shift=shift)
+    program, opti, given, reached = posed.program, posed.program.opti, posed.given, posed.reached
+    status = _run(opti, near=near, soft=soft, clock=clock)
 
     def value(expression: Any, *shape: int) -> Array:
         return np.asarray(opti.debug.value(expression), dtype=float).reshape(shape, order="F")
@@ -206,7 +262,7 @@ def solve(
         inner=value(program.inner, n, points),
         controls=value(program.controls, c, points),
     )
-    mu, nu = value(opti.dual(stages), n, points), value(opti.dual(steps), n, m)
+    mu, nu = value(opti.dual(posed.stages), n, points), value(opti.dual(posed.steps), n, m)
     adjoints = -(np.repeat(nu, DEGREE, axis=1) + (mu @ np.kron(np.eye(m), A)) / np.tile(B, m))
     multipliers = np.zeros(len(problem.end.labels))
     if given:
@@ -221,8 +277,95 @@ def solve(
         end_multipliers=multipliers,
         path=value(program.path, rows, points),
         residual=float(max(np.max(np.abs(value(e, e.numel()))) for e in (program.stages, program.steps))),
-        proved=status not in _STOPPED,
+        finished=status not in _STOPPED and not clock.is_interrupted,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Posed:
+    """The program with its constraints: the equations, the rows at the end that are given numbers, and their place."""
+
+    program: _Program
+    stages: Any
+    steps: Any
+    given: list[int]
+    reached: Any
+
+
+def _posed(problem: Problem, guess: Track, *, soft: bool = False, shift: Array | None = None) -> _Posed:
+    program = _collocated(problem, guess)
+    opti = program.opti
+    stages, steps = program.stages == 0, program.steps == 0
+    opti.subject_to(stages)
+    opti.subject_to(steps)
+    _last(opti, problem, guess, program)
+    _bound(opti, problem, guess.arcs, program)
+    _within(opti, problem.start, problem.start.function(program.knots[:, 0]))
+    for i in problem.closed:
+        opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
+    _anchor(opti, problem, program)
+    _smooth(opti, problem, guess.arcs, program)
+    end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
+    nothing: tuple[list[int], Any] = ([], None)
+    given, reached = nothing if soft else _within(opti, problem.end, end)
+    opti.minimize(ca.sumsqr(end - ca.fmin(ca.fmax(end, problem.end.low), problem.end.high)) if soft else program.cost)
+    return _Posed(program, stages, steps, given, reached)
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """Of the cost along all that constraints leave free: eigenvalues of the reduced Hessian, in L2 of the controls."""
+
+    least: float
+    largest: float
+    freedom: int
+
+
+def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature | None:
+    """The second-order condition at a solution; None if IPOPT does not stay there.
+
+    States follow from controls by the linearised equations, and the directions that are left are those in which active
+    constraints do not change.
+    """
+    posed = _posed(problem, solution.track)
+    opti, track = posed.program.opti, solution.track
+    if _run(opti, near=True, soft=False, clock=clock) not in _GOOD:
+        return None
+    x, f, g, multipliers = opti.x, opti.f, opti.g, opti.lam_g
+    hessian, _ = ca.hessian(f + ca.dot(multipliers, g), x)
+    evaluated = ca.Function("kkt", [x, multipliers, opti.p], [hessian, ca.jacobian(g, x), g, opti.lbg, opti.ubg])
+    values: Any = evaluated(opti.debug.value(x), opti.debug.value(multipliers), opti.debug.value(opti.p))
+    W, J = (csc_matrix(value.sparse()) for value in values[:2])
+    row, low, high = (np.array(value).ravel() for value in values[2:])
+    n, c = len(problem.states), len(problem.controls)
+    m = track.knots.shape[1] - 1
+    equations = n * m * (DEGREE + 1)
+    bound = np.minimum(np.abs(row - low), np.abs(row - high)) <= _ACTIVE
+    active = np.flatnonzero(bound[equations:]) + equations
+    follow = slice(n, n + equations)  # knots but the first, and points inside
+    free = np.r_[0:n, n + equations : x.numel()]
+    lengths = np.repeat(np.diff(track.breaks), DEGREE) * np.tile(B, m)
+    weight = np.concatenate([np.ones(n), np.sqrt(np.repeat(lengths, c)), np.ones(free.size - n - c * m * DEGREE)])
+    Z = np.zeros((x.numel(), free.size))
+    Z[free, np.arange(free.size)] = 1
+    Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
+    Z /= weight
+    kept = null_space(J[active] @ Z, rcond=_ACTIVE) if active.size else np.eye(free.size)
+    if not kept.size:
+        return Curvature(0.0, 0.0, 0)
+    eigenvalues = np.linalg.eigvalsh(kept.T @ (Z.T @ (W @ Z)) @ kept)
+    return Curvature(float(eigenvalues[0]), float(np.abs(eigenvalues).max()), eigenvalues.size)
+
+
+def _last(opti: ca.Opti, problem: Problem, guess: Track, program: _Program) -> None:
+    """Durations of arcs, where they are unknown."""
+    if program.durations.is_constant():
+        return
+    low, high = problem.duration
+    total = float(guess.durations.sum())
+    opti.subject_to(ca.vec(program.durations) >= 1e-6 * total)
+    whole = ca.sum2(program.durations)
+    opti.subject_to(_bounded(opti, low, whole, high) if low < high else whole == low)
 
 
 def _collocated(problem: Problem, guess: Track) -> _Program:
@@ -241,9 +384,6 @@ def _collocated(problem: Problem, guess: Track) -> _Program:
         total = float(guess.durations.sum())
         durations = opti.variable(1, len(arcs))
         opti.set_initial(durations, guess.durations[None, :] * np.clip(total, low, high) / total)
-        opti.subject_to(ca.vec(durations) >= 1e-6 * total)
-        whole = ca.sum2(durations)
-        opti.subject_to(_bounded(opti, low, whole, high) if low < high else whole == low)
     lengths = [ca.repmat(durations[i] / arc.intervals, 1, arc.intervals * DEGREE) for i, arc in enumerate(arcs)]
     h = ca.horzcat(*lengths)  # of the interval of each point
     rates = problem.rates.map(points)(inner, controls)
@@ -266,7 +406,7 @@ def _collocated(problem: Problem, guess: Track) -> _Program:
     )
 
 
-def _run(opti: ca.Opti, *, near: bool, clock: Clock) -> str:
+def _run(opti: ca.Opti, *, near: bool, soft: bool, clock: Clock) -> str:
     """IPOPT's word."""
     ipopt = {
         "print_level": 0,
@@ -277,7 +417,7 @@ def _run(opti: ca.Opti, *, near: bool, clock: Clock) -> str:
         "acceptable_constr_viol_tol": 1e-10,
         "acceptable_iter": 25,
         "bound_relax_factor": 0.0,
-        "max_iter": 1500,
+        "max_iter": 200 if soft else 100 if near else 400,
         "max_wall_time": clock.left,
     }
     stay = {"mu_init": 1e-7, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}

@@ -8,28 +8,56 @@ import numpy as np
 
 from liaisons.check import Verdict, verdict
 from liaisons.operators.problems import Problem, Rows
-from liaisons.operators.transcription import Arc, Array, Solution, solve
+from liaisons.operators.transcription import Arc, Array, Clock, Solution, curvature, solve
 from liaisons.results import Result
 
 NOTHING = 1e-10
 """What IPOPT leaves of multipliers; nothing that is smaller can be told from 0."""
 _RELATIVE = 1e-6
+_FLAT = 1e-7
+"""Eigenvalues of the reduced Hessian, relative to the largest, that are as good as 0."""
 _SHIFT = 1e-4
 """By how much the end is moved to see what that costs."""
 
 
-def verdicts(problem: Problem, solution: Solution, replay: Result) -> list[Verdict]:
+def verdicts(problem: Problem, solution: Solution, replay: Result, clock: Clock) -> list[Verdict]:
     """All of them.
 
-    :param replay: the motion as the FMUs perform it.
+    :param problem: a relative one.
+    :param solution: its solution.
+    :param replay: the motion as the FMUs perform it, in SI units.
+    :param clock: how long further solutions may take; a claim for which no time is left fails.
     """
-    ended = verdict("the search came to its end", error=0.0 if solution.proved else 1.0, tolerance=0.0)
-    return [ended, *_replayed(problem, replay), *_law(problem, solution), *_meshes(problem, solution)]
+    text = f"the search came to its end: best of {_counted(solution.starts, 'start')}"
+    text += f", with {_counted(solution.optima, 'optimum', 'optima')}"
+    ended = verdict(text, error=0.0 if solution.finished else 1.0, tolerance=0.0)
+    found = [ended, *_replayed(problem, replay), *_law(problem, solution), _curved(problem, solution, clock)]
+    return [*found, *_meshes(problem, solution, clock)]
+
+
+def _counted(count: int, one: str, more: str = "") -> str:
+    return f"{count} {one if count == 1 else more or one + 's'}"
+
+
+def _curved(problem: Problem, solution: Solution, clock: Clock) -> Verdict:
+    """The second-order condition, on the mesh of the solution."""
+    found = None if clock.is_over else curvature(problem, solution, clock)
+    why = f"of the largest; what is less than {_FLAT:g} cannot be told from 0"
+    text = "a local minimum: the reduced Hessian is positive definite"
+    if found is None:
+        return verdict(text, error=np.nan, tolerance=_FLAT, reason=why)
+    if found.freedom == 0:
+        return verdict("a local minimum: constraints leave nothing free", error=0.0, tolerance=0.0)
+    least = found.least / max(found.largest, np.finfo(float).tiny)
+    if least < _FLAT:
+        text = "second-order condition: no direction has negative curvature (some have none)"
+    return verdict(text, error=max(0.0, -least), tolerance=_FLAT, reason=why)
 
 
 def _replayed(problem: Problem, replay: Result) -> list[Verdict]:
-    X = np.array([replay[name] for name in problem.states])
-    U = np.array([replay[name] for name in problem.controls])
+    scales = problem.scales
+    X = np.array([replay[name] for name in problem.states]) / scales.states[:, None]
+    U = np.array([replay[name] for name in problem.controls]) / scales.controls[:, None]
     found = [
         verdict(
             "replayed through the FMUs, the end is reached",
@@ -43,7 +71,7 @@ def _replayed(problem: Problem, replay: Result) -> list[Verdict]:
         gap = float(np.max(np.abs(X[closed, -1] - X[closed, 0])))
         found.append(verdict("what has to close is closed", error=gap, tolerance=1e-8, reason="as the end"))
     energies = np.concatenate([replay[name] for name in ("kinetic_energy", "potential_energy", "work")])
-    scale = max(1e-12, float(np.ptp(energies)))
+    scale = max(1e-12 * scales.energy, float(np.ptp(energies)))
     balance = float(np.max(np.abs(replay["energy_balance"]))) / scale
     found.append(verdict("the energy gained is the operators' work", error=balance, tolerance=1e-7, reason="relative"))
     if problem.path.labels:
@@ -84,11 +112,11 @@ def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
     return max(NOTHING / _RELATIVE, float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))))
 
 
-def _meshes(problem: Problem, solution: Solution) -> list[Verdict]:
+def _meshes(problem: Problem, solution: Solution, clock: Clock) -> list[Verdict]:
     """A mesh half as fine again, and the price of another end."""
     track = solution.track
     finer = tuple(replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in track.arcs)
-    second = solve(problem, track.on(finer, track.durations), near=True)
+    second = solve(problem, track.on(finer, track.durations), clock, near=True)
     scale = max(NOTHING / _RELATIVE, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
     text = f"a mesh of {_count(finer)} intervals costs the same as one of {_count(track.arcs)}"
@@ -98,8 +126,16 @@ def _meshes(problem: Problem, solution: Solution) -> list[Verdict]:
     if size > 0:
         # J'' δ² is far below the tolerance, and so is what IPOPT leaves, over δ.
         by = _SHIFT * min(1.0, scale / size)
-        shifted = [solve(problem, track, near=True, shift=sign * by * gradient / size) for sign in (1, -1)]
-        slope = (shifted[0].cost - shifted[1].cost) / (2 * by) if all(s.succeeded for s in shifted) else np.nan
+
+        def cost(parts: int) -> float:
+            shifted = solve(problem, track, clock, near=True, shift=parts * by * gradient / size)
+            return shifted.cost if shifted.succeeded else np.nan
+
+        sides = {side: cost(side) for side in (1, -1)}
+        slope = (sides[1] - sides[-1]) / (2 * by)
+        if not np.isfinite(slope):  # beyond one side of the end no solution is near: also of second order in δ
+            side = 1 if np.isfinite(sides[1]) else -1
+            slope = side * (4 * sides[side] - cost(2 * side) - 3 * solution.cost) / (2 * by)
         text = "another end costs what the multipliers say, dJ/d(end)"
         found.append(
             verdict(text, error=abs(slope - size) / max(size, 1e-3 * scale), tolerance=1e-4, reason="relative")

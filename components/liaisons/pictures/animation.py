@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liaisons.arguments import finite
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
 from liaisons.pictures.declared import Picture
@@ -26,6 +27,8 @@ LONGEST = 20.0
 """[s] that an animation takes at most, unless its speed is given."""
 
 _MANY = 100  # frames: from here on their progress is shown
+_MOST = 100_000  # frames, of almost an hour
+_MOST_POINTS = 20_000_000  # in all frames; they take half a gigabyte
 
 _DRAWN = (".gif", ".png", ".mp4")
 _VISUAL = "_visual.xml"
@@ -68,7 +71,8 @@ def animate(
         in glb and html.
     :param turns: how often the camera goes round a spatial mechanism; it stands still in glb, html and png.
     :returns: the speed.
-    :raises SimulationError: for another ending, a ghost that is not drawn, a missing extra, or nothing to draw.
+    :raises SimulationError: for another ending, a ghost that is not drawn, a missing extra, nothing to draw, or a speed
+        that is not positive or takes too many frames.
     """
     kind = _VISUAL if path.name.endswith(_VISUAL) else path.suffix.lower()
     if kind not in _KINDS:
@@ -79,7 +83,8 @@ def animate(
         raise SimulationError(f"{path}: films need imageio-ffmpeg; pip install 'liaisons[film]', or write a .gif")
     if not scene.picture.shapes:
         raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
-    speed = _pace(time) if speed is None else speed
+    speed = _pace(time) if speed is None else _checked_speed(speed, time, scene.picture.count)
+    finite("turns", turns)
     at = _instants(time, speed / RATE)
     known = {name: _between(time, values, at) for name, values in signals.items()}
     shown = _frames(scene, at, known, title)
@@ -150,6 +155,17 @@ def motion_frames(scene: Scene, time: NDArray[np.float64], signals: Values, step
 def _pace(time: NDArray[np.float64]) -> float:
     """Seconds of motion a second: real time, unless that takes longer than :data:`LONGEST`."""
     return max(1.0, float(time[-1] - time[0]) / LONGEST)
+
+
+def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> float:
+    finite("speed", speed)
+    most = min(_MOST, _MOST_POINTS // points)
+    least = float(time[-1] - time[0]) * RATE / most
+    if speed <= 0 or speed < least:
+        raise SimulationError(
+            f"speed = {speed!r}: give seconds of motion a second, {least:.1g} at least: there are {most} frames at most"
+        )
+    return speed
 
 
 def _instants(time: NDArray[np.float64], step: float) -> NDArray[np.float64]:

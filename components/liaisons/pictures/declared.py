@@ -8,11 +8,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, final
 
+from liaisons.arguments import shown
 from liaisons.errors import SimulationError
 
 MEMBER = "resources/picture.json"
 VERSION = "1."
 """What the version of a file that can be read begins with."""
+LARGEST = 1e18
+"""Of a coordinate [m]: its square is a number in single precision, too."""
+_MOST = 10_000
+"""Shapes, and points of wires; so many take matplotlib a second a frame."""
 
 Shape = Mapping[str, Any]
 _POINTS, _LISTS = ("from", "to", "at"), ("points", "axes")
@@ -43,14 +48,14 @@ class Picture:
         try:
             document = json.loads(text)
             version, shapes = document["version"], document["shapes"]
+            if (count := sum(len(shape.get("points", [0])) for shape in shapes)) > _MOST:
+                raise ValueError(f"it has {count} points, and {_MOST} are the most that are drawn")
             for shape in shapes:
                 missing = [member for member in _KINDS[shape["shape"]] if member not in shape]
                 if missing:
                     raise KeyError(missing[0])
+                _check(shape)
             found = cls(tuple(shapes))
-            for number in (number for shape in shapes for number in _numbers(shape)):
-                if not isinstance(number, str) and not math.isfinite(float(number)):
-                    raise ValueError(f"a coordinate is {number}")
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise SimulationError(
                 f"{where}: {MEMBER} cannot be read: {type(error).__name__}: {error}; build the FMU anew"
@@ -71,6 +76,11 @@ class Picture:
     def document(self) -> dict[str, Any]:
         """The content of the file."""
         return {"version": "1.0", "shapes": list(self.shapes)}
+
+    @property
+    def count(self) -> int:
+        """How many points all shapes have."""
+        return sum(1 for shape in self.shapes for _ in _points(shape))
 
     @property
     def variables(self) -> list[str]:
@@ -105,16 +115,26 @@ def _points(shape: Shape) -> Iterator[list[float | str]]:
     yield from shape.get("points", ())
 
 
-def _numbers(shape: Shape) -> Iterator[Any]:
-    """Every coordinate and size.
+def _check(shape: Shape) -> None:
+    """Check that points and axes are triples, as many as there have to be, of names and numbers that can be drawn.
 
-    :raises ValueError: if a point or an axis has not three of them.
+    :raises ValueError: if they are not.
     """
-    triples = [*_points(shape), *shape.get("axes", ())]
-    for x, y, z in [*triples, shape["size"]] if "size" in shape else triples:
-        yield from (x, y, z)
-    if "radius" in shape:
-        yield shape["radius"]
+    for member, least, most in (("points", 2, math.inf), ("axes", 3, 3)):
+        if member in shape and not (isinstance(shape[member], list) and least <= len(shape[member]) <= most):
+            raise ValueError(f"{member} of a {shape['shape']} are {shown(shape[member])}: {least} triples are needed")
+    triples = [*_points(shape), *shape.get("axes", ()), *([shape["size"]] if "size" in shape else [])]
+    for triple in triples:
+        if not isinstance(triple, list) or len(triple) != 3:
+            raise ValueError(f"{shown(triple)} in a {shape['shape']} is no triple")
+    numbers = [number for triple in triples for number in triple]
+    for number in [*numbers, shape["radius"]] if "radius" in shape else numbers:
+        if isinstance(number, str) and number:
+            continue
+        if isinstance(number, bool) or not isinstance(number, (int, float)):
+            raise ValueError(f"a coordinate is {shown(number)}: neither a number nor a name")
+        if not abs(number) <= LARGEST:  # not-a-number, too
+            raise ValueError(f"a coordinate is {shown(number)}: finite numbers up to {LARGEST:g} m can be drawn")
 
 
 def together(pictures: Mapping[str, Picture]) -> Picture:

@@ -10,12 +10,15 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.arguments import shown
 from liaisons.errors import SimulationError
-from liaisons.pictures.declared import Picture
+from liaisons.pictures.declared import LARGEST, Picture
 
 RATE = 30
 """Frames a second."""
 
+_SKEW = 1e-3
+"""So far from unit vectors at right angles the axes of a box may be: less than one sees."""
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 Signal = Callable[[str], NDArray]
@@ -68,16 +71,26 @@ def frames(picture: Picture, time: NDArray, signal: Signal, *, title: str) -> Fr
     """The shapes of a picture at some times.
 
     :param title: what it is of, for messages.
-    :raises SimulationError: if a coordinate is not finite.
+    :raises SimulationError: if a coordinate is not finite, or the axes of a box are no right-handed unit vectors.
     """
     shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
     values = np.stack([signal(name) for name in picture.variables] or [np.zeros(len(time))], axis=1)
     found = Frames(time, shapes, picture.plane, values)
-    if shapes and not np.isfinite(found.points).all():
-        late = int(np.flatnonzero(~np.isfinite(found.points).all(axis=(1, 2)))[0])
-        which = [name for name, value in zip(picture.variables, values[late], strict=True) if not np.isfinite(value)]
-        what = f"{which[0]} in its picture" if which else "a coordinate in its picture"
-        raise SimulationError(f"{title}: {what} is not finite at t = {time[late]:g} s: nothing to draw there")
+    sound = abs(values) <= LARGEST  # not-a-number is not
+    if shapes and not sound.all():
+        late = int(np.flatnonzero(~sound.all(axis=1))[0])
+        which = int(np.flatnonzero(~sound[late])[0])
+        name, value = picture.variables[which], values[late, which]
+        what = f"not finite at t = {time[late]:g} s" if not np.isfinite(value) else f"{value:g} at t = {time[late]:g} s"
+        raise SimulationError(f"{title}: {name} in its picture is {what}: nothing to draw there")
+    for axes in (shape.axes for shape in shapes if shape.axes is not None):
+        skew = np.abs(axes @ np.swapaxes(axes, 1, 2) - np.eye(3)).max(axis=(1, 2))
+        wrong = np.flatnonzero((skew > _SKEW) | (np.linalg.det(axes) < 0))
+        if wrong.size:
+            raise SimulationError(
+                f"{title}: a box in its picture has axes {shown(axes[wrong[0]].tolist())} at t = {time[wrong[0]]:g} s: "
+                "give three unit vectors at right angles, right-handed"
+            )
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -33,6 +34,10 @@ _FRAME_HEIGHT = 420
 """Of a motion [px]."""
 _FAILURE = "failure"
 """The last column of a file in which there are cases."""
+_ESTIMATES = ("errors", "coupling_error")
+"""What a file may have after the signals: columns ``error of NAME``, one a signal, and ``coupling_error``."""
+_NOTES = ("title", "warning", "estimates")
+"""What a file says of itself: in CSV lines ``# title: a swing``, in Parquet in the metadata of the schema."""
 
 
 @final
@@ -56,14 +61,16 @@ class Result:
     :param unfinished: those of them that the machine did not finish, rather than the model refused: the same sweep with
         its journal tries them again.
     :param errors: of an ensemble, estimate of the largest error of each signal over the times, shape
-        (len(names), cases): the difference from a run with steps twice as long, over 2**order - 1.  Of a simulation
-        that was verified, differences from a run with steps half as long, shape (len(names), times).
+        (len(names), cases), from runs with steps twice and four times as long; infinite where these do not converge.
+        Of a simulation that was verified, differences from a run with steps half as long, shape (len(names), times).
     :param coupling_error: of a simulation, estimate of what each step has added to the error of a signal by coupling,
         relative to its size, the largest of all, shape (times,).
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param texts: name of a signal of strings -> those that its values count from 0.
     :param jumping: names of signals that change in jumps only.
     :param scene: what was simulated looks like; None after reading from a file, a sweep or an ensemble.
+    :param warnings: of a simulation, what was logged as a warning, each text once; of a sweep, with the number of the
+        case, a hundred of them.
     """
 
     title: str
@@ -79,6 +86,7 @@ class Result:
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     jumping: frozenset[str] = frozenset()
     scene: Scene | None = None
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self.time.flags.writeable = False
@@ -101,6 +109,13 @@ class Result:
     def _texts(self, name: str) -> tuple[str, ...] | None:
         """Those of a signal, or of an array, whose elements have the same."""
         return self.texts.get(self.names[self._arrays[name][0][0]] if name in self._arrays else name)
+
+    @property
+    def unconverged(self) -> tuple[int, ...]:
+        """Cases of an ensemble, one of whose signals does not converge as the steps shrink: numbers, from 0."""
+        if self.errors is None or self.scene is not None:
+            return ()
+        return tuple(np.flatnonzero(np.isinf(self.errors).any(axis=0)).tolist())
 
     def error(self, name: str) -> NDArray[np.float64]:
         """Estimated largest error of a signal of an ensemble, shape (cases,); of a verified simulation, shape (times,).
@@ -190,7 +205,8 @@ class Result:
     def to_csv(self, path: Path | str) -> None:
         """Write a file: names in its first line, units in the second after ``#``, then a line a point or case.
 
-        Numbers are written so that the same doubles are read again, by :meth:`from_csv`,
+        Between them, ``# title: ...`` and a line ``# warning: ...`` each; error estimates are columns behind the
+        signals.  Numbers are written so that the same doubles are read again, by :meth:`from_csv`,
         ``pandas.read_csv(path, comment="#")`` or ``numpy.genfromtxt(path, delimiter=",", names=True)``.  Where there
         are cases, the last column, ``failure``, says why one has failed.  The file appears when it is complete.
 
@@ -200,6 +216,7 @@ class Result:
         with replacing(as_path("to_csv", path)) as part, part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerows([names, [f"# {unit}", *units]])
+            file.writelines(f"# {key}: {_escaped(text)}\n" for key, text in self._notes())
             writer.writerows(zip(*(content.tolist() for content in contents), strict=True))
 
     @classmethod
@@ -210,19 +227,20 @@ class Result:
         """
         path = as_path("from_csv", path)
         try:
+            notes: list[tuple[str, str]] = []
             with path.open(encoding="utf-8", newline="") as file:
-                names, *rows = csv.reader(file)
+                names, *rows = csv.reader(_without_notes(file, notes))
             units = rows.pop(0) if rows and "".join(rows[0][:1]).startswith("#") else [""] * len(names)
             units[:1] = [unit.removeprefix("# ") for unit in units[:1]]
             columns = zip(names, units, *rows, strict=True)
-            return cls._of_columns(path.stem, names, units, [content for _, _, *content in columns])
+            return cls._of_columns(path.stem, notes, names, units, [content for _, _, *content in columns])
         except OSError as error:
             raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
         except (ValueError, csv.Error) as error:
             raise SimulationError(f"{path}: not a result that to_csv has written: {error}") from None
 
     def to_parquet(self, path: Path | str) -> None:
-        """Write a Parquet file: the columns that :meth:`to_csv` writes, units in their metadata.
+        """Write a Parquet file: the columns that :meth:`to_csv` writes, units in their metadata, the rest in its own.
 
         Needs PyArrow (``pip install 'liaisons[parquet]'``); pandas, polars and DuckDB read it.  The file appears when
         it is complete.
@@ -235,8 +253,9 @@ class Result:
         arrays = [arrow.array(content) for content in contents]
         columns = zip(names, arrays, units, strict=True)
         fields = [arrow.field(name, array.type, metadata={"unit": unit}) for name, array, unit in columns]
+        notes = {key: text for key, text in self._notes() if key != "warning"} | {"warnings": json.dumps(self.warnings)}
         with replacing(path) as part:
-            parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields, metadata={"title": self.title})), part)
+            parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields, metadata=notes)), part)
 
     @classmethod
     def from_parquet(cls, path: Path | str) -> Result:
@@ -252,11 +271,13 @@ class Result:
         except (OSError, ValueError, arrow.ArrowException) as error:
             reason = getattr(error, "strerror", None) or " ".join(str(error).split())
             raise SimulationError(f"{path}: cannot be read as Parquet: {reason}") from None
-        title = (table.schema.metadata or {}).get(b"title", path.stem.encode()).decode()
+        found = {key.decode(errors="replace"): text for key, text in (table.schema.metadata or {}).items()}
         units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
         try:
-            return cls._of_columns(title, table.column_names, units, [c.to_numpy() for c in table.columns])
-        except ValueError as error:
+            notes = [(key, found[key].decode()) for key in _NOTES if key in found]
+            notes += [("warning", str(text)) for text in json.loads(found.get("warnings", "[]"))]
+            return cls._of_columns(path.stem, notes, table.column_names, units, [c.to_numpy() for c in table.columns])
+        except (TypeError, ValueError) as error:
             raise SimulationError(f"{path}: not a result that to_parquet has written: {error}") from None
 
     def _columns(self) -> Iterator[tuple[str, str, NDArray[Any]]]:
@@ -266,8 +287,20 @@ class Result:
         if self.time.size:  # the cases of a sweep count themselves
             yield from ((name, "s" if name == "time" else "", axis) for name, axis in axes.items())
         yield from ((name, self.units[name], self[name].ravel()) for name in self.names)
+        if self.errors is not None:
+            shape = self.values.shape[1:]
+            for name, errors in zip(self.names, self.errors, strict=True):
+                yield f"error of {name}", self.units[name], np.broadcast_to(errors, shape).ravel()
+        if self.coupling_error is not None:
+            yield "coupling_error", "", self.coupling_error
         if "case" in axes:
             yield _FAILURE, "", self._reasons(axes["case"])
+
+    def _notes(self) -> list[tuple[str, str]]:
+        """What a file says of the result beside its columns, by :data:`_NOTES`."""
+        estimates = [name for name in _ESTIMATES if getattr(self, name) is not None]
+        notes = [("title", self.title), *(("warning", text) for text in self.warnings)]
+        return [*notes, *([("estimates", ", ".join(estimates))] if estimates else [])]
 
     def _reasons(self, cases: NDArray[Any]) -> NDArray[Any]:
         """Why each of these cases has failed, empty if it has not."""
@@ -275,29 +308,40 @@ class Result:
 
     @classmethod
     def _of_columns(
-        cls, title: str, names: Sequence[str], units: Sequence[str], contents: Sequence[Sequence[Any]]
+        cls,
+        title: str,
+        notes: Iterable[tuple[str, str]],
+        names: Sequence[str],
+        units: Sequence[str],
+        contents: Sequence[Sequence[Any]],
     ) -> Result:
-        """What :meth:`_columns` has made.
+        """What :meth:`_columns` and :meth:`_notes` have made.
 
-        :raises ValueError: if it has not, with the reason.
+        :param title: unless the notes have one.
+        :raises ValueError: if they have not, with the reason.
         """
+        notes = list(notes)
         first = 1 if names[-1:] != [_FAILURE] else 2 if names[:2] == ["time", "case"] else int(names[0] == "time")
-        last = len(names) - (first != 1)  # of results over time alone, any name may be a signal's
-        texts, rows = {}, [*contents[:last]]
+        end = len(names) - (first != 1)  # of results over time alone, any name may be a signal's
+        last, last_error = _estimates_begin(dict(notes).get("estimates", ""), first, end)
+        texts, rows = {}, [*contents[:end]]
         for place, name in enumerate(names[first:last], start=first):
             if not units[place] and len(rows[place]) and not any(map(_is_number, rows[place])):
                 found, places = np.unique(np.array(rows[place], dtype=str), return_inverse=True)
                 texts[name], rows[place] = tuple(found.tolist()), places.tolist()
         numbers = np.array(rows, dtype=float)
-        if len(set(names)) < len(names) or not numbers.size:
+        if len(set(names[:last])) < last or not numbers.size:
             raise ValueError("it has a name twice, or no numbers")
         time, values = numbers[0].copy() if first else np.empty(0), numbers[first:]
         if first == 2:
             time = np.unique(time)
             values = values.reshape(len(values), len(time), -1)
-        failures = [] if first == 1 else contents[last][: values.shape[-1]]
+        failures = [] if first == 1 else contents[end][: values.shape[-1]]
+        values, errors, coupling_error = np.split(values, [last - first, last_error - first])
+        if first == 2:
+            errors = errors[:, 0]  # of a case, the same at all times
         return cls(
-            title,
+            dict(notes).get("title", title),
             time,
             tuple(names[first:last]),
             np.ascontiguousarray(values),
@@ -305,10 +349,13 @@ class Result:
             failures={case: reason for case, reason in enumerate(failures) if reason},
             texts=texts,
             jumping=frozenset(texts),
+            errors=np.ascontiguousarray(errors) if len(errors) else None,
+            coupling_error=coupling_error[0].copy() if len(coupling_error) else None,
+            warnings=tuple(text for key, text in notes if key == "warning"),
         )
 
     def to_pandas(self) -> Any:
-        """A ``pandas.DataFrame``: a column a signal, over time, cases or both; units and failures in its ``attrs``.
+        """A ``pandas.DataFrame``: a column a signal, over time, cases or both; title, units and so on in ``attrs``.
 
         :raises SimulationError: if pandas is missing (``pip install 'liaisons[pandas]'``).
         """
@@ -316,7 +363,8 @@ class Result:
         levels = [pandas.Index(axis, name=name) for name, axis in self.index.items()]
         index = levels[0] if len(levels) == 1 else pandas.MultiIndex.from_product(levels)
         frame = pandas.DataFrame({name: self[name].ravel() for name in self.names}, index=index)
-        frame.attrs = {"title": self.title, "units": dict(self.units), "failures": dict(self.failures)}
+        about = {"title": self.title, "units": dict(self.units), "failures": dict(self.failures)}
+        frame.attrs = {**about, "warnings": list(self.warnings)}
         return frame
 
     def to_xarray(self) -> Any:
@@ -329,7 +377,7 @@ class Result:
         """
         xarray = _extra("to_xarray", "xarray", "xarray")
         index = self.index
-        dataset = xarray.Dataset(coords=index, attrs={"title": self.title})
+        dataset = xarray.Dataset(coords=index, attrs={"title": self.title, "warnings": list(self.warnings)})
         if "time" in index:
             dataset["time"].attrs["units"] = "s"
         for name in self.entries:
@@ -435,18 +483,21 @@ class Result:
     def _headline(self) -> str:
         parts = [f"{len(self.time)} points, t = {self.time[0]:g} to {self.time[-1]:g} s"] if self.time.size else []
         if "case" in self.index:
-            parts.append(f"{self.values.shape[-1]} cases, {len(self.failures)} failed")
+            without = f", {len(self.unconverged)} without convergence" if self.unconverged else ""
+            parts.append(f"{self.values.shape[-1]} cases, {len(self.failures)} failed{without}")
         return f"Result of {self.title}: {', '.join(parts)}, {len(self.names)} signals"
 
     def __repr__(self) -> str:
         rest = f", and {len(self) - 8} more" if len(self) > 8 else ""
+        many, first = len(self.warnings), self.warnings[:1]
+        rest += f"; {many} warning{'s, the first' if many > 1 else ''}: {first[0]}" if first else ""
         return f"<{self._headline()}: {', '.join(map(self._label, self.entries[:8]))}{rest}>"
 
     def _repr_html_(self) -> str:
         curves = [curve(self._part(self.values, name)) for name in self.entries[:_MOST_ROWS]] if self.time.size else []
         remarks = [f"case {case} failed: {reason}" for case, reason in islice(self.failures.items(), _MOST_ROWS)]
         motion, said = self._motion()
-        remarks += said
+        remarks += [*said, *(f"Warning: {text}" for text in self.warnings)]
         return motion + html_table(self._headline(), self.summary(_MOST_ROWS, few=0), curves=curves, remarks=remarks)
 
     def _motion(self) -> tuple[str, list[str]]:
@@ -483,6 +534,39 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
         self.result = result
+
+
+def _estimates_begin(named: str, first: int, end: int) -> tuple[int, int]:
+    """Columns at which signals end and at which their errors end, in a file with these estimates.
+
+    :param first: column of the first signal.
+    :param end: column after the last number.
+    :raises ValueError: if it has not so many.
+    """
+    estimates = [name for name in _ESTIMATES if name in named.split(", ")]
+    last_error = end - ("coupling_error" in estimates)
+    count, odd = divmod(last_error - first, 2 if "errors" in estimates else 1)
+    if odd or count < 0:
+        raise ValueError(f"it has no column for each of its estimates ({named})")
+    return first + count, last_error
+
+
+def _escaped(text: str) -> str:
+    """A text on one line, without quotes, which other readers of CSV would take for the begin of a cell."""
+    return json.dumps(text, ensure_ascii=False)[1:-1].replace('\\"', "\\u0022")
+
+
+def _without_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
+    """The lines of a CSV file but those that say something of the whole, which are added to the notes."""
+    for line in lines:
+        key, colon, text = line.rstrip("\r\n").partition(": ")
+        if not (colon and key.removeprefix("# ") in _NOTES and key.startswith("# ")):
+            yield line
+            continue
+        try:
+            notes.append((key[2:], json.loads(f'"{text}"')))
+        except ValueError:  # somebody has written it by hand
+            notes.append((key[2:], text))
 
 
 def _is_number(content: Any) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liaisons.arguments import shown
 from liaisons.errors import ValidityError
+from liaisons.files import replacing
 
 _WIDTH, _HEIGHT = 5.2, 4.0
 """Of a panel [in]."""
@@ -84,4 +85,5 @@ def save(path: Path) -> None:
         widths = [0.5 + 0.07 * len(label) for label in labels]
         columns = len(labels) if sum(widths) <= width else max(1, int(width / max(widths)))
         axis.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=columns)
-    figure.savefig(path, dpi=150)
+    with replacing(path) as whole:
+        figure.savefig(whole, format=path.suffix[1:], dpi=150)

@@ -3,7 +3,8 @@
 An FMU of ours looks for ``resources/starts.txt`` when it is instantiated or reset.  A line ``KIND REFERENCE COUNT BITS
 ... NAME`` there stands for a variable: KIND is ``r`` for reals and ``i`` for integers, BITS are those of its numbers in
 hexadecimal digits, which no locale reads differently; or, KIND is ``t``, for a table that replaces the one in its
-parameters, column after column.  A copy with that file, and with the same values in its model
+parameters, column after column; or ``z``: a prescribed coordinate that must not be 0 keeps its start value where an
+importer sets 0 before the first step.  A copy with that file, and with the same values in its model
 description, starts there by itself; its binaries stay as they are.  It has a GUID of its own, since some importers take
 FMUs of one GUID for one.  An FMU of another make cannot be changed so: its start values are in the parameter set only.
 """
@@ -28,21 +29,35 @@ from liaisons.ssp.parameters import scalars, start, text
 
 _STARTS = "resources/starts.txt"
 _PYTHON = "resources/component.json"
-_MARK = b"/starts.txt"
+_MARK, _ZEROS = b"/starts.txt", b" = 0 before the first step: it stays "
 _DESCRIPTION = "modelDescription.xml"
 
 
 def takes_starts(part: Part) -> bool:
     """Whether the FMU's library, or the Python module that stands for it, reads the file."""
+    return _has(part, _MARK)
+
+
+def ignores_zeros(part: Part) -> bool:
+    """Whether it also knows a line of kind ``z``."""
+    return _has(part, _ZEROS)
+
+
+def _has(part: Part, mark: bytes) -> bool:
     with ZipFile(part.fmu.path) as archive:
         modules = [name for name in archive.namelist() if name.startswith("resources/liaisons_runtime_")]
-        return any(_MARK in archive.read(name) for name in (part.fmu.binary, *modules))
+        return any(mark in archive.read(name) for name in (part.fmu.binary, *modules))
 
 
-def baked(part: Part) -> bytes:
-    """The FMU with other start values: those that the component has in the system."""
+def baked(part: Part, *, ignore_zeros: bool = False) -> bytes:
+    """The FMU with other start values: those that the component has in the system.
+
+    :param ignore_zeros: prescribed coordinates that must not be 0 keep their start values where an importer sets 0
+        before the first step.
+    """
     values = {name: start(part, name) for name in scalars(part)}
-    return _copy(part.fmu.path, (_line(part, *item) for item in values.items()), values)
+    lines = [_line(part, *item) for item in values.items()]
+    return _copy(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
 
 
 def with_table(path: Path, table: NDArray[np.float64]) -> bytes:

@@ -36,8 +36,10 @@ def connector(part: Part, variable: str) -> tuple[Entry, Shape]:
 
 def inner(part: Part, connections: Iterable[Connection], shown: Iterable[Place]) -> dict[str, Entry]:
     """What a component needs: what is connected inside, and what the system shows."""
-    ends = (end for connection in connections for end in (connection.source, connection.target) if end.part is part)
-    names = [end.name for end in ends] + [name for owner, name in shown if owner == part.name]
+    ends = (end for connection in connections for end in (connection.source, connection.target))
+    names = [end.name for end in ends if end.part.name == part.name] + [
+        name for owner, name in shown if owner == part.name
+    ]
     found = (connector(part, name)[0] for name in names)
     return {entry.like.name: entry for entry in found}
 

@@ -36,7 +36,13 @@ def chosen(
     if step_size is None:
         steps = [step for e in of_fmus if (step := e.step_size) is not None]
         step_size = min(steps, default=None) if last.step_size is None else last.step_size
-    return DefaultExperiment(start_time, stop_time, step_size)
+    return DefaultExperiment(*(None if time is None else _meant(time) for time in (start_time, stop_time, step_size)))
+
+
+def _meant(time: float) -> float:
+    """The round number that sums of steps miss by their rounding errors: 2 for 2.000000000000001."""
+    few = float(f"{time:.14g}")
+    return few if abs(few - time) <= 4 * math.ulp(time) else time
 
 
 def add_master(system: Element, experiment: DefaultExperiment) -> None:

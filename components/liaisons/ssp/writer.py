@@ -2,14 +2,16 @@
 
 *Portable* (SSP 1.0) is for every importer that there is: flat, connections from element to element, ``Real``, a
 parameter set a component, and, where the FMU can take them, the start values inside the FMU, too, since some importers
-pass over parameter sets.  *Full* (SSP 2.0) says everything that SSP can say: connectors of the system, ``Float64``,
-arrays, one parameter set with a mapping, documentation.  Both have units.
+pass over parameter sets. Its FMUs extrapolate their inputs, since others do not step the sources first. *Full* (SSP
+2.0) says everything that SSP can say: connectors of the system, ``Float64``, arrays, one parameter set with a mapping,
+documentation. Both have units.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 from xml.etree.ElementTree import Element, SubElement
@@ -20,11 +22,11 @@ from liaisons.arguments import chosen as one_of
 from liaisons.cosim import System
 from liaisons.cosim.connections import Connection
 from liaisons.cosim.model_description import SAME
-from liaisons.cosim.parts import Part
+from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
 from liaisons.cosim.variables import Entry
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
-from liaisons.ssp.baking import baked, takes_starts
+from liaisons.ssp.baking import baked, ignores_zeros, takes_starts
 from liaisons.ssp.connectors import Form, Place, Units, add_connectors, add_units, connector, inner, outer, units_of
 from liaisons.ssp.documentation import page
 from liaisons.ssp.experiment import add_experiment, add_master, chosen
@@ -59,6 +61,14 @@ def write(
     one_of("form", form, get_args(Form))
     path, name, connections = as_path("archive", path), system.name, system.connections
     parts = system.filled()
+    if form == "portable":
+        name = _identifier(name)
+        names = _identifiers(parts)
+        parts = {names[p.name]: replace(_without_interpolation(p), name=names[p.name]) for p in parts.values()}
+        connections = [
+            replace(link, source=_moved(link.source, parts, names), target=_moved(link.target, parts, names))
+            for link in connections
+        ]
     experiment = chosen(system, start_time, stop_time, step_size)
     files: Files = {}
     root = Element(tag("ssd:SystemStructureDescription"), version="1.0" if form == "portable" else "2.0", name=name)
@@ -82,6 +92,35 @@ def write(
             archive.writestr(ZipInfo(file), data, ZIP_STORED if file.endswith(".fmu") else ZIP_DEFLATED)
 
 
+def _identifier(name: str) -> str:
+    """The name with an underscore for what some importers do not take."""
+    return re.sub(r"^(?=\d)|\W", "_", name, flags=re.ASCII) or "_"
+
+
+def _identifiers(names: Iterable[str]) -> dict[str, str]:
+    """An identifier for each name, with a number where two names would have one."""
+    identifiers: dict[str, str] = {}
+    for name in sorted(names, key=lambda name: name != _identifier(name)):  # what is one stays
+        free, number = _identifier(name), 1
+        while free in identifiers.values():
+            number += 1
+            free = f"{_identifier(name)}_{number}"
+        identifiers[name] = free
+    return identifiers
+
+
+def _moved(port: Port, parts: Mapping[str, Part], names: Mapping[str, str]) -> Port:
+    """The same port, of the part that is written."""
+    return Port(parts[names[port.part.name]], port.name)
+
+
+def _without_interpolation(part: Part) -> Part:
+    """The same, extrapolating its inputs: other masters let all FMUs step at once, so that no input comes in time."""
+    if not part.interpolates:
+        return part
+    return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
+
+
 def _add_portable(
     system: Element, parts: Collection[Part], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
@@ -91,14 +130,23 @@ def _add_portable(
         p for p, found in outer(parts, connections).items() if found.like.causality == "output" and not found.shape
     ]
     for part in parts:
-        bake = bool(part.starts) and takes_starts(part)
-        source = _add_file(files, f"{part.name}.fmu", baked(part)) if bake else _add_fmu(files, part)
+        zeros = _fed_from_zero(part, connections) and ignores_zeros(part)
+        bake = zeros or (bool(part.starts) and takes_starts(part))
+        content = baked(part, ignore_zeros=zeros) if bake else b""
+        source = _add_file(files, f"{part.name}.fmu", content) if bake else _add_fmu(files, part)
         element = _add_component(elements, part.name, source)
         add_connectors(element, inner(part, connections, shown), units, "portable")
         if part.starts:
             listed = [(variable, part, variable) for variable in scalars(part)]
             bind(element, _add_file(files, f"{part.name}.ssv", parameter_set(listed, units, "portable")))
     _add_connections(system, connections, {})
+
+
+def _fed_from_zero(part: Part, connections: Iterable[Connection]) -> bool:
+    """Whether an input is connected whose start value is not 0: some importers set it to 0 before the first step."""
+    fed = (connection.target for connection in connections)
+    starts = (end.variable.start for end in fed if end.part.name == part.name and end.variable.type == "Real")
+    return any(start is not None and float(start) != 0 for start in starts)
 
 
 def _add_full(

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, final
 
 from liaisons.errors import JournalError, SweepError
-from liaisons.sweeps.outcome import Failure, Outcome
+from liaisons.sweeps.outcome import Failure, Kept, Outcome
 
 _logger = logging.getLogger("liaisons.sweeps")
 
@@ -136,7 +136,7 @@ class Journal:
             case {"case": int(case), **outcome} if 0 <= case < self._cases:
                 match outcome:
                     case {"values": [*values]} if len(values) == self._columns and {*map(type, values)} <= {float}:
-                        return case, tuple(values)
+                        return case, Kept(tuple(values), tuple(map(str, outcome.get("warnings", []))))
                     case {"failure": str(reason)}:
                         return case, Failure(reason, refused=True)
                     case {"unfinished": str(reason)}:
@@ -150,7 +150,8 @@ class Journal:
 def _content(case: int, outcome: Outcome) -> dict[str, object]:
     if isinstance(outcome, Failure):
         return {"case": case, ("failure" if outcome.refused else "unfinished"): outcome.reason}
-    return {"case": case, "values": outcome}
+    warned = {"warnings": outcome.warnings} if outcome.warnings else {}
+    return {"case": case, "values": outcome.values, **warned}
 
 
 def _line(content: dict[str, object], seed: int) -> bytes:

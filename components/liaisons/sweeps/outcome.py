@@ -21,7 +21,16 @@ class Failure:
     refused: bool
 
 
-Outcome: TypeAlias = tuple[float, ...] | Failure
+@final
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What was kept of a case: its numbers, in the order of their names, and what was warned of meanwhile."""
+
+    values: tuple[float, ...]
+    warnings: tuple[str, ...] = ()
+
+
+Outcome: TypeAlias = Kept | Failure
 """What was kept of a case, or why it failed."""
 
 LIVES = 2

@@ -6,6 +6,7 @@ case over which a process has died is done with isolated FMUs, so that one that 
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -16,9 +17,9 @@ from typing import Protocol, TypeAlias
 from liaisons.cosim.parts import Part
 from liaisons.cosim.run import Run
 from liaisons.errors import EndedError, LiaisonsError
-from liaisons.results import Result
+from liaisons.logs import collected_warnings, logger
 from liaisons.sweeps.kept import evaluate
-from liaisons.sweeps.outcome import Failure, Outcome, failure
+from liaisons.sweeps.outcome import Failure, Kept, Outcome, failure
 from liaisons.sweeps.study import Study
 
 Task: TypeAlias = tuple[Study, Mapping[Path, Path], str]
@@ -35,6 +36,8 @@ class Simulate(Protocol):
 def session(task: Task) -> Iterator[Simulate]:
     """A function that simulates one case, in a process that has no other purpose and may be killed in its midst."""
     study, folders, tempfile.tempdir = task
+    logger.propagate = False  # warnings go with the case
+    logger.addHandler(logging.NullHandler())
     with ExitStack() as held:
         run: Run | None = None
 
@@ -48,13 +51,13 @@ def session(task: Task) -> Iterator[Simulate]:
                 if suspect:
                     isolated = replace(study.simulation, parts={name: part.apart() for name, part in parts.items()})
                     with Run(isolated, folders) as alone:
-                        return evaluate(study.keep, _simulated(alone, parts))
+                        return _kept(study, alone, parts)
                 run = run or held.enter_context(Run(study.simulation, folders, again=True))
-                result = _simulated(run, parts)
+                kept = _kept(study, run, parts)
                 if not run.repeats:
                     run = None
                     held.close()
-                return evaluate(study.keep, result)
+                return kept
             except Exception as error:  # noqa: BLE001 - whatever it is, the other cases go on
                 run = None
                 held.close()
@@ -63,11 +66,13 @@ def session(task: Task) -> Iterator[Simulate]:
         yield outcome
 
 
-def _simulated(run: Run, parts: Mapping[str, Part]) -> Result:
-    try:
-        run.start(parts)
-        run.finish()
-    except EndedError:
-        if run.reached() is None:
-            raise
-    return run.result()
+def _kept(study: Study, run: Run, parts: Mapping[str, Part]) -> Kept:
+    with collected_warnings() as warned:
+        try:
+            run.start(parts)
+            run.finish()
+        except EndedError as ended:
+            if run.reached() is None:
+                raise
+            logger.warning("%s of %.10g s", ended, study.simulation.times[-1])
+        return Kept(evaluate(study.keep, run.concluded()), warned.texts)

@@ -72,7 +72,7 @@ class Study:
 
         contents = {path: hashlib.sha256(content).digest() for path, content in self.files().items()}
         for name, part in self.simulation.parts.items():
-            add(name, contents[part.fmu.path], sorted(part.starts.items()))
+            add(name, contents[part.fmu.path], sorted(part.starts.items()), *filter(None, [part.solver]))
         run = self.simulation
         add(sorted((c.source.place, c.target.place, *c.conversion) for c in run.connections))
         add(tuple(run.times), run.tolerance, run.coupling, list(self.varied), sorted(run.recorded))

@@ -19,13 +19,14 @@ from liaisons.cosim.parts import Part
 from liaisons.cosim.schedule import Coupling, Place
 from liaisons.cosim.simulation import checked, owned
 from liaisons.errors import SimulationError, SweepError
+from liaisons.logs import Warnings, logger
 from liaisons.progress import progress_bar
 from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.journal import Journal
 from liaisons.sweeps.kept import Measure, measures, split
-from liaisons.sweeps.outcome import Failure, Outcome
+from liaisons.sweeps.outcome import Failure, Kept, Outcome
 from liaisons.sweeps.study import Study
 from liaisons.sweeps.workers import simulate as simulate_here
 
@@ -181,9 +182,9 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
 
 
 def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
-    finished = {case: outcome for case, outcome in outcomes.items() if not isinstance(outcome, Failure)}
+    done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
     kept = np.full((len(study.keep), study.cases.count), np.nan)
-    kept[:, list(finished)] = np.reshape(list(finished.values()), (-1, len(study.keep))).T
+    kept[:, list(done)] = np.reshape([outcome.values for outcome in done.values()], (-1, len(study.keep))).T
     parts = study.simulation.parts
     units = {name: parts[owner].fmu.variables[variable].unit for name, (owner, variable) in study.varied.items()}
     for name, measure in study.keep.items():
@@ -197,4 +198,17 @@ def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
         units,
         failures={case: failure.reason for case, failure in failures.items()},
         unfinished=tuple(sorted(case for case, failure in failures.items() if not failure.refused)),
+        warnings=(*study.simulation.warnings, *_warned(done)),
     )
+
+
+def _warned(done: Mapping[int, Kept]) -> tuple[str, ...]:
+    """What cases were warned of, with their numbers; how many they are and the first text is logged."""
+    found = Warnings()
+    for case, outcome in done.items():
+        for text in outcome.warnings:
+            found.add(f"case {case}: {text}")
+    if found.texts:
+        count = sum(1 for outcome in done.values() if outcome.warnings)
+        logger.warning("%d %s warned of: %s", count, "cases were" if count > 1 else "case was", found.texts[0])
+    return found.texts

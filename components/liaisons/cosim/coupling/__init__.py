@@ -26,8 +26,9 @@ input of an FMU that holds its inputs      mean of both ends        H²
 =========================================  =======================  ====================================
 
 Outside of cycles the source has been stepped, so that both ends are known; where nobody gives derivatives, the points
-before t, at the begin those in the step or after it, take their place.  What its slopes contradict, or its past missed,
-or what is discrete, has jumped at the end of the step: until then it goes on as it was known at t.
+before t, at the begin those in the step, take their place; of a function of time always these.  What is discrete goes
+on as it was at t until the end of the step.  Where sources announce that something jumps, the past is forgotten
+(``liaisons.cosim.breaks``).
 
 The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
 none; there it asks for its inputs at the fifths of a step, in intermediate update mode, and follows the quintic through

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from contextlib import suppress
 from ctypes import CDLL, addressof, byref
 from typing import final
 
@@ -19,7 +18,7 @@ from liaisons.cosim.coupling.handed import Handed, Past
 from liaisons.cosim.coupling.member import INSIDE, Member
 from liaisons.cosim.coupling.records import GroupRecord, HandedRecord, SystemRecord
 from liaisons.cosim.coupling.signals import Curve, Signals, State
-from liaisons.cosim.drives import SIGNALS
+from liaisons.cosim.drives import SIGNALS, rounding
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.schedule import Place
 from liaisons.cosim.simulation import Simulation
@@ -46,6 +45,7 @@ class Coupled:
         alone = {name for name, part in parts.items() if part.left_alone and name not in cyclic}
         self.signals = signals = Signals(parts, feeds, places, alone)
         self._drives = [(drive, [signals.index[place] for place in drive.places]) for drive in simulation.drives]
+        self._slopes = [signals.slope(drive.places[2]) if len(drive.places) == 3 else -1 for drive, _ in self._drives]
         self._groups: list[Group] = []
         for names in groups:
             cycle = frozenset(names if names[0] in cyclic else ())
@@ -88,8 +88,9 @@ class Coupled:
     def _failure(self, _action: Action, status: int, _when: str) -> SimulationError:
         """Raises the error of a step that compiled code has not made."""
         failure = self._record.failure
-        for call in self._asked if status == RAISED else ():
-            self._bus.judge(call, status)
+        for call in self._asked:
+            if status == RAISED and call.raised is not None:
+                self._bus.judge(call, status)
         self._groups[failure.group].fail(failure, status)
         raise AssertionError(status)
 
@@ -128,13 +129,40 @@ class Coupled:
         return min((group.order for group in self._groups), default=6)
 
     def settle(self, *, initial: bool) -> None:
-        """Make everything fit at the begin, which the clock shows."""
+        """Make everything fit at the begin of a piece, which the clock shows."""
         time = self._bus.end.value
-        self._drive(time, self._times[1])
+        self._drive(time, self._ahead(time))
         for group in self._groups:
             group.settle(time, initial=initial)
             self.signals.measure()
         self.signals.before[:] = self.signals.now
+
+    def cross(self) -> None:
+        """Make the step that the clock shows, which is tiny, to an instant where something jumps; forget the past.
+
+        Until its end every input goes on as it was known at its begin.
+        """
+        signals, time = self.signals, self._bus.end.value
+        signals.now[:] = signals.before
+        self._drive(time, self._ahead(time))
+        for group in self._groups:
+            for member in group.members:
+                member.go_on()
+                member.collect(signals.now)
+        signals.since[:] = 0.0
+        for handed in (*self._handed, self._driven):
+            handed.begin_anew()
+        self.settle(initial=False)
+
+    def _ahead(self, time: float) -> float | None:
+        """An instant of the piece that begins at this one [s], if there is one, and anything that asks for it."""
+        if not self._drives:
+            return None
+        place = bisect_right(self._times, time + rounding(time))
+        if place == len(self._times):
+            return None
+        breaks = [(time + instant) / 2 for drive, _ in self._drives if (instant := drive.next_break(time)) is not None]
+        return min([self._times[place], *breaks])
 
     def _step(self) -> None:
         """One step, of the size and from the instant that the clock shows."""
@@ -161,34 +189,30 @@ class Coupled:
         return 1
 
     def _drive_on(self) -> int:
-        """Functions of time, and at the two points after the step, where their past does not show how they move.
+        """Functions of time, and inside the step those whose slopes are made.
 
-        :returns: 1 if it is known how they go on.
+        :returns: 1 if there are such.
         """
-        end, size, driven = self._bus.end.value, self._bus.size.value, self._driven
-        self._drive(end, end - size)
-        place = bisect_right(self._times, end)
-        instants = self._times[place : place + 2]
-        if not driven.fresh or len(instants) < 2:
+        start, end, size, driven = self._bus.start.value, self._bus.end.value, self._bus.size.value, self._driven
+        self._drive(end, start)
+        if not driven.made.size:
             return 0
-        ahead = np.zeros((2, self.signals.count))
-        with suppress(SimulationError):  # its turn will come
-            for drive, indices in self._drives:
-                ahead[:, indices] = [drive(instant) for instant in instants]
-            driven.instants[:] = instants[0] - end + size, instants[1] - end + size
-            driven.others[:] = ahead[:, driven.made]
-            return 1
-        return 0
-
-    def _drive(self, time: float, other: float) -> None:
-        """Values of the functions of time, and the slope of an acceleration, by the other end of the step [s]."""
+        inside = np.zeros((2, self.signals.count))
+        driven.instants[:] = size / 3, 2 * size / 3
         for drive, indices in self._drives:
+            if len(indices) < 3:
+                inside[:, indices] = [drive(start + instant) for instant in driven.instants]
+        driven.others[:] = inside[:, driven.made]
+        driven.begin_anew()  # what is seen inside a step is better than the past
+        return 1
+
+    def _drive(self, time: float, other: float | None) -> None:
+        """Values of the functions of time, and the slope of an acceleration, by another instant of its piece [s]."""
+        for (drive, indices), slope in zip(self._drives, self._slopes, strict=True):
             values = drive(time)
             self.signals.now[indices] = values
-            if len(values) == 3:
-                self.signals.now[self.signals.slope(self.signals.places[indices[2]])] = _jerk(
-                    values, drive(other), time - other
-                )
+            if slope >= 0:
+                self.signals.now[slope] = 0.0 if other is None else _jerk(values, drive(other), time - other)
 
 
 def _jerk(here: NDArray[np.float64], there: NDArray[np.float64], size: float) -> float:

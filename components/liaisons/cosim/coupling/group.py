@@ -181,7 +181,7 @@ class Group:
         """
         if status == DIVERGED:
             self._give_up(self._bus.end.value, self._errors)
-        if status == RAISED:
+        if status == RAISED and self._running is not None and self._order.raised is not None:
             self._bus.judge(self._order, status)
         assert self._running is not None or not failure.deriving
         calls = self._running.calls if failure.deriving and self._running else self.members[failure.member].calls

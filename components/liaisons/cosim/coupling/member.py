@@ -71,7 +71,9 @@ class Member:
         self.slopes_at: dict[Place, int] = {}  # on the bus
         self._incline = self._inclination()
         self.gains: dict[tuple[Place, Place], int] = {}  # output and input -> where the derivative is on the bus
-        first_calls = [*self._before(), instance.stepper(bus.start, bus.size), *self._after()]
+        before, stepper = self._before(), instance.stepper(bus.start, bus.size)
+        self._go_on: list[Call] = [*before, stepper, *self._get]
+        first_calls = [*before, stepper, *self._after()]
         self._first: list[Call] = first_calls
         self._again: list[Call] = []
         if cycle:
@@ -166,17 +168,31 @@ class Member:
                 derivatives = self._polynomials(ends.reshape(-1), size)
                 if held.any():
                     derivatives = np.where(held[self._of], ends[0, self._begun], derivatives)
-                if self._way == "polynomial":
-                    self._derivatives[:] = derivatives
-                else:
-                    self._inside[:] = ends[0, self.sources]
-                    rows = derivatives.reshape(-1, HIGHEST) * powers(size)[1 : HIGHEST + 1]
-                    for row, factors in zip(rows.T, INSIDE, strict=True):
-                        self._inside += np.outer(factors, row)
+                self._tell(derivatives, size)
             elif self._middle is not None:
                 begin, end = ends[:, self.sources]
                 self._middle[:] = np.where(held, begin, (begin + end) / 2)
         self._bus.perform(self._again if again else self._first)
+
+    def go_on(self) -> None:
+        """Step, and read, while inputs go on as they were known at t; what interpolates ends with what they are now."""
+        if self.inputs:
+            self._hand_over()
+        if self._polynomials is not None:
+            self._tell(self._signals.before[self._begun], self._bus.size.value)
+        elif self._middle is not None:
+            self._middle[:] = self._signals.before[self.sources]
+        self._bus.perform(self._go_on)
+
+    def _tell(self, derivatives: Vector, size: float) -> None:
+        """Put where the FMU takes it how inputs move from t on."""
+        if self._way == "polynomial":
+            self._derivatives[:] = derivatives
+            return
+        self._inside[:] = self._signals.before[self.sources]
+        rows = derivatives.reshape(-1, HIGHEST) * powers(size)[1 : HIGHEST + 1]
+        for row, factors in zip(rows.T, INSIDE, strict=True):
+            self._inside += np.outer(factors, row)
 
     def step_in_thirds(self) -> Vector:
         """The same where nothing feeds it; returns what its outputs were on the way, shape (2, outputs)."""

@@ -101,9 +101,8 @@ class HandedRecord(_Record):
     """See :class:`liaisons.cosim.coupling.handed.Handed`."""
 
     _fields_ = [
-        *_numbers("given", "made"),
-        *_pointers("given_values", "given_slopes", "given_roots", "made_values"),
-        *_pointers("past", "spans", "depth", "jumped", "stairs", "instants", "others", "ask"),
+        *_numbers("made"),
+        *_pointers("values", "past", "spans", "depth", "instants", "others", "ask"),
     ]
 
 

@@ -75,7 +75,7 @@ class Signals:
     :ivar rates: index of the derivative of each.
     :ivar sizes: the largest value of each unit so far; ``kinds`` says for each output, which of them is its.
     :ivar result: room for what one evaluation gives.
-    :ivar held: whether what a curve begins with goes on as it was known at t, to jump at t + H.
+    :ivar held: whether a value is discrete: until t + H it stays as it was at t.
     """
 
     def __init__(
@@ -199,7 +199,6 @@ class Signals:
         self.rewind((np.zeros_like(self.ends), np.zeros_like(self.earlier), 0.0))
         self.sizes[:] = 0.0
         self.result[:] = 0.0
-        self.held[:] = False
 
     def snapshot(self) -> State:
         """What :meth:`rewind` needs."""

@@ -29,17 +29,20 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     return found
 
 
-def make(name: str, fmu: Fmu, directory: Path, *, asks: bool = False, isolated: float = 0.0) -> Instance:
+def make(
+    name: str, fmu: Fmu, directory: Path, *, asks: bool = False, isolated: float = 0.0, stiff: bool = False
+) -> Instance:
     """An instance of an FMU; see :class:`Instance`.
 
     :param asks: it is to ask for inputs inside communication steps (FMI 3.0).
     :param isolated: in a process of its own, where a call may take so long [s]; 0: in this one.
+    :param stiff: its equations, in Model Exchange, are known to be so.
     """
 
     def here() -> Instance:
         two, there = fmu.version == 2, (name, fmu, directory)
         if fmu.exchanges:
-            return (ModelExchange2 if two else ModelExchange3)(*there)
+            return (ModelExchange2 if two else ModelExchange3)(*there, stiff=stiff)
         return CoSimulation2(*there) if two else CoSimulation3(*there, asks=asks)
 
     if not isolated:

@@ -57,6 +57,7 @@ _init = _declared(sundials_cvode, "CVodeInit", _POINTER, _RIGHT_HAND_SIDE, _DOUB
 _root_init = _declared(sundials_cvode, "CVodeRootInit", _POINTER, _INT, _RIGHT_HAND_SIDE)
 _set_linear = _declared(sundials_cvode, "CVodeSetLinearSolver", *[_POINTER] * 3)
 _set_tolerances = _declared(sundials_cvode, "CVodeSVtolerances", _POINTER, _DOUBLE, _POINTER)
+_set_warnings = _declared(sundials_cvode, "CVodeSetMaxHnilWarns", _POINTER, _INT)
 _set_stop = _declared(sundials_cvode, "CVodeSetStopTime", _POINTER, _DOUBLE)
 _restart = _declared(sundials_cvode, "CVodeReInit", _POINTER, _DOUBLE, _POINTER)
 _step = _declared(sundials_cvode, "CVode", _POINTER, _DOUBLE, _POINTER, _POINTER, _INT)
@@ -108,14 +109,14 @@ class Cvode:
         values[:], self._largest[:] = 0.0, 1.0
         self.states = values[:size]
         self._check(_init(self._memory, self._functions[0], 0.0, self._vector))
+        self._check(_set_warnings(self._memory, -1))  # it would write them to the terminal
         self._check(_set_linear(self._memory, self._linear, self._matrix))
         if count:
             self._check(_root_init(self._memory, count, self._functions[1]))
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
-        """Begin anew at this time [s] from :attr:`states`, which have these nominal values; 0 is none, and 1 then."""
-        sizes = np.abs(nominals)
-        self._largest[: self.states.size] = np.where(sizes > 0, sizes, 1.0) * self._tolerance
+        """Begin anew at this time [s] from :attr:`states`, which have these nominal values, all above 0."""
+        self._largest[: self.states.size] = np.asarray(nominals) * self._tolerance
         self._check(_set_tolerances(self._memory, self._tolerance, self._errors))
         self._check(_restart(self._memory, time, self._vector))
 

@@ -107,6 +107,7 @@ class CoSimulation2(Instance2):
     kind = 1
 
     def stepper(self, time: c_double, size: c_double) -> Call:
+        self._span = time, size
         call = self._prepared("step", time, size, _YES)
         return call.recorded(STEP_2, function=call.func, instance=self._pointer.value)
 

@@ -116,7 +116,7 @@ class CoSimulation3(Instance3):
 
     def stepper(self, time: c.c_double, size: c.c_double) -> Call:
         """As :meth:`Instance.stepper`; it returns Discard, too, where the FMU wants to end the simulation."""
-        ended, asked = self._ended, bool(self._asked)
+        ended, asked, self._span = self._ended, bool(self._asked), (time, size)
         self._event = c.c_bool()
         step = self._prepared(
             "step",

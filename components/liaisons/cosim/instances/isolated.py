@@ -9,11 +9,14 @@ from __future__ import annotations
 import ctypes as c
 import faulthandler
 import gc
+import logging
 import math
 import os
+import select
 import signal
 import sys
 import warnings
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -30,16 +33,17 @@ from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
 from liaisons.cosim.compiled import loaded
 from liaisons.cosim.description import Fmu
 from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
-from liaisons.cosim.messages import ERROR, WARNING, logger
+from liaisons.cosim.messages import ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.cosim.starts import Value
 from liaisons.errors import EndedError, LiaisonsError, SimulationError
-from liaisons.processes import die_with_parent
+from liaisons.processes import fork_guarded
 
 _ENDED, _LATE, _INTERRUPTED = 101, 102, 103  # as isolated.c has them
 _ROOM, _LISTEN, _FORGET, _BEGIN = 256, 0, -1, -2
 _LINE = 64  # [B] of a cache
 _MEMORY, _NUMBERS = 2**24, 64  # [B], and doubles for each scalar of the FMU; what is not used takes no room
 _PATIENCE = 5.0  # [s] for the release
+_MOST_MESSAGES = 1000  # that wait there until they are read here
 _INTERPRETER = ("PyGILState_Ensure", "PyGILState_Release", "PyErr_CheckSignals", "PyErr_Fetch")
 
 Answer = tuple[LiaisonsError | None, Any]
@@ -83,6 +87,29 @@ class _Command(c.Structure):
         ("number", c.c_int32),
         ("posted", c.c_uint32),
     ]
+
+
+@final
+class _Messages(logging.Handler):
+    """Hands what is logged to the process at the other end of a pipe, which may read it much later.
+
+    It never waits for that, but before an answer, for which the other one does.
+    """
+
+    def __init__(self, pipe: Connection) -> None:
+        super().__init__()
+        self._pipe, self._waiting = pipe, deque[tuple[int, str]](maxlen=_MOST_MESSAGES)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._waiting.append((record.levelno, record.getMessage()))
+        while self._waiting and select.select([], [self._pipe], [], 0)[1]:
+            self._pipe.send(self._waiting.popleft())
+
+    def answer(self, answer: Answer) -> None:
+        """Hand over this, after all that was logged before it."""
+        while self._waiting:
+            self._pipe.send(self._waiting.popleft())
+        self._pipe.send(answer)
 
 
 @final
@@ -299,20 +326,34 @@ class Isolated(Instance):
         self._asked_for = what
         lost, self._far.lost = _ENDED, _ENDED  # if an interrupt comes while we wait, nobody knows where it is
         try:
-            lost = 0 if self._pipe.poll(self._far.limit) else _LATE
-            error, value = self._pipe.recv() if not lost else (None, None)
+            error, value, lost = None, None, _LATE
+            while lost and self._pipe.poll(self._far.limit):
+                error, value = self._pipe.recv()
+                if isinstance(error, int):
+                    self._log(error, value)
+                else:
+                    lost = 0
         except (EOFError, OSError):
             lost, error, value = _ENDED, None, None
         self._far.lost = lost
         if lost:
             raise SimulationError(self._lost(lost, ""))
-        if error is not None:
+        if isinstance(error, BaseException):
             raise error
         return value
+
+    def _log(self, level: int, text: str) -> None:
+        """Log what the other process would have."""
+        logger.log(level, "%s", text)
 
     def _lost(self, status: int, when: str) -> str:
         """What to say of a process that has ended, or is ended here."""
         if not self._reason:
+            with suppress(EOFError, OSError):
+                while self._pipe.poll(0):
+                    level, text = self._pipe.recv()
+                    if isinstance(level, int):
+                        self._log(level, text)
             number = self._channel.numbers[self._channel.made % _ROOM]
             what = self._labels[number] or self._asked_for
             how = self._ended()
@@ -336,7 +377,7 @@ class Isolated(Instance):
         child, self._child = self._child, None
         if child is None:
             return "its process has ended"
-        os.kill(child, signal.SIGKILL)  # does nothing to one that has crashed
+        os.kill(child, signal.SIGTERM)  # does nothing to one that has crashed
         try:
             code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         except ChildProcessError:  # somebody else has waited for it
@@ -347,19 +388,21 @@ class Isolated(Instance):
 
 
 def _forked(pipe: Connection, there: Connection, *task: Any) -> int:
-    """The id of a process that works."""
-    parent = os.getpid()
+    """The id of a process that guards one that works."""
+
+    def close() -> None:
+        pipe.close()
+        there.close()
+
     _flush()
     with warnings.catch_warnings():
         # Python 3.12 warns of forks beside threads; ours touches nothing that those could hold locked.
         warnings.simplefilter("ignore", DeprecationWarning)
-        child = os.fork()
+        child = fork_guarded(close=close)
     if child:
         there.close()
         return child
     try:
-        die_with_parent(parent)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         faulthandler.disable()  # the parent says what has happened
         gc.freeze()
@@ -372,15 +415,19 @@ def _forked(pipe: Connection, there: Connection, *task: Any) -> int:
 
 def _work(pipe: Connection, library: c.CDLL, channel: _Channel, make: Callable[[], Instance]) -> None:
     """What that process does: make an instance, and whatever calls of it are wanted."""
+    messages = _Messages(pipe)
+    logger.handlers, logger.propagate = [messages], False
+    logger.filters.clear()
     calls: list[Call] = []
-    raised: list[Exception] = []
+    raised: list[LiaisonsError] = []
+    returned = 0  # by the last call; the parent hears of statuses of FMI only, beside which it has its own
 
     def respond(word: str, *arguments: Any) -> Any:
         if word == "failure":
-            number, status, when = arguments
+            number, _, when = arguments
             call = calls[number - 1]
             assert call.failure is not None
-            return raised.pop() if raised else call.failure(call.action, status, when)
+            return raised.pop() if raised else call.failure(call.action, returned, when)
         if word != "prepare":
             return getattr(instance, word)(*arguments)
         method, *rest = arguments
@@ -391,15 +438,16 @@ def _work(pipe: Connection, library: c.CDLL, channel: _Channel, make: Callable[[
     try:
         instance = make()
     except LiaisonsError as error:
-        pipe.send((error, None))
+        messages.answer((error, None))
         return
-    pipe.send((None, dict(instance.functions)))
+    messages.answer((None, dict(instance.functions)))
     status, word = _BEGIN, ""
     while word != "close":
         number = library.next(c.byref(channel), status)
         if number != _LISTEN:
             try:
-                status = calls[number - 1]() or 0
+                returned = calls[number - 1]() or 0
+                status = returned if returned in range(len(STATUSES)) else FATAL
             except LiaisonsError as error:
                 raised.append(error)
                 status = ERROR
@@ -409,7 +457,7 @@ def _work(pipe: Connection, library: c.CDLL, channel: _Channel, make: Callable[[
             answer: Answer = None, respond(word, *arguments)
         except LiaisonsError as error:
             answer = error, None
-        pipe.send(answer)
+        messages.answer(answer)
         status = _FORGET
 
 

@@ -1,6 +1,7 @@
-"""Running FMUs of Model Exchange: their states are integrated here, by CVODE, from each event to the next one.
+"""Running FMUs of Model Exchange: their states are integrated here from each event to the next one.
 
-An input that is told how it moves within a step moves so; else it is held.
+By DOP853, whose steps can be taken back; by CVODE where equations are stiff, or there is no C compiler.  An
+input that is told how it moves within a step moves so; else it is held.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.calls import Call
 from liaisons.cosim.description import Fmu
+from liaisons.cosim.instances import dop853
+from liaisons.cosim.instances.dop853 import Dop853
 from liaisons.cosim.instances.fmi2 import Instance2
 from liaisons.cosim.instances.fmi3 import Instance3
+from liaisons.cosim.instances.motion import InputMotion
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
-from liaisons.cosim.messages import DISCARD, WARNING
+from liaisons.cosim.messages import DISCARD, OK, WARNING, logger
 from liaisons.cosim.starts import Value
 from liaisons.errors import EndedError, RefusedError, SimulationError
 
@@ -33,53 +37,34 @@ _ROUNDING = 1e-9
 """Relative difference of inputs, and part of a step behind its end, that is none."""
 _STUCK, _MOST = 1e-12, 1000
 """So many events within this part of a step have no end."""
-
-
-@final
-class _Motion:
-    """How inputs move within the next step.
-
-    :param orders: of the derivatives that are told, each of the input with the number in ``rows``.
-    :param told: where the derivatives stand, and which of them.
-    :param places: of the inputs among all that are held.
-    :ivar values: of the inputs, shape (inputs,); ``buffer`` is the same.
-    """
-
-    def __init__(
-        self, orders: Sequence[int], rows: Sequence[int], told: tuple[Numbers, Sequence[int]], places: NDArray[np.intp]
-    ) -> None:
-        self._orders, self._rows, self._told = (np.array(numbers, dtype=np.intp) for numbers in (orders, rows, told[1]))
-        self._all, self.places = np.ctypeslib.as_array(told[0]), places
-        self._factorials = np.array([math.factorial(order) for order in orders])
-        self.buffer = (c_double * places.size)()
-        self.values = np.ctypeslib.as_array(self.buffer)
-
-    def begin(self, time: float) -> None:
-        """Take the inputs for what they are now [s]."""
-        self._first, self._begin = self.values.copy(), time
-        self._slopes = self._all[self._told] / self._factorials
-
-    def go(self, time: float) -> None:
-        """Go to a time [s]."""
-        self.values[:] = self._first
-        np.add.at(self.values, self._rows, self._slopes * (time - self._begin) ** self._orders)
+_MOST_STEPS = 100_000
+"""Steps of the solver, and events, in a step; as many as FMUs of ours take."""
+_MOST_NUMBERS = 10_000_000
+"""States, or event indicators; more would not fit into memory."""
+_NEAR = 1e-3
+"""Part of a step between the instants at which outputs are taken for their rates: truncation and rounding are 1e-12."""
+_FORWARD = (4.0, -3.0, 4 / 3, -1 / 4)
+"""Of the outputs at these four instants, for the rate at the first one; with -25/12 of those now, of order 4."""
 
 
 class ModelExchange(Loaded, ABC):
     """An instance of Model Exchange: between steps in continuous-time mode, where its outputs are those of the time.
 
+    :param stiff: CVODE integrates from the begin on.
     :cvar derivatives: the function that calculates them.
     """
 
     derivatives: ClassVar[str]
 
-    def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
-        self._solver: Cvode | None = None
+    def __init__(self, name: str, fmu: Fmu, directory: Path, *, stiff: bool = False) -> None:
+        self._stiff = stiff
+        self._solver: Cvode | Dop853 | None = None
+        self._warned_of_repeats = self._warned_of_nominals = self._warned_of_indicators = False
         self._clock = c_double()
         self._final = self.flag(True)  # no state from before a step will be set after it
         self._places: dict[str, int] = {}  # of inputs in:
         self._held = np.empty(0)
-        self._motion: tuple[_Motion, Call, Call] | None = None  # and what reads and sets its inputs
+        self._motion: InputMotion | None = None
         super().__init__(name, fmu, directory)
 
     # ---- from the begin to the first step
@@ -90,21 +75,43 @@ class ModelExchange(Loaded, ABC):
         self._tolerance = tolerance or self._fmu.experiment.tolerance or TOLERANCE
         self._clock.value, self._next_event, self._end_time = start_time, math.inf, math.inf
         self._jumped, self._motion, self._held[:] = False, None, np.nan
+        self._size = self._fmu.experiment.step_size or (stop_time - start_time) * _NEAR
         super().initialize(starts, tolerance, start_time, stop_time)
 
     def exit_initialization(self) -> None:
         super().exit_initialization()
         if self._solver is None:
             states, indicators = self._sizes()
+            for what, number in (("states", states), ("event indicators", indicators)):
+                if number not in range(_MOST_NUMBERS):
+                    raise SimulationError(f"{self.name}: says that it has {number} {what}; ask its maker")
             self._nominals, self._indicators = np.ones(states), np.zeros(indicators)
             self._set_time = self._function(f"{self.prefix}SetTime")
             self._set_states = self._function(f"{self.prefix}SetContinuousStates")
             self._get_rates = self._function(self.derivatives)
             self._get_indicators = self._function(f"{self.prefix}GetEventIndicators")
-            self._solver = _cvode()(states, indicators, self._rates, self._signs, self._tolerance)
-            self._there = c_void_p(self._solver.states.ctypes.data)
             self._count = c_size_t(states)
+            self._explicit = None if self._stiff else self._dop853()
+        if self._solver is None or self._solver is not self._explicit:
+            self._use(self._explicit or self._cvode())
         self._iterate()
+
+    def _dop853(self) -> Dop853 | None:
+        code = dop853.library()
+        if code is None:
+            return None
+        functions = self._set_time, self._set_states, self._get_rates, self._get_indicators
+        return Dop853(code, self._pointer, functions, self._count.value, self._indicators, self._tolerance)
+
+    def _cvode(self) -> Cvode:
+        return _cvode()(self._count.value, self._indicators.size, self._rates, self._signs, self._tolerance)
+
+    def _use(self, solver: Cvode | Dop853) -> None:
+        """Integrate by this solver from now on."""
+        if self._solver is not None:
+            self._solver.close()
+        self._solver, self._stale = solver, True
+        self._there = c_void_p(solver.states.ctypes.data)
 
     @abstractmethod
     def _sizes(self) -> tuple[int, int]:
@@ -146,12 +153,46 @@ class ModelExchange(Loaded, ABC):
         inputs = [variable for variable in dict.fromkeys(variables) if variable.continuous]  # others do not move
         moving = [k for k, variable in enumerate(variables) if variable.continuous]
         rows = [inputs.index(variables[k]) for k in moving]
-        motion = _Motion([orders[k] for k in moving], rows, (values, moving), self._placed(inputs))
-        told = motion, self.getter(inputs, motion.buffer), super().setter(inputs, motion.buffer)
-        return Call(setattr, self, "_motion", told).of("shape", self.failure)
+        motion = InputMotion([orders[k] for k in moving], rows, (values, moving), self._placed(inputs))
+        motion.read, motion.write = self.getter(inputs, motion.buffer), super().setter(inputs, motion.buffer)
+        return Call(setattr, self, "_motion", motion).of("shape", self.failure)
 
-    def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        raise NotImplementedError  # Fmu.output_derivative_order is 0
+    def _begin_motion(self) -> None:
+        if self._motion is not None:
+            self._require(self._fine(self.functions["get"], self._motion.read()))
+            self._motion.begin(self._clock.value)
+
+    def output_derivatives(
+        self,
+        variables: Scalars,
+        orders: Sequence[int],  # noqa: ARG002 - all 1
+        values: Numbers,
+    ) -> Call:
+        """As :meth:`Instance.output_derivatives`, of order 1; inputs move as was told since the last step."""
+        read, result = self.getter(variables, values), np.ctypeslib.as_array(values)
+
+        def take() -> NDArray[np.float64]:
+            self._require(self._fine(self.functions["get"], read()))
+            return result
+
+        def differentiate() -> int:
+            begin, solver = self._clock.value, self._begun()
+            rates = np.zeros_like(solver.states)
+            self._begin_motion()
+            if rates.size:
+                self._call(self.derivatives, c_void_p(rates.ctypes.data), self._count, about=self._when())
+            apart = min(_NEAR * self._size, (self._next_event - begin) / len(_FORWARD))
+            total = -sum(_FORWARD) * take()
+            for k, factor in enumerate(_FORWARD, 1):
+                states = solver.states + k * apart * rates
+                self._require(self._place(begin + k * apart, c_void_p(states.ctypes.data)))
+                total += factor * take()
+            self._require(self._place(begin, self._there))
+            self._motion = None
+            result[:] = total / apart
+            return 0
+
+        return Call(differentiate).of("slope", self.failure)
 
     # ---- a step
 
@@ -171,53 +212,105 @@ class ModelExchange(Loaded, ABC):
 
     def _go(self, end: float, size: float) -> None:
         """Integrate to the end of a step [s], through all events."""
-        if self._motion is not None:
-            motion, read, _ = self._motion
-            self._require(self._fine(self.functions["get"], read()))
-            motion.begin(self._clock.value)
+        self._size = size
+        self._begin_motion()
         if self._jumped:
             self._jumped, self._stale = False, True
             if self._crossed():
                 self._event()
-        stuck = 0
+        stuck = steps = 0
         while self._clock.value < end:
-            begin = self._clock.value
+            begin, steps = self._clock.value, steps + 1
+            if steps > _MOST_STEPS:
+                words = f"more than {_MOST_STEPS} steps and events from t = {end - size:.10g} s{self._when(' to')}"
+                raise RefusedError(f"{self.name}: {words}; choose a smaller step_size, or look what is not smooth")
             soon = self._next_event <= end + _ROUNDING * size
             happened = self._integrate(self._next_event if soon else end)
             if happened or self._clock.value >= self._next_event:
                 self._event()
             stuck = 0 if self._clock.value > begin + _STUCK * size else stuck + 1
             if stuck > _MOST:
-                raise RefusedError(f"{self.name}: more than {_MOST} events{self._when()}; it may chatter")
+                raise RefusedError(f"{self.name}: more than {_MOST} events or steps{self._when()}; it may chatter")
         if self._motion is not None:
-            motion, self._motion = self._motion[0], None
-            self._held[motion.places] = motion.values
+            self._held[self._motion.places] = self._motion.values
+            self._motion = None
         if self._places:
             self._crossed()
 
     def _integrate(self, stop: float) -> bool:
         """Take a step of the solver, not beyond a time [s]; whether there is an event then."""
-        begin, time, event, solver = self._clock.value, stop, False, self._solver
-        assert solver is not None
+        begin, time, event = self._clock.value, stop, False
         self._refusal: tuple[str, int] | None = None
         if (self._count.value or self._indicators.size) and stop - begin > 4 * np.spacing(max(abs(begin), abs(stop))):
-            if self._stale:
-                self._restart(solver)
+            solver = self._begun()
+            if isinstance(solver, Dop853):
+                solver.follow(self._motion)
             try:
                 time, event = solver.step(stop)
             except RefusedError as error:
                 self._require(self._refusal is None)
-                raise RefusedError(f"{self.name}: cannot be integrated from t = {begin:.10g} s: {error}") from None
+                if not isinstance(solver, Dop853):
+                    raise RefusedError(f"{self.name}: cannot be integrated from t = {begin:.10g} s: {error}") from None
+                self._require(self._accepted(solver))
+                self._check_rates(solver.states)
+                self._change_solver()
+                return False
         self._require(self._place(time, self._there))
+        if isinstance(self._solver, Dop853) and self._solver.stiff:
+            self._change_solver()
         return self._completed() or event
 
-    def _restart(self, solver: Cvode) -> None:
-        if self._count.value:
-            self._call(f"{self.prefix}GetContinuousStates", self._there, self._count)
-            nominals = c_void_p(self._nominals.ctypes.data)
-            self._call(f"{self.prefix}GetNominalsOfContinuousStates", nominals, self._count)
-        solver.restart(self._clock.value, self._nominals)
-        self._stale = False
+    def _check_rates(self, states: NDArray[np.float64]) -> None:
+        """Whether the derivatives are finite where no step is small enough, and right after it."""
+        begin, rates = self._clock.value, np.zeros_like(states)
+        for later in (0.0, _STUCK * self._size, 4 * float(np.spacing(abs(begin)))):
+            there = states + later * rates
+            self._require(self._place(begin + later, c_void_p(there.ctypes.data)))
+            self._call(self.derivatives, c_void_p(rates.ctypes.data), self._count, about=self._when())
+            if not np.isfinite(rates).all():
+                k = int(np.argmin(np.isfinite(rates)))
+                words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._when()}, where that is"
+                raise RefusedError(f"{self.name}: {words} {there[k]:.10g}; choose other start values, or ask its maker")
+        self._require(self._place(begin, self._there))
+
+    def _accepted(self, solver: Dop853) -> bool:
+        """Whether the FMU has refused nothing that it was asked in the last step."""
+        which, status = solver.refusal
+        if not which:
+            return True
+        names = ("SetTime", "SetContinuousStates", "GetEventIndicators")
+        time, states, indicators = (f"{self.prefix}{name}" for name in names)
+        self._refusal = (time, self.functions["set"], states, self.derivatives, indicators)[which - 1], status
+        self._clock.value = solver.asked
+        return False
+
+    def _begun(self) -> Cvode | Dop853:
+        """The solver, which has begun anew where it had to."""
+        solver = self._solver
+        assert solver is not None
+        if self._stale:
+            if self._count.value:
+                self._call(f"{self.prefix}GetContinuousStates", self._there, self._count)
+                nominals = c_void_p(self._nominals.ctypes.data)
+                self._call(f"{self.prefix}GetNominalsOfContinuousStates", nominals, self._count)
+            solver.restart(self._clock.value, self._sizes_of_states())
+            self._stale = False
+        return solver
+
+    def _sizes_of_states(self) -> NDArray[np.float64]:
+        """The nominal values; 1 for one that is none."""
+        fine = (self._nominals > 0) & np.isfinite(self._nominals)
+        if not fine.all() and not self._warned_of_nominals:
+            self._warned_of_nominals = True
+            wrong = self._nominals[~fine]
+            words = "nominal values of continuous states are not above 0, such as"
+            logger.warning("%s: %s %.10g; they are taken for 1", self.name, words, wrong[0])
+        return np.where(fine, self._nominals, 1.0)
+
+    def _change_solver(self) -> None:
+        """Have CVODE integrate from here on: the equations are stiff."""
+        self._use(self._cvode())
+        logger.info("%s: its equations are stiff%s: CVODE integrates them", self.name, self._when())
 
     def _completed(self) -> bool:
         """Tell that a step of the solver is complete; whether the FMU wants an event."""
@@ -249,16 +342,15 @@ class ModelExchange(Loaded, ABC):
         self._clock.value = time
         fine = self._fine(f"{self.prefix}SetTime", self._set_time(self._pointer, self._clock))
         if fine and self._motion is not None:
-            motion, _, write = self._motion
-            motion.go(time)
-            fine = self._fine(self.functions["set"], write())
+            self._motion.go(time)
+            fine = self._fine(self.functions["set"], self._motion.write())
         if fine and self._count.value:
             status = self._set_states(self._pointer, states, self._count)
             return self._fine(f"{self.prefix}SetContinuousStates", status)
         return fine
 
     def _fine(self, function: str, status: int | None) -> bool:
-        if status is None or status <= WARNING:
+        if status is None or status in {OK, WARNING}:
             return True
         self._refusal = function, status
         return False
@@ -288,9 +380,20 @@ class ModelExchange(Loaded, ABC):
                 break
         else:
             raise RefusedError(f"{self.name}: its event iteration{self._when()} has no end")
+        self._check_next_event()
         self._call(f"{self.prefix}EnterContinuousTimeMode")
         self._stale = True
         self._crossed()
+
+    def _check_next_event(self) -> None:
+        """Time does not go back: a next event that is earlier by rounding only is now."""
+        now = self._clock.value
+        if not self._next_event >= now - _ROUNDING * max(self._size, abs(now)):
+            raise SimulationError(
+                f"{self.name}: its next event{self._when()} is to be at {self._next_event:.10g} s, which is not later; "
+                "ask its maker"
+            )
+        self._next_event = max(self._next_event, now)
 
     @abstractmethod
     def _updated(self) -> tuple[bool, bool, float]:
@@ -303,35 +406,53 @@ class ModelExchange(Loaded, ABC):
         before = self._indicators > 0
         there = c_void_p(self._indicators.ctypes.data), c_size_t(self._indicators.size)
         self._call(f"{self.prefix}GetEventIndicators", *there)
+        if np.isnan(self._indicators).any() and not self._warned_of_indicators:
+            self._warned_of_indicators = True
+            logger.warning("%s: an event indicator is nan%s, so that events may be missed", self.name, self._when())
         return not np.array_equal(before, self._indicators > 0)
 
     def _ending(self) -> EndedError:
         return EndedError(f"{self.name} ends the simulation{self._when()}", self._clock.value)
 
-    def _when(self) -> str:
-        return f" at t = {self._clock.value:.10g} s"
+    def _when(self, word: str = " at") -> str:
+        return f"{word} t = {self._clock.value:.10g} s"
 
     # ---- back
 
     def states(self) -> tuple[Call, Call]:
-        """As :meth:`Instance.states`; the solver begins anew after both, so that a repeated step has the same bits."""
+        """As :meth:`Instance.states`; CVODE, which cannot go back, begins anew after both."""
         self._final = self.flag(False)
         save, restore = super().states()
         kept: list[Any] = []
+        memory: list[Any] = []
 
         def take() -> int:
             if self._initialized:
                 kept[:] = self._clock.value, self._next_event, self._jumped, self._held.copy(), self._indicators.copy()
-                self._stale = True
+                solver = self._solver
+                memory[:] = [] if self._stale or not isinstance(solver, Dop853) else [solver, solver.memory()]
+                self._stale = not memory
             return save()
 
         def go_back() -> int:
             if self._initialized and kept:
                 self._clock.value, self._next_event, self._jumped, self._held[:], self._indicators[:] = kept
-                self._stale, self._end_time = True, math.inf
+                self._end_time, self._motion = math.inf, None
+                self._stale = not memory or self._solver is not memory[0]
+                if not self._stale:
+                    memory[0].remember(memory[1])
+                elif not isinstance(self._solver, Dop853):
+                    self._warn_of_repeats()
             return restore()
 
         return Call(take).of("save", self.failure), Call(go_back).of("restore", self.failure)
+
+    def _warn_of_repeats(self) -> None:
+        if not self._warned_of_repeats:
+            self._warned_of_repeats = True
+            words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first"
+            more = "begin anew and are less accurate; smaller ones and a smaller tolerance may be needed"
+            logger.warning("%s: %s from%s, %s", self.name, words, self._when(""), more)
 
     def _forget(self, library: CDLL) -> None:
         if self._solver is not None:
@@ -392,6 +513,7 @@ def _cvode() -> type[Cvode]:
         from liaisons.cosim.instances.cvode import Cvode
     except (ImportError, OSError) as error:
         raise SimulationError(
-            f"Model Exchange needs CVODE, which FMPy does not have here ({error}); export the FMU for co-simulation"
+            "Model Exchange needs a C compiler, or CVODE, which FMPy does not have here, where equations are stiff "
+            f"({error}); export the FMU for co-simulation"
         ) from error
     return Cvode

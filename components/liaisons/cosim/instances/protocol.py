@@ -35,7 +35,7 @@ from liaisons.cosim.instances.carriers import Carrier, Transfer, carriers
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.cosim.starts import Value
 from liaisons.cosim.variables import Scalar
-from liaisons.errors import EndedError, RefusedError, SimulationError
+from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
 ASKED = 5
 """How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
@@ -43,7 +43,9 @@ ASKED = 5
 Scalars = Sequence[Scalar]
 Numbers = Array[c_double]
 
-_REMEMBERED = 20  # messages
+_REMEMBERED, _LONGEST = 20, 10_000  # messages, and bytes that are read of each
+_MOST_WARNINGS = 100  # that are shown
+_ROUNDING = 1e-6  # of a communication step
 
 
 class Instance(ABC):
@@ -157,9 +159,10 @@ class Loaded(Instance):
     def __init__(self, name: str, fmu: Fmu, directory: Path) -> None:
         self.name = name
         self._fmu = fmu
-        self._worst = 0
+        self._worst = self._warnings = 0
         self._said: deque[tuple[int, str]] = deque(maxlen=_REMEMBERED)
         self._initialized = False
+        self._span: tuple[c_double, c_double] | None = None  # begin and size of the step under way [s]
         self._states: list[c_void_p] = []
         self._functions: dict[str, Callable[..., int]] = {}
         self._pointer = c_void_p()
@@ -270,6 +273,9 @@ class Loaded(Instance):
     def failure(self, action: Action, status: int, when: str) -> SimulationError:
         end = self._end() if action == "step" and status == DISCARD else None
         if end is not None:
+            begin, size = (number.value for number in self._span) if self._span else (end, 0.0)
+            if not -_ROUNDING * size <= end - begin <= (1 + _ROUNDING) * size:  # nor is not-a-number
+                end = begin
             return EndedError(f"{self.name} ends the simulation at t = {end:.10g} s", end)
         return self._failure(self.functions[action], status, when)
 
@@ -285,25 +291,34 @@ class Loaded(Instance):
         if self._worst == FATAL:  # then FMI forbids every call, the release included
             return
         if self._pointer:
-            if self._initialized and self._worst < ERROR:
-                status = library[f"{self.prefix}Terminate"](self._pointer)
-                if status > WARNING:
-                    logger.warning("%s: %sTerminate failed%s", self.name, self.prefix, self._words())
-            for state in filter(None, self._states):
-                library[self.functions["save"].replace("Get", "Free")](self._pointer, byref(state))
-            library[f"{self.prefix}FreeInstance"](self._pointer)
+            try:
+                self._release(library)
+            except AttributeError as error:
+                logger.warning("%s: it cannot be released: %s", self.name, error)
         with suppress(OSError):
             fmpy.freeLibrary(library._handle)  # noqa: SLF001 - ctypes has no other way
+
+    def _release(self, library: CDLL) -> None:
+        if self._initialized and self._worst < ERROR:
+            status = library[f"{self.prefix}Terminate"](self._pointer)
+            if status > WARNING:
+                logger.warning("%s: %sTerminate failed%s", self.name, self.prefix, self._words())
+        for state in filter(None, self._states):
+            library[self.functions["save"].replace("Get", "Free")](self._pointer, byref(state))
+        library[f"{self.prefix}FreeInstance"](self._pointer)
 
     def _forget(self, library: CDLL) -> None:
         """What else there is to do when the instance goes."""
 
     def _note(self, status: int, message: bytes | None) -> None:
         """Keep what the FMU logs; a new warning goes to the ``logging`` channel ``liaisons.cosim``, too."""
-        entry = status, (message or b"").decode(errors="replace").strip()
+        entry = status, one_line((message or b"")[:_LONGEST].decode(errors="replace").strip())
         if entry not in self._said:
             self._said.append(entry)
-            logger.log(logging.WARNING if status == WARNING else logging.DEBUG, "%s: %s", self.name, entry[1])
+            self._warnings += status == WARNING
+            shown = status == WARNING and self._warnings <= _MOST_WARNINGS
+            more = "; further warnings of it are not shown" if self._warnings == _MOST_WARNINGS else ""
+            logger.log(logging.WARNING if shown else logging.DEBUG, "%s: %s%s", self.name, entry[1], more)
 
     def _words(self) -> str:
         """The FMU's complaints, else the last thing it said."""
@@ -313,8 +328,9 @@ class Loaded(Instance):
 
     def _failure(self, function: str, status: int, about: str) -> SimulationError:
         """The error for a status that is none of OK and Warning."""
-        self._worst = max(self._worst, status)
-        label = STATUSES[status] if status in range(len(STATUSES)) else str(status)
+        known = status in range(len(STATUSES))
+        self._worst = max(self._worst, status) if known else FATAL
+        label = STATUSES[status] if known else f"{status}, which is no status of FMI"
         words = f"{self.name}: {function}{about} returned {label}{self._words()}"
         # if the run goes on from a saved state, the next failure has words of its own
         self._said = deque((entry for entry in self._said if entry[0] < DISCARD), maxlen=_REMEMBERED)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from functools import lru_cache
 from html import escape
 from importlib.resources import files
@@ -20,6 +21,7 @@ from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.reference_results import Trajectory, trajectory
 from liaisons.language import Terminal, Variable
+from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
 from liaisons.version import __version__
 
@@ -191,7 +193,7 @@ def _variables(model: Model, notation: Notation) -> list[str]:
     for title, variables in (
         ("Parameters", model.parameters),
         ("Inputs", model.inputs),
-        ("Outputs and local variables", (*model.outputs, *model.drawn)),
+        ("Outputs and local variables", (*model.outputs, *_together(model.drawn))),
     ):
         if variables:
             lines += [f"<h3>{title}</h3>", *_table(head, (_variable(v, notation) for v in variables))]
@@ -201,6 +203,12 @@ def _variables(model: Model, notation: Notation) -> list[str]:
         rows = ((f"<math>{notation[name]}</math>", escape(name), _further(name, known)) for name in sorted(used))
         lines += ["<h3>Further symbols</h3>", *_table(("", "name", "meaning"), rows)]
     return lines
+
+
+def _together(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
+    """One row for what only a picture needs."""
+    named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
+    return tuple(named)
 
 
 def _further(name: str, variables: Collection[str]) -> str:

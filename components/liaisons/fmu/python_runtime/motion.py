@@ -31,6 +31,27 @@ _MOST_STEPS = 100_000
 PART, LEAST = 0.02, 1e-14
 
 
+class Events:
+    """Instants at which a component is not smooth.
+
+    :param events: (k,) → (times,), or (k, t) → (times,).
+    :param k: parameters, an array that the caller shares.
+    """
+
+    def __init__(self, events: ca.Function, k: Array) -> None:
+        self._t, self._instants = np.zeros(1), np.zeros(events.numel_out(0))
+        self._call = Call(events, (k, self._t)[: events.n_in()], (self._instants,))
+        self.any = bool(self._instants.size)
+
+    def after(self, t: float) -> float:
+        """The first one after t [s]; inf if there is none."""
+        if not self.any:
+            return math.inf
+        self._t[0] = t
+        self._call.run()
+        return min((instant for instant in self._instants.tolist() if instant > t), default=math.inf)
+
+
 class Step:
     """One communication step of one instance, on arrays that the caller shares.
 
@@ -75,9 +96,7 @@ class Step:
         self._span = view(span)
         self._coefficients = Call(coefficients, (H, u, given), (c,))
         self._long = Call(long, (self._x, np.zeros(0), p), (self._x_next,))
-        events = table.functions["events"]
-        self._instants = np.zeros(events.numel_out(0))
-        self._events = Call(events, (k,), (self._instants,))
+        self._events = Events(table.functions["events"], k)
 
     def advance(self) -> bool:
         """Compute y and u at t + H; False if that cannot be done."""
@@ -85,18 +104,19 @@ class Step:
             self._inputs.run()
             return True
         self._short.run()
-        smooth = not self._instants.size
+        smooth = not self._events.any
         return (smooth and self._error[0] <= self._largest_error) or self._integrate(1.0)
 
     def _integrate(self, fraction: float) -> bool:
         """The same over a fraction of the step: from event to event, with as many internal steps as it takes."""
         t, H = float(self._t[0]), float(self._H[0])
-        self._events.run()
-        events = sorted(instant for instant in self._instants.tolist() if t < instant <= t + fraction * H)
+        events = [self._events.after(t)]
+        while events[-1] <= t + fraction * H:
+            events.append(self._events.after(events[-1]))
         self._coefficients.run()
         self._p_k[:], self._p_size[:], self._x[:] = self._k, self._size, self._y / self._size
         begin, earliest = 0.0, t
-        for instant in (*events, math.inf):
+        for instant in events:
             end = min(instant - t, fraction * H)
             span = (t, H, begin, end - begin, earliest, math.nextafter(instant, t))
             self._span[:] = array("d", span)

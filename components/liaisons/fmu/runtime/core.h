@@ -71,6 +71,7 @@ typedef struct {
     size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
     size_t conditions, start_conditions; /* asked of the motion, and of the start: these and more */
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
+    int by_number;  /* in FMI 3.0, too, references stand for numbers: there are no arrays */
     size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
     size_t variable_rows, start_rows, active_rows, state_rows, dimension_rows;
     const Variable *variables; /* in the order of their places; the time follows them */
@@ -166,6 +167,10 @@ Status core_set_settings(Instance *, const unsigned references[], size_t n, cons
 const Dimension *core_dimension(const Instance *, unsigned reference); /* NULL if it is none */
 /* Take a table, column after column, of which the first one ascends, instead of the one in the parameters. */
 Status core_set_table(Instance *, const double numbers[], size_t count);
+/* Until the first step has been done, a prescribed coordinate whose domain excludes 0 keeps its present start value where
+ * 0 is set, with a warning: some importers set all inputs to 0 before they have read the outputs that these are
+ * connected with.  A reset ends it; ERROR where there is no memory. */
+Status core_ignore_zeros(Instance *);
 
 /* J direction, and the sums of `weights` J, where J are the derivatives of the unknown by the known variables. */
 Status core_directional_derivative(Instance *, const unsigned unknowns[], size_t unknown_count,

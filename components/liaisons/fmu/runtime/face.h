@@ -45,8 +45,9 @@ static inline void *face_enter(void *instance, unsigned phases, unsigned uses, c
 
 /* Set the start values in the file of an instance, which replace those of its component: a line
  *     KIND REFERENCE COUNT BITS ... NAME
- * for each variable; KIND is r for reals, i for integers and t for a table (see core_set_table); BITS are those of the numbers in hexadecimal digits, since a
- * locale reads decimal points its own way.  Without the file, which only some FMUs have, nothing is set. */
+ * for each variable; KIND is r for reals, i for integers and t for a table (see core_set_table); BITS are those of the
+ * numbers in hexadecimal digits, since a locale reads decimal points its own way.  A line of KIND z stands for
+ * core_ignore_zeros.  Without the file, which only some FMUs have, nothing is set. */
 Status face_take_starts(const Face *);
 
 /* Saved states as the importer holds them. */

@@ -126,7 +126,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
     ENTER(EnterConfigurationMode);
-    if (model.dimension_rows == 0)
+    if (model.dimension_rows == 0 || model.by_number)
         return (fmi3Status)core_report(core, ERROR, "%s: there are no structural parameters", __func__);
     core_enter_configuration(core);
     return fmi3OK;

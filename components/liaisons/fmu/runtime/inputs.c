@@ -41,24 +41,24 @@ static void differentiate(const double *c, double H, double *derivative) {
 }
 
 /* Quintic Hermite polynomial: value, rate and acceleration at both ends of the step. */
-static void interpolate(const double *u, const double *set, Active at, double H, double *c) {
-    c[0] = u[at.value];
-    c[1] = H * u[at.rate];
-    c[2] = H * H * u[at.acceleration] / 2;
+static void interpolate(const double *u, const double *set, const Prescribed *at, double H, double *c) {
+    c[0] = u[at->value];
+    c[1] = H * u[at->rate];
+    c[2] = H * H * u[at->acceleration] / 2;
     /* what this parabola misses at the end */
-    const double value = set[at.value] - (c[0] + c[1] + c[2]);
-    const double rate = H * set[at.rate] - (c[1] + 2 * c[2]);
-    const double acceleration = H * H * set[at.acceleration] - 2 * c[2];
+    const double value = set[at->value] - (c[0] + c[1] + c[2]);
+    const double rate = H * set[at->rate] - (c[1] + 2 * c[2]);
+    const double acceleration = H * H * set[at->acceleration] - 2 * c[2];
     c[3] = 10 * value - 4 * rate + acceleration / 2;
     c[4] = -15 * value + 7 * rate - acceleration;
     c[5] = 6 * value - 3 * rate + acceleration / 2;
 }
 
-static int rests(const Instance *self, Active at) {
+static int rests(const Instance *self, const Prescribed *at) {
     const double *u = self->v.u, *set = self->v.set;
-    if (u[at.rate] != 0 || u[at.acceleration] != 0) return 0;
+    if (u[at->rate] != 0 || u[at->acceleration] != 0) return 0;
     return self->s->reconstruction == EXTRAPOLATE
-           || (set[at.value] == u[at.value] && set[at.rate] == 0 && set[at.acceleration] == 0);
+           || (set[at->value] == u[at->value] && set[at->rate] == 0 && set[at->acceleration] == 0);
 }
 
 /* The polynomial of an input, which is constant so far. */
@@ -72,17 +72,17 @@ static double *polynomial(Instance *self, size_t place) {
 }
 
 /* A coordinate that an operator prescribes, with its rate and its acceleration. */
-static void reconstruct_active(Instance *self, Active at, double H) {
+static void reconstruct_active(Instance *self, const Prescribed *at, double H) {
     if (rests(self, at)) return;
-    double *value = polynomial(self, at.value), *rate = polynomial(self, at.rate);
-    if (self->s->reconstruction == INTERPOLATE) {
+    double *value = polynomial(self, at->value), *rate = polynomial(self, at->rate);
+    if (self->s->reconstruction == INTERPOLATE && !at->leaps) {
         interpolate(self->v.u, self->v.set, at, H, value);
     } else {
-        value[1] = H * self->v.u[at.rate];
-        value[2] = H * H * self->v.u[at.acceleration] / 2;
+        value[1] = H * self->v.u[at->rate];
+        value[2] = H * H * self->v.u[at->acceleration] / 2;
     }
     differentiate(value, H, rate);
-    differentiate(rate, H, polynomial(self, at.acceleration));
+    differentiate(rate, H, polynomial(self, at->acceleration));
 }
 
 void core_reconstruct(Instance *self, double H) {
@@ -92,10 +92,8 @@ void core_reconstruct(Instance *self, double H) {
     self->movers.count = 0;
     for (size_t i = 0; i < model->inputs && mode == INTERPOLATE; i++)
         if (set[i] != u[i]) polynomial(self, i)[1] = set[i] - u[i];
-    for (const Active *at = model->active; at < model->active + model->active_rows && mode != HOLD; at++)
-        for (size_t i = 0; i < at->count; i++)
-            reconstruct_active(self, (Active){at->value + i, at->rate + i, at->acceleration + i, 1, NO_MISMATCH},
-                               H);
+    for (size_t i = 0; i < self->prescribed.count && mode != HOLD; i++)
+        reconstruct_active(self, &self->prescribed.list[i], H);
     for (size_t i = 0; i < model->inputs && mode != INTERPOLATE && self->s->expanded; i++) {
         const double *taylor = &self->v.taylor[i * COEFFICIENTS];
         if (taylor[0] == 0) continue;

@@ -65,8 +65,9 @@ Instance *core_new(const Model *model, const Options *options) {
     self->model = model;
     self->options = *options;
     self->layout.places = settable + model->outputs;
-    self->layout.by_variable = options->whole && model->variable_rows < self->layout.places;
-    self->layout.references = options->whole ? model->variable_rows + 1 : self->layout.places;
+    const size_t rows = model->by_number ? self->layout.places : model->variable_rows;
+    self->layout.by_variable = options->whole && rows < self->layout.places;
+    self->layout.references = options->whole ? rows + 1 : self->layout.places;
     self->layout.first = first_reference(model);
     self->layout.moving_size = sizeof(Scalars) + moving * sizeof(double);
     self->layout.state_size = self->layout.moving_size + resting * sizeof(double);
@@ -108,6 +109,7 @@ void core_free(Instance *self) {
     free(self->call.integers);
     free(self->words.name);
     free(self->table);
+    free(self->starts);
     free(self);
 }
 
@@ -128,6 +130,8 @@ void core_reset(Instance *self) {
     memset(self->prescribed.warned, 0, model->active_rows);
     self->known.current = self->known.apart = self->known.allowed = 0;
     self->step.discarded_from = NAN;
+    free(self->starts);
+    self->starts = NULL;
 }
 
 Phase core_phase(const Instance *self) { return (Phase)self->s->phase; }
@@ -161,12 +165,24 @@ void core_exit_configuration(Instance *self) { self->s->phase = INSTANTIATED; }
 
 void core_enter_initialization(Instance *self) { self->s->phase = INITIALIZATION; }
 
+/* Whether outputs are finite, unless it is not the start time that they owe it to: functions of time overflow at 1e300. */
+static int starts_in_time(Instance *self) {
+    const Model *model = self->model;
+    const size_t outputs = model->outputs - model->drawn;
+    if (self->s->time == 0) return 1;
+    core_update(self);
+    if (all_finite(self->v.z, outputs)) return 1;
+    self->known.current = 0;
+    evaluate(self, model->calculate, 0, self->v.y, self->v.z);
+    return !all_finite(self->v.z, outputs) || core_because_infinite(self);
+}
+
 Status core_exit_initialization(Instance *self) {
     core_start(self);
     const double t = self->s->time;
     if (!core_check_domains(self, t) || !core_check_finite(self, self->v.y, 0, t)
         || !core_check_conditions(self, t, self->v.y, self->model->start_conditions)
-        || (!all_finite(self->v.m, self->model->memory) && !core_because_infinite(self)))
+        || (!all_finite(self->v.m, self->model->memory) && !core_because_infinite(self)) || !starts_in_time(self))
         return core_report(self, ERROR, "%s; set another value and initialize again", self->words.text);
     core_measure(self);
     core_follow(self);

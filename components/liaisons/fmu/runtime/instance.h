@@ -39,6 +39,7 @@ typedef struct { /* a prescribed number: its places among the inputs, and what i
     double *mismatch; /* or NULL */
     Past *past;
     char *warned;             /* of its variable */
+    int leaps;                /* in interpolation: at the end of the step, where its rates do not lead */
     double jump, target, rest; /* while it jumps: how far, where to, and its rate aside from that */
 } Prescribed;
 
@@ -143,6 +144,7 @@ struct Instance {
     Operator prescribed;
     Directions d, e; /* e: what is to be added to d */
     double *table;   /* that was taken: how many rows, then its columns; or NULL */
+    double *starts;  /* of the inputs, which prescribed coordinates keep where 0 is set before the first step; or NULL */
     Scratch scratch;
     Call call;
     Words words;
@@ -210,7 +212,7 @@ void core_follow(Instance *);       /* begin anew: the motion has followed what 
 void core_depart(Instance *);       /* a communication step begins */
 void core_arrive(Instance *);       /* and ends */
 void core_compare(Instance *);      /* what is prescribed now with what was at the start of the last step */
-void core_compare_ends(Instance *); /* in interpolation: both ends of the step that begins */
+int core_compare_ends(Instance *);  /* in interpolation: both ends of the step that begins; whether any of them leaps */
 void core_warn(Instance *);         /* of what has been found before the present step, once for each variable */
 void core_leap(Instance *);         /* move the states along with jumps */
 

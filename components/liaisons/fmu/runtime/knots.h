@@ -1,14 +1,14 @@
-/* A motion through knots (t, y, y', y''), the rows of a table: of all of them the generated functions see those two that
- * the time lies between. */
+/* A table, whose rows are knots: of all of them the generated functions see those two that a time lies between, for each
+ * time at which they look rows up.  The sizes and `times`, (t, y, u, parameters behind the table) -> these, stand in
+ * front of this file. */
 #ifndef LIAISONS_KNOTS_H
 #define LIAISONS_KNOTS_H
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "instance.h"
-
-enum { COLUMNS = 4, ENDS = 2 * COLUMNS };
 
 typedef struct {
     const double *columns; /* one after the other, */
@@ -16,11 +16,11 @@ typedef struct {
 } Knots;
 
 /* Those of the file, else those of the parameters as far as their instants ascend. */
-static inline Knots knots_of(const double *table, const double *k, size_t room) {
-    size_t rows = 1;
+static inline Knots knots_of(const double *table, const double *k) {
+    size_t rows = 2; /* an interval needs two, whatever their instants are */
     if (table != NULL) return (Knots){table + 1, (size_t)table[0], (size_t)table[0]};
-    while (rows < room && k[rows] >= k[rows - 1]) rows++;
-    return (Knots){k, room, rows};
+    while (rows < ROOM && k[rows] >= k[rows - 1] && k[1] >= k[0]) rows++;
+    return (Knots){k, ROOM, rows};
 }
 
 /* How many instants do not lie after t. */
@@ -44,50 +44,91 @@ static inline size_t interval(const Knots *knots, double t) {
     return i;
 }
 
-/* Both ends of an interval, row by row. */
-static inline void take_ends(const double *columns, size_t room, size_t i, double ends[ENDS]) {
-    for (size_t row = 0; row < 2; row++)
-        for (size_t column = 0; column < COLUMNS; column++)
-            ends[row * COLUMNS + column] = columns[column * room + i + row];
+/* Which rows functions see, and the parameters as they see them: of each look-up both rows, then those behind. */
+typedef struct {
+    size_t of[LOOKUPS][2];
+    double k[SEEN + BEHIND + 1];
+} Rows;
+
+/* Both rows of each look-up out of columns. */
+static inline void take_rows(const double *columns, size_t room, size_t of[LOOKUPS][2], double *seen) {
+    const size_t *column = seen_columns;
+    for (size_t i = 0; i < LOOKUPS; column += of_lookup[i++])
+        for (size_t end = 0; end < 2; end++)
+            for (size_t j = 0; j < of_lookup[i]; j++) *seen++ = columns[column[j] * room + of[i][end]];
 }
 
-/* (t, y, u, k, m) -> z by a piece's (t, ends) -> z. */
-static inline int calculate_piece(Function *piece, size_t room, const double **arguments, double **results) {
-    const Knots knots = knots_of(arguments[TABLE], arguments[3], room);
-    double ends[ENDS];
-    take_ends(knots.columns, knots.room, interval(&knots, arguments[0][0]), ends);
-    return piece((const double *[]){arguments[0], ends}, results, NULL, NULL, 0);
+static inline void look_up(const double **arguments, Rows *rows) {
+    const double *behind = arguments[3] + COLUMNS * ROOM;
+    const Knots knots = knots_of(arguments[TABLE], arguments[3]);
+    double t[LOOKUPS];
+    times((const double *[]){arguments[0], arguments[1], arguments[2], behind}, (double *[]){t}, NULL, NULL, 0);
+    for (size_t i = 0; i < LOOKUPS; i++) {
+        const size_t begun = passed(&knots, t[i]), last = knots.rows - 1;
+        const size_t row = rests[i] ? begun - (begun > 0) : interval(&knots, t[i]);
+        rows->of[i][0] = row;
+        rows->of[i][1] = row < last ? row + 1 : last;
+    }
+    take_rows(knots.columns, knots.room, rows->of, rows->k);
+    memcpy(rows->k + SEEN, behind, BEHIND * sizeof *behind);
 }
 
-/* (t, y, u, k, m, z, dt, dy, du, dk, dm) -> dz by a piece's (t, ends, z, dt, dends) -> dz. */
-static inline int calculate_piece_forward(Function *piece, size_t room, const double **arguments, double **results) {
-    const Knots knots = knots_of(arguments[TABLE], arguments[3], room);
-    const size_t i = interval(&knots, arguments[0][0]);
-    double ends[ENDS], directions[ENDS] = {0};
-    take_ends(knots.columns, knots.room, i, ends);
-    if (arguments[TABLE] == NULL) take_ends(arguments[9], room, i, directions);
-    return piece((const double *[]){arguments[0], ends, arguments[5], arguments[6], directions}, results, NULL, NULL, 0);
+/* Call a function of (t, y, u, k, ...). */
+static inline int see(Function *function, const double **arguments, double **results, long long *integers, double *reals,
+                      int memory) {
+    Rows rows;
+    look_up(arguments, &rows);
+    const double *seen[] = {arguments[0], arguments[1], arguments[2], rows.k, arguments[4]};
+    return function(seen, results, integers, reals, memory);
 }
 
-/* (t, y, u, k, m, z, weights) -> those of (t, y, u, k, m) by a piece's (t, ends, z, weights) -> those of (t, ends). */
-static inline int calculate_piece_reverse(Function *piece, size_t room, const double **arguments, double **results) {
-    const Knots knots = knots_of(arguments[TABLE], arguments[3], room);
-    const size_t i = interval(&knots, arguments[0][0]);
-    double ends[ENDS], weights[ENDS];
-    take_ends(knots.columns, knots.room, i, ends);
-    piece((const double *[]){arguments[0], ends, arguments[5], arguments[6]}, (double *[]){results[0], weights}, NULL,
-          NULL, 0);
-    memset(results[3], 0, COLUMNS * room * sizeof *results[3]);
-    for (size_t end = 0; end < ENDS && arguments[TABLE] == NULL; end++)
-        results[3][end % COLUMNS * room + i + end / COLUMNS] = weights[end];
+/* Call a function of (t, y, u, k, m, z, dt, dy, du, dk, dm). */
+static inline int see_forward(Function *function, const double **arguments, double **results, long long *integers,
+                              double *reals, int memory) {
+    Rows rows;
+    double directions[SEEN + BEHIND + 1] = {0};
+    const double *seen[11];
+    look_up(arguments, &rows);
+    if (arguments[TABLE] == NULL) take_rows(arguments[9], ROOM, rows.of, directions);
+    memcpy(directions + SEEN, arguments[9] + COLUMNS * ROOM, BEHIND * sizeof *directions);
+    memcpy(seen, arguments, sizeof seen);
+    seen[3] = rows.k;
+    seen[9] = directions;
+    return function(seen, results, integers, reals, memory);
+}
+
+/* Call a function of (t, y, u, k, m, z, weights) -> those of (t, y, u, k, m). */
+static inline int see_reverse(Function *function, const double **arguments, double **results, long long *integers,
+                              double *reals, int memory) {
+    Rows rows;
+    double weights[SEEN + BEHIND + 1];
+    look_up(arguments, &rows);
+    function((const double *[]){arguments[0], arguments[1], arguments[2], rows.k, arguments[4], arguments[5], arguments[6]},
+             (double *[]){results[0], results[1], results[2], weights, results[4]}, integers, reals, memory);
+    memset(results[3], 0, COLUMNS * ROOM * sizeof *results[3]);
+    memcpy(results[3] + COLUMNS * ROOM, weights + SEEN, BEHIND * sizeof *weights);
+    if (arguments[TABLE] != NULL) return 0;
+    const double *weight = weights;
+    const size_t *column = seen_columns;
+    for (size_t i = 0; i < LOOKUPS; column += of_lookup[i++])
+        for (size_t end = 0; end < 2; end++)
+            for (size_t j = 0; j < of_lookup[i]; j++) results[3][column[j] * ROOM + rows.of[i][end]] += *weight++;
     return 0;
 }
 
 /* (k, t) -> the first instant after t. */
-static inline int next_instant(size_t room, const double **arguments, double **results) {
-    const Knots knots = knots_of(arguments[TABLE], arguments[0], room);
+static inline int next_instant(const double **arguments, double **results) {
+    const Knots knots = knots_of(arguments[TABLE], arguments[0]);
     const size_t next = passed(&knots, arguments[1][0]);
     results[0][0] = next < knots.rows ? knots.columns[next] : INFINITY;
+    return 0;
+}
+
+/* (t, y, u, k) -> the same, but the greatest number if there is none. */
+static inline int next_break(const double **arguments, double **results) {
+    const Knots knots = knots_of(arguments[TABLE], arguments[3]);
+    const size_t next = passed(&knots, arguments[0][0]);
+    results[0][0] = next < knots.rows ? knots.columns[next] : DBL_MAX;
     return 0;
 }
 

@@ -1,7 +1,9 @@
 /* Coordinates that an operator prescribes: how far σ, σ̇ and σ̈ contradict each other, and what a jump of σ does.
  *
  * The motion follows σ by its rate: from the value at the start of a step to `followed` at its end.  What σ is off that
- * at the next communication point it has jumped. */
+ * at the next communication point it has jumped.  In interpolation σ is met, unless a polynomial through both ends would
+ * have to move much faster than σ̇ and σ̈ there say, as in a short step after a long one whose inputs came late: such a
+ * step is extrapolated, too, and σ jumps at its end. */
 #include <float.h>
 #include <string.h>
 
@@ -12,7 +14,7 @@
 static const double ROUNDING = 1e-14;
 /* Parts of σ, and of what its rate says of a step, that are owed to the tolerance of whoever computes it. */
 static const double VALUE = 1e-6, RATE = 1e-3;
-/* What is so many times as much as its rate says is a jump. */
+/* What is so many times as much as its rate and acceleration say is a jump. */
 static const double FAR = 5;
 
 #define FOR_EACH(p) for (Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++)
@@ -67,15 +69,20 @@ void core_arrive(Instance *self) {
 
 /* ---- contradictions ---------------------------------------------------------------------------------------- */
 
-/* Of a step of size H with σ, σ̇, σ̈ at both ends, and where σ should be at its end. */
-static void compare(Prescribed *p, double H, double said, const double from[3], const double to[3], double t) {
-    const double difference = to[0] - said, went = H * fmax(fabs(from[1]), fabs(to[1]));
+static double larger(const double from[3], const double to[3], int i) { return fmax(fabs(from[i]), fabs(to[i])); }
+
+/* Of a step of size H with σ, σ̇, σ̈ at both ends, and where σ should be at its end; whether it jumps there. */
+static int compare(Prescribed *p, double H, double said, const double from[3], const double to[3], double t) {
+    const double difference = to[0] - said, went = H * (larger(from, to, 1) + H * larger(from, to, 2) / 2);
+    const int jumps = fabs(difference) > FAR * went;
+    if (p->mismatch == NULL) return jumps;
     /* A rate that jumps on the way moves σ by up to H times the jump, an acceleration by up to half of H². */
     const double explained = H * (fabs(to[1] - from[1]) + H * fabs(to[2] - from[2]) / 2) + RATE * went
-                             + VALUE * fmax(fabs(from[0]), fabs(to[0])) + DBL_EPSILON;
+                             + VALUE * larger(from, to, 0) + DBL_EPSILON;
     *p->mismatch = fabs(difference) > explained ? difference : 0;
     p->past->went = went;
     p->past->time = t;
+    return jumps;
 }
 
 void core_compare(Instance *self) {
@@ -93,20 +100,21 @@ void core_compare(Instance *self) {
     }
 }
 
-void core_compare_ends(Instance *self) {
+int core_compare_ends(Instance *self) {
     const double *u = self->v.u, *set = self->v.set, H = self->step.size;
+    int leaps = 0;
     FOR_EACH(p) {
-        if (p->mismatch == NULL) continue;
         const double from[] = {u[p->value], u[p->rate], u[p->acceleration]};
         const double to[] = {set[p->value], set[p->rate], set[p->acceleration]};
-        compare(p, H, from[0] + H * (from[1] + H * from[2] / 2), from, to, self->s->time + H);
+        p->leaps = compare(p, H, from[0] + H * (from[1] + H * from[2] / 2), from, to, self->s->time + H);
+        leaps |= p->leaps;
     }
+    return leaps;
 }
 
 /* What is done where σ jumps. */
 static const char *treatment(const Instance *self, const Prescribed *p) {
     const size_t i = (size_t)(p - self->prescribed.list), n = self->prescribed.count;
-    if (self->s->reconstruction == INTERPOLATE) return "it is interpolated over the step";
     if (self->model->jumps != NULL && !(self->model->jumps[i * n + i] & MIXES))
         return "it is taken as the limit of an ever faster motion";
     return self->model->project == NULL ? "coordinates and momenta stay as they are"

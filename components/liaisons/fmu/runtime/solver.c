@@ -136,19 +136,29 @@ static double first_step(const Problem *p, double t, double span, const double *
     return isfinite(step) && step > 0 ? fmin(fmin(100 * trial, step), span) : trial;
 }
 
+int solver_is_exhausted(Pace *pace, double t, double end) {
+    const long steps = pace->steps++, since = steps - pace->last;
+    if (steps == MOST_STEPS) return 1;
+    if (since < FEW_STEPS || since < pace->last) return 0;
+    const double reached = (t - pace->passed) / (double)since * (double)(MOST_STEPS - steps);
+    pace->last = steps;
+    pace->passed = t;
+    return reached < end - t;
+}
+
 Outcome solver_advance(const Problem *p, double *t, double end, double y[], double low[], double *step,
                        double work[]) {
     const size_t n = p->n;
     const double smallest = SMALLEST * (end - *t);
     const double *sum = work + (SOLVER_COLUMNS - 1) * n;
     double error, largest_growth = GROW;
-    long steps = 0;
+    Pace pace = {0, 0, *t};
 
     while (*t < end) {
         if (p->rates(p->context, *t, y, work) == STOP) return STOPPED;
         if (*step <= 0) *step = first_step(p, *t, end - *t, y, work);
         for (;;) { /* until a step is accepted */
-            if (steps++ == MOST_STEPS) return EXHAUSTED;
+            if (solver_is_exhausted(&pace, *t, end)) return EXHAUSTED;
             const double left = end - *t;
             const int last = 1.01 * *step >= left;
             const double h = last ? left : fmin(*step, left / 2); /* two equal steps rather than a tiny last one */

@@ -17,12 +17,21 @@ typedef struct {
     void *context;
 } Problem;
 
-enum { SOLVER_COLUMNS = 14, MOST_STEPS = 100000 };
+enum { SOLVER_COLUMNS = 14, MOST_STEPS = 100000, FEW_STEPS = 8192 };
+
+typedef struct { /* towards an end; all 0 at the beginning */
+    long steps, last; /* taken, and taken when it was looked at */
+    double passed;    /* where that was */
+} Pace;
+
+/* Count a step at t; whether MOST_STEPS are not enough.  After FEW_STEPS, twice as many, ..., that is told from the pace
+ * since the time before, so that what leads nowhere is given up soon. */
+int solver_is_exhausted(Pace *, double t, double end);
 
 /* Integrate from *t to exactly `end`.  y + low is the state, summed in twice the precision.  *step is the step size
  * to try, 0 if unknown, and on return the one to go on with.  work holds SOLVER_COLUMNS * n numbers.
- * STOPPED: one of the functions said so.  STUCK: no step is small enough.  EXHAUSTED: after MOST_STEPS, the
- * rejected ones among them, it was not done.  All three leave *t, y, low where they got. */
+ * STOPPED: one of the functions said so.  STUCK: no step is small enough.  EXHAUSTED: it takes more than
+ * MOST_STEPS, the rejected ones among them.  All three leave *t, y, low where they got. */
 Outcome solver_advance(const Problem *problem, double *t, double end, double y[], double low[], double *step,
                        double work[]);
 

@@ -63,13 +63,14 @@ Status face_take_starts(const Face *face) {
     char kind;
     unsigned reference;
     size_t count;
-    int found;
+    int found, zeros = 0;
     while (status == SUCCESS && (found = fscanf(file, " %c %u %zu", &kind, &reference, &count)) != EOF) {
-        status = found == 3 ? take(face, file, kind, reference, count) : damaged(face);
+        if (found == 3 && kind == 'z') zeros = 1;
+        else status = found == 3 ? take(face, file, kind, reference, count) : damaged(face);
         for (int c = 0; c != '\n' && c != EOF;) c = fgetc(file); /* the name */
     }
     fclose(file);
-    return status;
+    return status == SUCCESS && zeros ? core_ignore_zeros(face->core) : status;
 }
 
 #endif

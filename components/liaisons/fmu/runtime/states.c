@@ -69,7 +69,7 @@ static int flag(int32_t value) { return value == 0 || value == 1; }
 /* The phases that an instance can be saved in. */
 static int phase_exists(const Instance *self, const Scalars *s) {
     switch (s->phase) {
-    case CONFIGURATION: return self->options.whole && self->model->dimension_rows > 0;
+    case CONFIGURATION: return self->options.whole && self->model->dimension_rows > 0 && !self->model->by_number;
     case INSTANTIATED:
     case INITIALIZATION:
     case TERMINATED: return 1;

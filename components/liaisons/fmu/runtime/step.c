@@ -1,4 +1,5 @@
 /* A communication step of co-simulation. */
+#include <stdlib.h>
 #include <string.h>
 
 #include "inputs.h"
@@ -81,6 +82,12 @@ static int explain_stuck(Instance *self, double t) {
     return core_because(self, "no step from t = %.9g is small enough for the tolerance %g", time, self->s->tolerance);
 }
 
+static int explain_exhausted(Instance *self, double t, const char *what) {
+    self->step.curable = t > 0;
+    return core_because(self, "more than %d %s are needed beyond t = %.9g: something moves very fast", MOST_STEPS, what,
+                        self->step.start + t);
+}
+
 /* What a function of time inside the component changes at an instant, say σ̇, is booked like a jump of the inputs. */
 static void pass_instant(Instance *self, double time) {
     const Model *model = self->model;
@@ -92,19 +99,55 @@ static void pass_instant(Instance *self, double time) {
     memcpy(self->v.y, self->d.y, model->states * sizeof *self->v.y);
 }
 
+/* Part of the square of a rate. */
+static const double ROUGH = 1e-6;
+
+/* Whether the integral of a rate times its acceleration, half of the change of its square, is missed by three points:
+ * it is the greatest part of an operator's work where the rate hardly moves but for a jump that is interpolated. */
+static int moves_roughly(void *context, double t, double h) {
+    static const double NODES[] = {0.1127016653792583, 0.5, 0.8872983346207417}, WEIGHTS[] = {5 / 18., 8 / 18., 5 / 18.};
+    const Instance *self = context;
+    for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
+        const size_t found = self->movers.of_input[p->rate];
+        if (found >= self->movers.count || self->movers.list[found].place != p->rate) continue;
+        const Mover *mover = &self->movers.list[found];
+        const double x = t / self->step.size, part = h / self->step.size;
+        const double begin = input_at(mover, x), end = input_at(mover, x + part);
+        double sum = 0, greatest = fmax(begin * begin, end * end);
+        for (int i = 0; i < 3; i++) {
+            double slope = 0;
+            for (int j = mover->degree; j > 0; j--) slope = slope * (x + part * NODES[i]) + j * mover->c[j];
+            sum += WEIGHTS[i] * part * slope * input_at(mover, x + part * NODES[i]);
+        }
+        if (fabs(sum - (end * end - begin * begin) / 2) > ROUGH * greatest) return 1;
+    }
+    return 0;
+}
+
+/* In interpolation what leaps does so at the end, from where its rates have led to what was set. */
+static void leap_to_inputs(Instance *self) {
+    const Model *model = self->model;
+    evaluate(self, model->remember, self->s->time, self->v.y, self->d.m);
+    memcpy(self->v.m, self->d.m, model->memory * sizeof *self->v.m);
+    memcpy(self->v.u, self->v.set, model->inputs * sizeof *self->v.u);
+    core_jump(self);
+}
+
 /* From t to the end, in a communication step of a size. */
 static Outcome solve(Instance *self, const Problem *problem, double *t, double end, double size) {
     if (self->s->symplectic_steps == 0)
         return solver_advance(problem, t, end, self->v.y, self->v.low, &self->s->step, self->scratch.work);
-    return symplectic_advance(problem, t, end, size / self->s->symplectic_steps, self->v.y, self->v.low, self->v.history,
-                              &self->s->known, self->scratch.work);
+    Rough *rough = self->s->reconstruction == INTERPOLATE && self->movers.count > 0 ? moves_roughly : NULL;
+    return symplectic_advance(problem, rough, t, end, size / self->s->symplectic_steps, self->v.y, self->v.low,
+                              self->v.history, &self->s->known, self->scratch.work);
 }
 
-static Signal accept_all(void *context, double t, double y[]) {
+/* One step says it; and the importer is not told. */
+static Signal accept_one(void *context, double t, double y[]) {
     (void)context;
     (void)t;
     (void)y;
-    return GO_ON;
+    return STOP;
 }
 
 /* Whether a step that is much shorter leads anywhere, where this one has led nowhere; spoils the states. */
@@ -113,7 +156,7 @@ static int shorter_leads_on(Instance *self, const Problem *problem) {
     char reason[TEXT];
     double t = 0;
     memcpy(reason, self->words.text, sizeof reason);
-    trial.accept = accept_all; /* the importer is not told */
+    trial.accept = accept_one;
     for (double size = 1e-3 * self->step.size; t == 0 && size > 1e-13 * self->step.size; size *= 1e-3) {
         self->s->step = 0;
         self->s->known = 0;
@@ -130,7 +173,9 @@ static int move_states(Instance *self) {
     const Problem problem = {self->model->states, self->model->coupled, SHARE * self->s->tolerance, self->v.size,
                              moves ? moved_rates : rates, moves ? moved_coupled_rates : coupled_rates, accept, self};
     double t = 0, event = start, end = 0;
+    Pace pace = {0, 0, 0};
     while (t < self->step.reach) {
+        if (solver_is_exhausted(&pace, t, self->step.reach)) return explain_exhausted(self, t, "events");
         if (t == end) event = core_next_instant(self, self->v.k, event);
         self->s->limit = event;
         end = event < start + self->step.reach ? event - start : self->step.reach;
@@ -147,9 +192,7 @@ static int move_states(Instance *self) {
             self->step.curable = t > 0 || shorter_leads_on(self, &problem);
             return 0;
         case EXHAUSTED:
-            self->step.curable = t > 0;
-            return core_because(self, "%d solver steps lead no further than t = %.9g: something moves very fast",
-                                MOST_STEPS, start + t);
+            return explain_exhausted(self, t, "solver steps");
         case REACHED:
             if (t == self->step.reach) break;
             self->step.curable = 1;
@@ -183,6 +226,18 @@ static int begins_well(const Instance *self) {
     return 1;
 }
 
+/* Outputs of a component without states, of which nothing else tells that functions of time have overflowed. */
+static int outputs_are_finite(Instance *self) {
+    const Model *model = self->model;
+    const size_t outputs = model->outputs - model->drawn;
+    core_update(self);
+    if (all_finite(self->v.z, outputs)) return 1;
+    core_because_infinite(self);
+    evaluate(self, model->calculate, self->step.start, self->v.y, self->v.z);
+    self->step.curable = all_finite(self->v.z, outputs);
+    return 0;
+}
+
 static int advance(Instance *self, double time, double size) {
     const size_t inputs_size = self->model->inputs * sizeof *self->v.u;
     const int interpolating = self->s->reconstruction == INTERPOLATE;
@@ -203,8 +258,8 @@ static int advance(Instance *self, double time, double size) {
         memcpy(self->v.u, self->v.set, inputs_size);
         self->s->jumped = 1;
     }
-    if (interpolating) core_compare_ends(self);
-    else core_compare(self);
+    const int leaps = interpolating && core_compare_ends(self);
+    if (!interpolating) core_compare(self);
     if (self->s->jumped) {
         core_jump(self);
         if (!core_check_finite(self, self->v.y, 0, time)) return 0;
@@ -216,7 +271,8 @@ static int advance(Instance *self, double time, double size) {
     self->step.motion = &self->model->motions[core_activity(self)];
     if (!core_check_conditions(self, time, self->v.y, self->model->conditions)) return 0;
     if (self->model->states > 0 && !move_states(self)) return 0;
-    if (interpolating && self->step.reach == size)
+    const int arrives = interpolating && self->step.reach == size;
+    if (arrives && !leaps)
         memcpy(self->v.u, self->v.set, inputs_size);
     else if (!move_inputs(self, self->step.reach)) {
         self->step.curable = movers_begin_well(self);
@@ -229,13 +285,15 @@ static int advance(Instance *self, double time, double size) {
         && core_next_instant(self, self->v.k, nextafter(self->s->time, -INFINITY)) == self->s->time)
         pass_instant(self, self->s->time);
     core_arrive(self);
+    if (arrives && leaps) leap_to_inputs(self);
     self->step.curable = self->model->states > 0;
     if (!core_check_finite(self, self->v.y, 0, self->s->time)) return 0;
     if (!core_remember(self)) return core_because_infinite(self);
     if (self->s->expanded) memset(self->v.taylor, 0, COEFFICIENTS * inputs_size);
     self->s->expanded = 0;
     self->known.apart = self->movers.count > 0;
-    return 1;
+    self->known.current = 0;
+    return self->model->states > 0 || outputs_are_finite(self);
 }
 
 Status core_step(Instance *self, double time, double size, Arrival *arrival) {
@@ -251,8 +309,11 @@ Status core_step(Instance *self, double time, double size, Arrival *arrival) {
     core_warn(self);
     memcpy(self->step.backup, self->s, self->layout.moving_size);
     if (advance(self, time, size)) {
-        self->known.current = 0;
         self->step.discarded_from = NAN;
+        if (self->starts != NULL) {
+            free(self->starts);
+            self->starts = NULL;
+        }
         *arrival = (Arrival){self->s->time, self->step.reach < size, self->s->time == self->s->limit};
         return SUCCESS;
     }

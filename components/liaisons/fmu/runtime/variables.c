@@ -1,5 +1,6 @@
 /* Variables by their references: getting and setting them, settings, structural sizes. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "instance.h"
@@ -228,6 +229,26 @@ static Status set_runs(Instance *self, const unsigned references[], size_t n, co
     return SUCCESS;
 }
 
+Status core_ignore_zeros(Instance *self) {
+    free(self->starts);
+    self->starts = malloc((1 + self->model->inputs) * sizeof *self->starts);
+    if (self->starts == NULL) return core_report(self, ERROR, "out of memory for start values");
+    memcpy(self->starts, self->v.set, self->model->inputs * sizeof *self->starts);
+    return SUCCESS;
+}
+
+/* Put the start values back where 0 was set, and is not allowed. */
+static void ignore_zeros(Instance *self, int present) {
+    for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
+        const size_t place = self->model->parameters + p->value;
+        if (self->v.set[p->value] != 0 || allows(core_variable_at(self->model, place), 0)) continue;
+        self->v.set[p->value] = self->starts[p->value];
+        if (present) self->v.u[p->value] = self->starts[p->value];
+        core_report(self, WARNING, "%s = 0 before the first step: it stays %.9g", core_name(self, place),
+                    self->starts[p->value]);
+    }
+}
+
 Status core_set(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
     /* The values belong to the present time, but in interpolation: there to the end of the step to come. */
     const int interpolating = self->s->reconstruction == INTERPOLATE;
@@ -237,6 +258,7 @@ Status core_set(Instance *self, const unsigned references[], size_t n, const dou
         const Status status = set_runs(self, references, n, values, count, present, &fresh);
         if (status != SUCCESS) return status;
     }
+    if (self->starts != NULL) ignore_zeros(self, present);
     if (present && !interpolating && self->known.apart) { /* so do those that were set before */
         fresh |= replace(self->v.u, self->v.set, self->model->inputs);
         self->known.apart = 0;

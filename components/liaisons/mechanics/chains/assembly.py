@@ -14,7 +14,7 @@ from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, rena
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
 from liaisons.mechanics.bookkeeping import definitions, memory_of
-from liaisons.mechanics.chains.sweeps import Base, ChainLink, Motion, inertias, link_of, momenta, motion
+from liaisons.mechanics.chains.sweeps import Base, ChainLink, LinkMotion, inertias, link_of, momenta, motion
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
@@ -98,7 +98,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
     )
 
 
-def _readable(m: Chain, link: ChainLink, moving: Motion, forces: ca.SX) -> dict[str, ca.SX]:
+def _readable(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX) -> dict[str, ca.SX]:
     """What can be read, by name, but for what is booked."""
     found: dict[str, ca.SX] = {}
     for i, q in enumerate(m.coordinates):

@@ -91,7 +91,7 @@ class Base:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class LinkMotion:
     """Motion of links with f coordinates and m point components each, as expressions that need some steps."""
 
     steps: tuple[Step, ...]
@@ -130,7 +130,7 @@ def inertias(link: ChainLink) -> tuple[list[Step], ca.SX]:
     return [carried], ca.diag(M_qq + F_q.T @ composite @ F_q)
 
 
-def motion(link: ChainLink, base: Base) -> Motion:
+def motion(link: ChainLink, base: Base) -> LinkMotion:
     """Everything that moves, from q, p, drives and loads."""
     q, v, w, w_dot, T, V, F = link.q, link.v, link.w, link.w_dot, link.kinetic, link.potential, link.tip
     F_q, F_w, F_dot = ca.jacobian(F, q), ca.jacobian(F, w), link.rate(F)
@@ -183,7 +183,7 @@ def motion(link: ChainLink, base: Base) -> Motion:
     totals = ca.SX.sym("total", terms.shape[0])
     steps.append(Sum(totals, terms))
     P_0 = ca.substitute(P, entries, weight.last)
-    return Motion(
+    return LinkMotion(
         steps=tuple(steps),
         rates=v,
         momentum_rates=gradient(T - V, q) + Q - rub + F_q.T @ phi + ca.jacobian(F_dot, q).T @ pi,

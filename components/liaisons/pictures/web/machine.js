@@ -51,7 +51,10 @@ export class Machine {
           const members = part.free.find(([first]) => first === name);
           part.fmu.set(members.map((member) => part.reference[member]), triple.slice(0, members.length));
         }
-        this.#feed(part);
+        if (!part.interpolates) this.#feed(part);
+      }
+      for (const part of this.parts) {
+        if (part.interpolates) this.#feed(part);
         part.fmu.step(this.time, size);
         stepped += 1;
       }

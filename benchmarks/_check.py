@@ -1,0 +1,67 @@
+"""Quick measurements held against the figures of the page."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from _measure import Row, number
+
+SLACK = 0.15  # so much worse than on the page is named
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A ratio of the page, and those that were measured now, one a try.
+
+    ``clear`` says whether no quartile of now reaches what is allowed.
+    """
+
+    row: Row
+    now: tuple[float, ...]
+    clear: bool
+
+    @property
+    def ratio(self) -> float:
+        """The median of the tries."""
+        return statistics.median(self.now)
+
+    @property
+    def worse(self) -> bool:
+        """Whether it is worse by more than the slack."""
+        return _factor(self.row, self.ratio) > 1 + SLACK
+
+
+def compared(written: Iterable[Row], tries: Sequence[Sequence[Row]]) -> list[Comparison]:
+    """What the page has and each try has measured, in the order of the page; a quick try leaves sizes out."""
+    found = []
+    for row in written:
+        same = [other for rows in tries for other in rows if _key(other) == _key(row) and other.ratio is not None]
+        if not row.checked or len(same) < len(tries):
+            continue
+        quartiles = [value for other in same for value in other.spread or (other.bounded,)]
+        clear = all(_factor(row, value) > 1 + SLACK for value in quartiles)
+        found.append(Comparison(row, tuple(other.bounded for other in same), clear))
+    return found
+
+
+def report(name: str, commit: str, found: Sequence[Comparison], tries: int) -> str:
+    """A line, and one for each ratio that is worse."""
+    worse = [it for it in found if it.worse]
+    lines = [f"{name}: {len(found)} ratios, measured {tries} times, {len(worse)} worse than at commit {commit}"]
+    for it in worse:
+        page, overlap = number(it.row.bounded), "" if it.clear else " (quartiles overlap what is allowed)"
+        lines.append(
+            f"  {it.row.topic}: {it.row.case}: {number(it.ratio)} × {it.row.yardstick}, on the page {page}{overlap}"
+        )
+    return "\n".join(lines)
+
+
+def _factor(row: Row, ratio: float) -> float:
+    """How many times worse than the row's a ratio is."""
+    return ratio / row.bounded if row.checked == "less" else row.bounded / ratio
+
+
+def _key(row: Row) -> tuple[str, ...]:
+    return row.topic, row.case, row.yardstick

@@ -1,0 +1,147 @@
+"""DOP853 for FMUs of Model Exchange: explicit, of order 8, for equations that are not stiff.
+
+All that it remembers is its own, so that steps can be taken back and repeated to the same bits.
+"""
+
+from __future__ import annotations
+
+import ctypes as c
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.cosim.calls import Record
+from liaisons.cosim.compiled import loaded
+from liaisons.cosim.instances.motion import InputMotion
+from liaisons.errors import RefusedError
+
+Memory = tuple[float, float, NDArray[np.float64], NDArray[np.float64]]
+"""Time and size of the next step [s], states, and what these cannot hold."""
+
+_HERE = Path(__file__).parent
+_RUNTIME = _HERE.parents[1] / "fmu" / "runtime"
+_SOURCES = (
+    _HERE / "dop853.c",
+    _HERE.parent / "calls.h",
+    *(_RUNTIME / name for name in ("solver.c", "solver.h")),  # the solver that our FMUs of Co-Simulation have inside
+)
+_EVENT, _STIFF, _HARD, _REFUSED = range(1, 5)  # as dop853.c has them
+
+
+@final
+class _Equations(c.Structure):
+    _fields_ = [
+        *((name, c.c_void_p) for name in ("instance", "set_time", "set_states", "get_rates", "get_indicators")),
+        *((name, c.c_size_t) for name in ("states", "indicators")),
+        ("tolerance", c.c_double),
+        *((name, c.c_void_p) for name in ("y", "low", "size", "signs", "numbers")),
+        *((name, c.c_double) for name in ("time", "step")),
+        ("put", c.c_void_p),
+        *((name, c.c_size_t) for name in ("inputs", "terms")),
+        *((name, c.c_void_p) for name in ("rows", "orders", "slopes", "first", "input")),
+        *((name, c.c_double) for name in ("begin", "at")),
+        *((name, c.c_int) for name in ("function", "status", "met", "missed")),
+    ]
+
+
+def library() -> c.CDLL | None:
+    """Its code; None where it cannot be compiled."""
+    found = loaded(_SOURCES, "Model Exchange is solved by CVODE")
+    if found is not None:
+        found.dop853_room.restype, found.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
+        found.dop853_step.argtypes = [c.c_void_p, c.c_double]
+    return found
+
+
+@final
+class Dop853:
+    """A solver with error control, for equations that are not stiff.
+
+    :param code: see :func:`library`.
+    :param instance: of the FMU; ``functions`` of FMI that set the time and the states, and get their derivatives and
+        the event indicators.
+    :param signs: the event indicators when they were looked at last; changed by the caller, shape (indicators,).
+    :param tolerance: relative, of states and of their nominal values.
+    :ivar states: shape (size,).
+    :ivar stiff: whether the last step was so short because of stability.
+    :ivar refusal: which of time, inputs, states, derivatives and indicators the FMU has refused last, counted from 1,
+        and the status.
+    """
+
+    def __init__(  # noqa: PLR0917 - all of them are needed
+        self,
+        code: c.CDLL,
+        instance: c.c_void_p,
+        functions: Sequence[Any],
+        size: int,
+        signs: NDArray[np.float64],
+        tolerance: float,
+    ) -> None:
+        self._code, self.stiff = code, False
+        self.states, self._low, self._size = np.zeros(size), np.zeros(size), np.ones(size)
+        self._numbers = np.zeros(code.dop853_room(size, signs.size))
+        addresses = [instance.value, *(c.cast(function, c.c_void_p).value for function in functions)]
+        self._equations = _Equations(*addresses, size, signs.size, tolerance)
+        for name, array in (("y", self.states), ("low", self._low), ("size", self._size), ("signs", signs)):
+            setattr(self._equations, name, array.ctypes.data)
+        self._equations.numbers = self._numbers.ctypes.data
+        self._motion: InputMotion | None = None
+        self._put: Record | None = None
+
+    @property
+    def refusal(self) -> tuple[int, int]:
+        return self._equations.function, self._equations.status
+
+    @property
+    def asked(self) -> float:
+        """The time at which the FMU was asked last [s]."""
+        return self._equations.at
+
+    def restart(self, time: float, nominals: ArrayLike) -> None:
+        """Begin anew at this time [s] from :attr:`states`, which have these nominal values, all above 0."""
+        e = self._equations
+        self._low[:], self._size[:] = 0.0, nominals
+        e.time, e.step, e.met, e.missed, self.stiff = time, 0.0, 0, 0, False
+
+    def follow(self, motion: InputMotion | None) -> None:
+        """Let inputs move so from now on; None: none moves."""
+        e = self._equations
+        if motion is None:
+            e.put = None
+            return
+        if motion is not self._motion:
+            self._motion, self._put = motion, motion.write.compiled()
+            e.inputs, e.terms = motion.values.size, motion.orders.size
+            for name in ("rows", "orders", "slopes", "first"):
+                setattr(e, name, getattr(motion, name).ctypes.data)
+            e.input = motion.values.ctypes.data
+        e.put, e.begin = c.addressof(self._put), motion.start  # type: ignore[arg-type] - of a motion
+
+    def step(self, stop: float) -> tuple[float, bool]:
+        """One step, not beyond a time [s].
+
+        :returns: where it ends [s], and whether an indicator has changed its sign there.
+        :raises RefusedError: if the FMU refuses something, see :attr:`refusal`, or no step is small enough.
+        """
+        outcome = self._code.dop853_step(c.byref(self._equations), stop)
+        if outcome in {_HARD, _REFUSED}:
+            raise RefusedError("no step is small enough")
+        self.stiff = outcome == _STIFF
+        return self._equations.time, outcome == _EVENT
+
+    def memory(self) -> Memory:
+        """What :meth:`remember` needs to go on from here once more."""
+        e = self._equations
+        return e.time, e.step, self.states.copy(), self._low.copy()
+
+    def remember(self, memory: Memory) -> None:
+        """Go back."""
+        e = self._equations
+        e.time, e.step, self.states[:], self._low[:] = memory
+        e.met = e.missed = 0
+
+    def close(self) -> None:
+        """Nothing is to be released."""

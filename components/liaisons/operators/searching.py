@@ -1,0 +1,496 @@
+"""The search of a plan: many starts on a coarse mesh, what is promising on finer ones, with arcs between switches.
+
+A start from which IPOPT does not come to the end goes by way of the nearest end: first in the duration that it has,
+then in any.  A motion on a mesh is believed if the equations, integrated under its controls from knot to knot, lead
+where the mesh does: implicit schemes have solutions that differential equations do not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import groupby, islice, pairwise
+
+import casadi as ca
+import numpy as np
+
+from liaisons.operators.problems import PlanError, Problem
+from liaisons.operators.transcription import (
+    DEGREE,
+    POINTS,
+    Arc,
+    Array,
+    Clock,
+    Solution,
+    Track,
+    path_rates,
+    solve,
+)
+from liaisons.operators.verifying import NOTHING, hamiltonian_scale
+
+COARSE = 10
+"""Intervals of the mesh on which starts are tried."""
+STARTS = 8
+"""So many starts at most, unless a number is asked for."""
+_AGREED = 2
+"""So many that lead to the same optimum are enough then; one more where the duration is free, two where σ is closed."""
+_ALIKE = 1e-3
+"""Costs that differ by less, relatively, on coarse meshes, whose switches are blurred, may be those of one optimum."""
+_WORSE = 5e-2
+"""What costs so much more on a coarse mesh does not become the best on a finer one."""
+_SAME = 1e-6
+"""Costs on one mesh that differ by less, relatively, are those of one optimum."""
+_MARGIN = 4.0
+"""So many times its own first mesh's error may that of another motion be,"""
+_LEAST_MARGIN = 1e-4
+"""and at least so much of the cost."""
+_NEAR = 1e-4
+"""How near a row of the path is to its bound, relative to its range, to be held there."""
+_MOST_INTERVALS = 100
+"""How fine a mesh may become."""
+_LAW = 1e-6
+"""Of the Hamiltonian's terms: as constant as it has to be."""
+_LAWLESS = 1e-3
+"""What is less constant on its finest mesh is no extremal."""
+_SINGULAR = 1e-3
+"""An effective mass that is so small beside the others vanishes nearby."""
+_FEASIBLE = 1e-6
+"""Residual of the equations below which what was stopped on the way is a motion at all."""
+_REACHED = 1e-6
+"""By how much an end is missed, in units of its size, that a solver may still reach."""
+_BLURRED = 3e-2
+"""By how much at most an end is missed, in units of its size, because a coarse mesh blurs switches."""
+_LED = 1e-5
+"""Where a mesh resolves a motion its knots are as near, in units of their sizes, to those of the equations."""
+_LED_ROUGHLY = 0.1
+"""On coarse meshes; a solution that the differential equations do not have is off by its own size."""
+_CORRECTIONS = 6
+"""How often arcs are inserted where the Hamiltonian asks for it, or taken away where they vanish."""
+_SUBSTEPS = 32
+"""Of Runge and Kutta's method in an interval: of fourth order, these leave 1e-8 of what a mesh of order 10 resolves."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of a search.
+
+    :ivar intervals: of the mesh on which what is promising is refined first.
+    :ivar accuracy: to which the Hamiltonian is constant in the end; None: the mesh stays as it is.
+    :ivar tries: how many starts; None: until some agree.
+    :ivar is_stopped: nothing is refined any more.
+    """
+
+    intervals: int
+    accuracy: float | None
+    tries: int | None
+    is_stopped: bool = False
+
+
+def search(problem: Problem, starts: Iterable[Track], clock: Clock, settings: Settings) -> Solution:
+    """The best of what comes of these starts, of as many as there is time for.
+
+    All that may be the best is refined, so that more starts lead to nothing worse.
+
+    :param problem: a relative one.
+    :param starts: on coarse meshes.
+    :raises PlanError: if none leads to the end.
+    :raises KeyboardInterrupt: if there was one, and nothing before it.
+    """
+    rough: list[Solution] = []  # on coarse meshes, in the order of the starts
+    optima: list[float] = []  # costs that differ
+    failures: list[Solution] = []
+    best: Solution | None = None
+    count, stopped = 0, False
+    low, high = problem.duration
+    enough = _AGREED + (2 if problem.is_loop else int(low < high))
+    for track in islice(starts, settings.tries or STARTS):
+        found = _tried(problem, track, settings.intervals, clock)
+        if found.succeeded:
+            rough += [] if any(_is_alike(found, one, _SAME) for one in rough) else [found]
+            optima += [] if any(_differ(found.cost, cost) <= _ALIKE for cost in optima) else [found.cost]
+        elif found.finished:
+            failures.append(found)
+        elif not rough and _is_motion(problem, found, settings):
+            best = found
+        count += found.finished
+        agreed, stopped = len(optima) == 1 and not failures, not found.finished
+        if clock.is_over or stopped or (settings.tries is None and count == enough and agreed):
+            break
+    if stopped:
+        settings = replace(settings, is_stopped=True)
+    led, astray = _compared(problem, rough, settings, clock)
+    best = led or best
+    if best is not None:
+        return replace(best, finished=not (stopped or clock.is_over), starts=max(1, count), optima=max(1, len(optima)))
+    if clock.is_interrupted:
+        raise KeyboardInterrupt
+    raise PlanError(_obstacle(problem, failures, astray))
+
+
+def _compared(
+    problem: Problem, rough: list[Solution], settings: Settings, clock: Clock
+) -> tuple[Solution | None, list[Solution]]:
+    """The best of what becomes of solutions on coarse meshes, and those that the equations do not follow.
+
+    What is refined depends on earlier starts alone, so that more of them add to it.  Where there is no time left, the
+    least of what has not been refined counts, too.
+    """
+    best: Solution | None = None
+    refined: list[Solution] = []  # on first meshes
+    margin = 0.0  # above the best, within which the first mesh of a motion that is better may lie
+    astray: list[Solution] = []
+    for k, one in enumerate(rough):
+        if clock.is_over or settings.is_stopped:
+            rest = sorted((replace(other, finished=False) for other in rough[k:]), key=lambda other: other.cost)
+            return _best(problem, [*([best] if best else []), *rest], settings), astray
+        if best is not None and one.cost > best.cost + _WORSE * abs(best.cost):
+            continue
+        first = _on_first_mesh(problem, one, settings, clock)
+        if any(_is_alike(first, other, _SAME) for other in refined) or (best and first.cost > best.cost + margin):
+            continue
+        refined.append(first)
+        found = first
+        if first.finished:
+            for finer in _refined(problem, first, np.inf if settings.accuracy is None else settings.accuracy, clock):
+                found = finer
+        if not _is_believed(problem, found, settings):
+            astray.append(found)
+        elif best is None or _rank(problem, found) < _rank(problem, best):
+            best, margin = found, max(_MARGIN * abs(found.cost - first.cost), _LEAST_MARGIN * abs(found.cost))
+    return best, astray
+
+
+def _best(problem: Problem, solutions: list[Solution], settings: Settings) -> Solution | None:
+    believed = (one for one in solutions if _is_believed(problem, one, settings))
+    return min(believed, key=lambda one: _rank(problem, one), default=None)
+
+
+def _differ(cost: float, other: float) -> float:
+    """By how much, relatively."""
+    return abs(cost - other) / max(abs(cost), abs(other), NOTHING)
+
+
+def _is_alike(one: Solution, other: Solution, tolerance: float) -> bool:
+    return len(one.track.arcs) == len(other.track.arcs) and _differ(one.cost, other.cost) <= tolerance
+
+
+def _rank(problem: Problem, solution: Solution) -> tuple[bool, float]:
+    """Extremals first, then by cost: a mesh that is too coarse can undercut what is possible."""
+    return bool(np.ptp(solution.hamiltonian) > _LAWLESS * hamiltonian_scale(problem, solution)), solution.cost
+
+
+def _is_believed(problem: Problem, solution: Solution, settings: Settings) -> bool:
+    """Whether the equations lead where the mesh does; where it stays as it is, ``verify`` says so."""
+    return settings.accuracy is None or _is_led(problem, solution, _LED if solution.finished else _LED_ROUGHLY)
+
+
+def _tried(problem: Problem, track: Track, intervals: int, clock: Clock) -> Solution:
+    """What comes of a start: the solution, or where IPOPT stood, nearest to the end."""
+    found = _brought(problem, track, clock)
+    coarse = sum(arc.intervals for arc in track.arcs)
+    if found.succeeded or not found.finished or coarse >= intervals or missed(problem, found) > _BLURRED:
+        return found
+    return _brought(problem, track.on((Arc(intervals),), track.durations), clock)
+
+
+def _brought(problem: Problem, track: Track, clock: Clock) -> Solution:
+    """From a start to the end, if need be by way of the nearest end."""
+    found = solve(problem, track, clock)
+    if found.succeeded or not found.finished:
+        return found
+    low, high = problem.duration
+    T = float(track.durations.sum())
+    rules = [problem] if low == high else [replace(problem, duration=(T, T)), problem]
+    nearest = found
+    for rule in rules:
+        nearest = solve(rule, track, clock, soft=True)
+        track = nearest.track
+        if not nearest.finished:
+            return nearest
+    if missed(problem, nearest) < _REACHED:
+        found = solve(problem, track, clock)
+        if found.succeeded or not found.finished:
+            return found
+    arcs, durations = _arcs(_patterns(problem, nearest), nearest.track)
+    if low < high and len(arcs) > 1 and missed(problem, nearest) < _BLURRED:
+        found = solve(problem, track.on(arcs, durations), clock)
+        if found.succeeded or not found.finished:
+            return found
+    return replace(nearest, status=found.status if not found.succeeded else "Infeasible_Problem_Detected")
+
+
+def missed(problem: Problem, solution: Solution) -> float:
+    """By how much the end is missed."""
+    return float(np.linalg.norm(_beyond_end(problem, solution)))
+
+
+def _beyond_end(problem: Problem, solution: Solution) -> Array:
+    end = np.array(problem.end.function(solution.track.knots[:, -1])).ravel()
+    return np.maximum(problem.end.low - end, end - problem.end.high).clip(0)
+
+
+def _is_motion(problem: Problem, solution: Solution, settings: Settings) -> bool:
+    """Whether what was stopped on the way is a motion to the end."""
+    is_one = solution.residual < _FEASIBLE and missed(problem, solution) < _FEASIBLE
+    return is_one and _is_believed(problem, solution, settings)
+
+
+def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock: Clock) -> Solution:
+    """The same optimum on the first mesh that was asked for; stopped on the way, as it is."""
+    track = rough.track
+    if len(track.arcs) == 1 and track.arcs[0].intervals < settings.intervals:
+        finer = track.on((Arc(settings.intervals),), track.durations)
+        for near in (True, False):
+            found = solve(problem, finer, clock, near=near)
+            if not found.finished:
+                return replace(rough, finished=False)
+            if found.succeeded:
+                return found
+    return rough
+
+
+# ---- switching instants -------------------------------------------------------------------------------------------
+
+
+def _refined(problem: Problem, solution: Solution, accuracy: float, clock: Clock) -> Iterator[Solution]:
+    """The same motion with its arcs, on meshes twice as fine each until its Hamiltonian is constant."""
+    is_first = True
+    while True:
+        if len(solution.track.arcs) == 1 or is_first:
+            is_first = False
+            solution = _with_arcs(problem, solution, clock)
+        yield solution
+        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.track.arcs)
+        is_law = np.ptp(solution.hamiltonian) <= max(accuracy * hamiltonian_scale(problem, solution), NOTHING)
+        is_done = is_law and (np.isinf(accuracy) or _is_led(problem, solution))
+        if not solution.finished or is_done or sum(arc.intervals for arc in arcs) > _MOST_INTERVALS:
+            return
+        finer = solve(problem, solution.track.on(arcs, solution.track.durations), clock, near=True)
+        solution = finer if finer.succeeded else replace(solution, finished=finer.finished)
+        if not finer.succeeded:
+            yield solution
+            return
+
+
+def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
+    """The same motion with its arcs: where controls switch between bounds, the instants become unknowns.
+
+    Arcs that vanish are left out, and where the Hamiltonian would be less at the other bound there is another arc.
+    What is better is kept: where holding the rows does not work out, the solution stays as it is.
+    """
+    best, track = solution, solution.track
+    has_arcs = len(track.arcs) > 1
+    patterns = _switched(problem, solution) if has_arcs else _patterns(problem, solution)
+    if patterns is None:
+        return solution
+    arcs, durations = _arcs(patterns, track)
+    for _ in range(_CORRECTIONS):
+        if _is_determined(problem, arcs) or not _is_passable(problem, arcs):
+            break
+        found = solve(problem, track.on(arcs, durations), clock, near=True)
+        if not found.finished:
+            return replace(best, finished=False)
+        track, lengths = found.track, found.track.durations
+        vanishing = lengths < 1e-5 * lengths.sum()
+        if vanishing.any() and not vanishing.all():
+            kept = [(arc, T) for arc, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone]
+            arcs, durations = _joined(kept)
+            continue
+        if not found.succeeded:
+            break
+        undercut = 0.0
+        if len(best.track.arcs) == 1:
+            undercut = _WORSE if _rank(problem, found) < _rank(problem, best) else _ALIKE
+        if found.cost <= best.cost + undercut * max(abs(best.cost), NOTHING):
+            best = found
+        patterns = _switched(problem, found)
+        if patterns is None:
+            break
+        arcs, durations = _arcs(patterns, track)
+    return best
+
+
+def _joined(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Array]:
+    """Arcs and their durations, neighbours of one kind as one."""
+    groups = [list(group) for _, group in groupby(pieces, key=lambda piece: piece[0].held)]
+    arcs = tuple(replace(group[0][0], intervals=sum(arc.intervals for arc, _ in group)) for group in groups)
+    return arcs, np.array([sum(T for _, T in group) for group in groups])
+
+
+def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
+    """Whether nothing is left to choose, be it that nothing is held or that all is."""
+    if len(arcs) == 1 and not arcs[0].held:
+        return True
+    unknown = len(arcs) - (problem.duration[0] == problem.duration[1])
+    asked = int(np.sum(problem.end.low == problem.end.high)) + len(problem.closed)
+    free = len(problem.states) - int(np.sum(problem.start.low == problem.start.high))
+    return all(len(arc.held) == len(problem.controls) for arc in arcs) and unknown + free < asked
+
+
+def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
+    """Whether no σ is to be at one bound and at once at another, the mesh too coarse to show on which arc it moves."""
+    moved = {i for i, label in enumerate(problem.path.labels) if label in problem.moves and problem.order > 0}
+    return not any(i in moved and dict(b.held).get(i, x) != x for a, b in pairwise(arcs) for i, x in a.held)
+
+
+def _switched(problem: Problem, solution: Solution) -> list[_Pattern] | None:
+    """What should be held at each point by Pontryagin's principle: the bound where H is less; None: it is."""
+    track, path = solution.track, problem.path
+    points = track.inner.shape[1]
+
+    def hamiltonian(controls: Array) -> Array:
+        rates = np.array(problem.rates.map(points)(track.inner, controls))
+        return np.array(problem.cost.map(points)(track.inner, controls)).ravel() + (solution.adjoints * rates).sum(
+            axis=0
+        )
+
+    held = [arc.held for arc in track.arcs for _ in range(arc.intervals * DEGREE)]
+    better = [dict(now) for now in held]
+    for i, label in enumerate(path.labels):
+        ends = (float(path.low[i]), float(path.high[i]))
+        if label not in problem.controls or not np.isfinite(ends).all():
+            continue
+        place = np.arange(len(problem.controls))[:, None] == problem.controls.index(label)
+        low, high = (hamiltonian(np.where(place, bound, track.controls)) for bound in ends)
+        least = _LAW * np.abs(high - low).max()
+        for now, more in zip(better, high - low, strict=True):
+            if i in now and abs(more) > least:
+                now[i] = ends[0] if more > 0 else ends[1]
+    wanted = [tuple(now.items()) for now in better]
+    return wanted if wanted != held else None
+
+
+_Pattern = tuple[tuple[int, float], ...]
+"""Rows that are held, and where."""
+
+
+def _patterns(problem: Problem, solution: Solution) -> list[_Pattern]:
+    """Which rows are at which of their bounds, at each point."""
+    path = problem.path
+    reached = [function.jac_sparsity(0, 1).row() for function in (path.function, path_rates(problem))]
+    by_controls = {i for rows in reached[: 1 + (problem.order > 0)] for i in rows}  # at once, or by their rates
+    holdable = [i for i, label in enumerate(path.labels) if label in problem.moves or i in by_controls]
+    span = np.where(np.isfinite(path.high - path.low), path.high - path.low, 1.0)
+
+    def held(column: Array) -> _Pattern:
+        ends = ((i, float(bound)) for i in holdable for bound in (path.low[i], path.high[i]))
+        rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= _NEAR * span[i]]
+        return tuple(rows[: len(problem.controls)])
+
+    patterns = [held(column) for column in solution.path.T]
+    runs = [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
+    least = min(3, max(length for _, length in runs))
+    found: list[_Pattern | None] = []
+    for pattern, length in runs:
+        found += [pattern if length >= least else None] * length
+    known = [i for i, pattern in enumerate(found) if pattern is not None]
+    nearest = np.abs(np.arange(len(found))[:, None] - np.array(known)).argmin(axis=1)
+    return [patterns[known[i]] for i in nearest]
+
+
+def _arcs(patterns: list[_Pattern], track: Track) -> tuple[tuple[Arc, ...], Array]:
+    """Arcs on which the same rows are at their bounds, and their durations."""
+    runs = [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
+    cuts = np.cumsum([length for _, length in runs])[:-1]
+    instants, total = track.instants, track.breaks[-1]
+    edges = np.array([0.0, *((instants[cuts - 1] + instants[cuts]) / 2), total])
+    m = len(patterns) // DEGREE
+    shares = np.diff(edges) / total
+    return tuple(Arc(max(3, round(m * u)), p) for (p, _), u in zip(runs, shares, strict=True)), np.diff(edges)
+
+
+# ---- what stands in the way ---------------------------------------------------------------------------------------
+
+
+def refuse_singularity(problem: Problem, solution: Solution) -> None:
+    """Refuse a motion through a place where a coordinate costs nothing, and of which no mesh can tell how it goes."""
+    track, count = solution.track, len(problem.moves)
+    if np.ptp(solution.hamiltonian) <= _LAW * hamiltonian_scale(problem, solution):
+        return
+    points = track.inner.shape[1]
+    masses = np.array(problem.mass.map(points)(track.inner, track.controls)).reshape(count, points, count)
+    sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
+    worst = int(np.argmin(sizes[:, 0]))
+    if sizes[worst, 0] > _SINGULAR * sizes.max():
+        return
+    name = problem.moves[int(np.argmax(np.abs(directions[worst, :, 0])))]
+    raise PlanError(
+        f"{problem.name}: at t = {track.instants[worst] * problem.scales.time:.4g} s the effective mass of {name} "
+        "vanishes, so that there it may turn at no cost: keep away from such a shape by bounds"
+    )
+
+
+def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]) -> str:
+    """Why there is no plan: the nearest end that was reached, and the bounds that are in the way."""
+    if not failures and not astray:
+        return f"{problem.name}: no motion was found in time; raise time_limit"
+    end, X, path = problem.end, problem.scales.end, problem.path
+    if not failures:
+        nearest = astray[0]
+        reached = np.array(end.function(_led(problem, nearest, through=True)[:, -1])).ravel()
+        off = np.abs(reached - np.clip(reached, end.low, end.high))
+        rows = np.flatnonzero(off > _LED) if (off > _LED).any() else np.arange(off.size)
+        names = ", ".join(end.labels[i] for i in rows) or "what has to close"
+        return (
+            f"{problem.name}: the end was not reached: what {', '.join(problem.moves)} can do does not lead there, "
+            f"and what meshes say of {names} the equations do not follow"
+        )
+    nearest = min(failures, key=lambda one: missed(problem, one))
+    off = _beyond_end(problem, nearest)
+    reached = np.array(end.function(nearest.track.knots[:, -1])).ravel()
+    wanted = np.clip(reached, end.low, end.high) * X
+    wrong = [
+        f"{end.labels[i]} = {reached[i] * X[i]:.6g} instead of {wanted[i]:.6g}" for i in np.flatnonzero(off > _REACHED)
+    ]
+    if not wrong:
+        return (
+            f"{problem.name}: not solved ({nearest.status}); the end can be reached: try other intervals or more tries"
+        )
+    ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
+    active = [
+        f"{name} = {bound * problem.scales.path[i]:g}"
+        for i, name, bound in ends
+        if np.isfinite(bound) and np.any(np.abs(nearest.path[i] - bound) <= _NEAR * max(1.0, abs(bound)))
+    ]
+    T = nearest.track.durations.sum()
+    if np.isclose(T, problem.duration[1]):
+        active.append(f"duration = {T * problem.scales.time:g}")
+    bounds = f"; active: {', '.join(active)}" if active else ""
+    return f"{problem.name}: the end was not reached, nearest {', '.join(wrong)}{bounds}"
+
+
+# ---- what the equations say ---------------------------------------------------------------------------------------
+
+
+def _is_led(problem: Problem, solution: Solution, tolerance: float = _LED) -> bool:
+    """Whether the equations lead from knot to knot as the mesh does."""
+    knots = solution.track.knots[:, 1:]
+    return bool(np.max(np.abs(_led(problem, solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance)
+
+
+def _led(problem: Problem, solution: Solution, *, through: bool = False) -> Array:
+    """Where the equations lead in each interval, from its first knot; or from the first of all, through all of them."""
+    track = solution.track
+    m, step, lengths = track.knots.shape[1] - 1, _interval(problem), np.diff(track.breaks)[None]
+    if through:
+        return np.array(step.mapaccum(m)(track.knots[:, 0], track.controls, lengths))
+    return np.array(step.map(m)(track.knots[:, :-1], track.controls, lengths))
+
+
+@lru_cache(maxsize=2)
+def _interval(problem: Problem) -> ca.Function:
+    """State, controls at the collocation points and length of an interval -> the state at its end."""
+    n, c = len(problem.states), len(problem.controls)
+    X, h = ca.MX.sym("X", n), ca.MX.sym("h")
+    first, middle, last = controls = [ca.MX.sym(name, c) for name in ("first", "middle", "last")]
+    k1 = problem.rates(X, first)
+    k2 = problem.rates(X + h / 2 * k1, middle)
+    k3 = problem.rates(X + h / 2 * k2, middle)
+    after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + problem.rates(X + h * k3, last))
+    substep = ca.Function("substep", [X, *controls, h], [after])
+    to_powers = np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))
+    U, j = ca.MX.sym("U", c, DEGREE), np.arange(_SUBSTEPS)
+    at = (U @ ca.DM((((j + u) / _SUBSTEPS)[:, None] ** np.arange(DEGREE) @ to_powers).T) for u in (0.0, 0.5, 1.0))
+    end = substep.mapaccum(_SUBSTEPS)(X, *at, ca.repmat(h / _SUBSTEPS, 1, _SUBSTEPS))
+    return ca.Function("interval", [X, U, h], [end[:, -1]])

@@ -1,0 +1,25 @@
+"""``liaisons show`` without the compiler for WebAssembly; live pages are tried in ``tests/pictures``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from .conftest import Runs
+
+
+def test_without_a_compiler_for_webassembly_the_motion_is_shown(
+    runs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setitem(sys.modules, "ziglang", None)
+    out = runs("show", "Pendulum", "--set", "theta_0=1")
+    assert out.count("\n") == 1
+    assert out.startswith(
+        "page: Pendulum.html, a recorded motion; a live page needs ziglang: pip install ziglang (100 MB"
+    )
+    assert opened == [(tmp_path / "Pendulum.html").as_uri()]
+    assert "A recorded motion" in (tmp_path / "Pendulum.html").read_text()
