@@ -32,10 +32,10 @@ from _measure import Row, command, interleaved
 from fmpy.fmi2 import FMU2Slave
 
 from liaisons import System, fmu_path
-from liaisons.cosim.description import Fmu, read
-from liaisons.cosim.run import Run
-from liaisons.cosim.schedule import Coupling
-from liaisons.cosim.simulation import checked
+from liaisons.cosim.description.fmu import Fmu, read
+from liaisons.cosim.running.run import Run
+from liaisons.cosim.structure.schedule import Coupling
+from liaisons.cosim.structure.simulation import checked
 
 H = 0.001
 TRIPLE = ("", "_dot", "_ddot")

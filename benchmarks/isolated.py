@@ -17,9 +17,9 @@ from pathlib import Path
 from _measure import Row, command, interleaved
 
 from liaisons.cosim import System
-from liaisons.cosim.run import Run
-from liaisons.cosim.schedule import Coupling
-from liaisons.cosim.simulation import checked
+from liaisons.cosim.running.run import Run
+from liaisons.cosim.structure.schedule import Coupling
+from liaisons.cosim.structure.simulation import checked
 from liaisons.fmu import build
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum, Sinusoid

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from liaisons.compiler import compile_library, host
 from liaisons.expressions import Program, c_statements, program
 from liaisons.expressions.rewriting import Builder
-from liaisons.expressions.sums import Sums
+from liaisons.expressions.sum_factoring import Sums
 from liaisons.fmu import build
 from liaisons.language import Component
 from liaisons.mechanics import assemble

@@ -47,12 +47,12 @@ def measure(quick: bool, plots: Path) -> list[Row]:  # noqa: ARG001 - no diagram
         by_hand, nothing = load_by_hand("pendulum", folder / "by_hand"), load_by_hand("nothing", folder / "nothing")
         slaves = {"native": load(native), "by hand": by_hand, "Python": load(python), "plain": load(plain)}
         rows = _steps(slaves, rounds, steps)
-        exchanges = {
+        is_model_exchange = {
             "native, FMI 2": _exchange(native),
             "native, FMI 3": _exchange(three),
             "Python back end": _exchange(python),
         }
-        rows += _communications(exchanges, by_hand, rounds, steps)
+        rows += _communications(is_model_exchange, by_hand, rounds, steps)
         rows += _calls(_pairs_of_calls(nothing, _nothing3(folder / "nothing3")), rounds, steps)
         for slave in (*slaves.values(), nothing):
             slave.terminate()
@@ -78,13 +78,13 @@ def _steps(slaves: dict[str, FMU2Slave], rounds: int, steps: int) -> list[Row]:
 
 
 def _communications(
-    exchanges: dict[str, Callable[[int | None], Call]], by_hand: FMU2Slave, rounds: int, steps: int
+    is_model_exchange: dict[str, Callable[[int | None], Call]], by_hand: FMU2Slave, rounds: int, steps: int
 ) -> list[Row]:
     rows = []
     for count, words in ((1, "1 input, 1 output"), (None, "13 inputs, 23 outputs")):
         inputs = [INPUTS[k % len(INPUTS)] for k in range(count or 13)]
         outputs = [OUTPUTS[k % len(OUTPUTS)] for k in range(count or 23)]
-        calls = {name: exchange(count) for name, exchange in exchanges.items()}
+        calls = {name: exchange(count) for name, exchange in is_model_exchange.items()}
         calls["by hand"] = _communication(by_hand, inputs, outputs, by_hand.setReal, by_hand.getReal)
         times = interleaved({name: lambda c=call: nanoseconds(c, steps) for name, call in calls.items()}, rounds)
         rows += [
@@ -97,7 +97,7 @@ def _communications(
                 beside=[t / 1e3 for t in times["by hand"]],
                 better="less",
             )
-            for name in exchanges
+            for name in is_model_exchange
         ]
     return rows
 

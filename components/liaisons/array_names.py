@@ -32,7 +32,7 @@ def split(name: str) -> tuple[str, Shape | None]:
 
 
 def offset(index: Shape, shape: Shape) -> int | None:
-    """Place of an element, from 0, the last index running fastest; None if there is no such element."""
+    """Index of an element, from 0, the last index running fastest; None if there is no such element."""
     if len(index) != len(shape):
         return None
     place = 0

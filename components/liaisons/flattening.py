@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from liaisons.arguments import shown
 from liaisons.cosim import System
-from liaisons.cosim.model_description import SAME
+from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
 from liaisons.library import catalogue, model
 from liaisons.project import fmus_directory
 from liaisons.ssp import has_table
 
 if TYPE_CHECKING:
-    from liaisons.cosim import Part
+    from liaisons.cosim import SystemComponent
     from liaisons.language import Component
     from liaisons.mechanics import Model
 
@@ -76,7 +76,7 @@ def flatten(
     return build(whole, fmus_directory() / "flat" if output is None else output, backend=backend, **options)
 
 
-def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
+def _model(part: SystemComponent, known: Mapping[str, type[Component]]) -> Model:
     """The model that an FMU of ours was built from."""
     from liaisons.language import Chain
 
@@ -103,7 +103,7 @@ def _model(part: Part, known: Mapping[str, type[Component]]) -> Model:
     return found
 
 
-def _starts(part: Part, found: Model) -> dict[str, float]:
+def _starts(part: SystemComponent, found: Model) -> dict[str, float]:
     """Start values of parameters and inputs: those of the system, else those that the file has."""
     given = {
         element: value

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons import cache, cosim, live, ssp, sweeps
-from liaisons.cosim.knots import knots
-from liaisons.cosim.parts import Solver
+from liaisons.cosim.structure.components import Solver
+from liaisons.cosim.structure.knots import knots
 from liaisons.flattening import flatten
 from liaisons.folders import passing_folder
 from liaisons.library import Target, fmu_file
@@ -139,7 +139,7 @@ class System(cosim.System):
         isolated: bool | float = False,
         solver: Solver | float | None = None,
         **starts: ArrayLike | cosim.OperatorFmu,
-    ) -> cosim.Part:
+    ) -> cosim.SystemComponent:
         """Put an FMU into the system, as :meth:`liaisons.cosim.System.add`.
 
         :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.

@@ -54,7 +54,7 @@ def console(document: str) -> list[tuple[str, str]]:
 
 
 @dataclass(frozen=True)
-class Place:
+class VariableReference:
     """A folder with an environment of its own, in which commands run as a user types them."""
 
     folder: Path
@@ -77,7 +77,7 @@ def see_packages(environment: Path) -> None:
     (folder / "shared.pth").write_text("\n".join(here))
 
 
-def clone(folder: Path) -> Place:
+def clone(folder: Path) -> VariableReference:
     """The files of the repository, without what was built; its environment is for the README to make."""
 
     def left_out(place: str, names: list[str]) -> list[str]:
@@ -90,7 +90,7 @@ def clone(folder: Path) -> Place:
         ]  # fmt: skip
 
     shutil.copytree(ROOT, folder, ignore=left_out)
-    return Place(folder, _environment(folder / ".venv"))
+    return VariableReference(folder, _environment(folder / ".venv"))
 
 
 def wheel(folder: Path) -> Path:
@@ -101,7 +101,7 @@ def wheel(folder: Path) -> Path:
     return built
 
 
-def empty_folder(folder: Path) -> Place:
+def empty_folder(folder: Path) -> VariableReference:
     """Nothing but an environment, elsewhere, in which the wheel is installed."""
     environment = folder / "environment"
     venv.create(environment, symlinks=os.name == "posix")
@@ -109,12 +109,12 @@ def empty_folder(folder: Path) -> Place:
     subprocess.run([*words, "--no-index", wheel(folder)], check=True, capture_output=True)
     see_packages(environment)
     (folder / "empty").mkdir()
-    return Place(folder / "empty", _environment(environment))
+    return VariableReference(folder / "empty", _environment(environment))
 
 
-def empty_folder_beside_a_clone(folder: Path) -> Place:
+def empty_folder_beside_a_clone(folder: Path) -> VariableReference:
     """Nothing, elsewhere, with the installation that the tests run from, an editable one in a clone."""
-    return Place(folder, _environment(Path(sys.executable).parents[1]))
+    return VariableReference(folder, _environment(Path(sys.executable).parents[1]))
 
 
 def _environment(folder: Path) -> dict[str, str]:

@@ -9,7 +9,7 @@ import pytest
 
 from liaisons.cli._expressions import FormulaError, expression
 from liaisons.cli._inputs import read_table
-from liaisons.cosim.knots import curve, knots
+from liaisons.cosim.structure.knots import curve, knots
 from liaisons.errors import SimulationError
 
 

@@ -109,14 +109,14 @@ def test_misuse_is_one_line_with_a_hint(
 def test_what_cannot_be_written_is_noticed_before_the_run(
     liaisons: Cli, monkeypatch: pytest.MonkeyPatch, option: str, path: str
 ) -> None:
-    monkeypatch.delattr("liaisons.cosim.run.Run.start")
+    monkeypatch.delattr("liaisons.cosim.running.run.Run.start")
     assert is_misuse(liaisons("simulate", "Pendulum", option, path), path, UNWRITABLE[path], "choose another path")
 
 
 def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
     liaisons: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, files: list[Path]
 ) -> None:
-    monkeypatch.delattr("liaisons.cosim.run.Run.start")
+    monkeypatch.delattr("liaisons.cosim.running.run.Run.start")
     assert is_misuse(liaisons("simulate", "Pendulum", "--plot", "figure.doc"), "figure.doc", "png")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert is_misuse(liaisons("simulate", "Pendulum", "--parquet", "table.parquet"), "liaisons[parquet]")

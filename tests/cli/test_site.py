@@ -15,7 +15,7 @@ import pytest
 
 from . import documents
 from .conftest import Runs
-from .documents import ROOT, Place, blocks, cells, console, written
+from .documents import ROOT, VariableReference, blocks, cells, console, written
 
 START = "docs/getting-started.md"
 COMPONENT = "docs/tutorials/write-a-component.md"
@@ -78,7 +78,7 @@ def test_the_component_of_the_tutorial(runs: Runs, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module", params=["wheel", "editable"])
-def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Place:
+def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> VariableReference:
     """An empty folder and an environment, for all pages; commands that fail are errors."""
     folder = tmp_path_factory.mktemp(request.param)
     wheel = request.param == "wheel"
@@ -87,7 +87,7 @@ def place(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 @pytest.mark.slow
-def test_getting_started_in_an_empty_folder(place: Place) -> None:
+def test_getting_started_in_an_empty_folder(place: VariableReference) -> None:
     (script,) = blocks(START, "python")
     (place.folder / "pumped.py").write_text(script, encoding="utf-8")
     for command, printed in console(START):
@@ -96,7 +96,7 @@ def test_getting_started_in_an_empty_folder(place: Place) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", NOTEBOOKS)
-def test_notebooks_in_an_empty_folder(page: str, place: Place) -> None:
+def test_notebooks_in_an_empty_folder(page: str, place: VariableReference) -> None:
     editable = place.folder.name.startswith("editable")
     if editable and "tutorials" not in page:
         pytest.skip("tried with the wheel")

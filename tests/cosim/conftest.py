@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from liaisons.cosim import compiled
+from liaisons.cosim.compiled import library as compiled
 from liaisons.fmu import build
 from liaisons.library import catalogue
 from liaisons.mechanics import assemble
@@ -358,7 +358,7 @@ def trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], list[
     """All calls that the FMUs have seen since the test began, as ``"instance call"``."""
     file = tmp_path / "trace.txt"
     monkeypatch.setenv("FMU_TRACE", str(file))
-    monkeypatch.setattr("liaisons.cosim.run.try_to_start", lambda *_: None)  # the trial would be traced, too
+    monkeypatch.setattr("liaisons.cosim.running.run.try_to_start", lambda *_: None)  # the trial would be traced, too
     return lambda: file.read_text().splitlines() if file.exists() else []
 
 

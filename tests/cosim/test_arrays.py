@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from liaisons.cosim import Result
-from liaisons.cosim.description import LONGEST, Fmu, read
-from liaisons.cosim.starts import start_values
+from liaisons.cosim.description.fmu import LONGEST, Fmu, read
+from liaisons.cosim.description.start_values import start_values
 from liaisons.errors import SimulationError
 
 Describe = Callable[..., Fmu]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from liaisons import System, simulate
-from liaisons.cosim.schedule import Coupling
+from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import ConnectError
 from liaisons.results import Result
 

@@ -18,13 +18,13 @@ from scipy.interpolate import BPoly, PPoly
 from liaisons import Signal
 from liaisons.check import slope
 from liaisons.cosim import IncompleteError, Result, System, simulate
-from liaisons.cosim.connections import Connection
-from liaisons.cosim.coupling.coupled import _jerk
-from liaisons.cosim.coupling.group import Group
+from liaisons.cosim.coupling.implicit import _jerk
 from liaisons.cosim.coupling.newton import _INTEGRALS
 from liaisons.cosim.coupling.polynomials import polynomials
 from liaisons.cosim.coupling.signals import Curve
-from liaisons.cosim.schedule import Coupling, algebraic_loops
+from liaisons.cosim.coupling.strong_component import StrongComponent
+from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.schedule import Coupling, algebraic_loops
 from liaisons.errors import SimulationError
 
 START: dict[str, Any] = {"theta_1_0": 0.3, "theta_2_0": 0.5}
@@ -488,7 +488,7 @@ def test_what_does_not_converge_is_named_by_the_worst_of_it() -> None:
     group = SimpleNamespace(_unknowns=np.array([0, 1, 5]), _signals=signals, members=members, _running=None)
     for errors, worst in (([9.0, 1.0, 2.0], r"a\.x"), ([1.0, 9.0, 2.0], r"b\.y"), ([1.0, 2.0, 9.0], r"b\.z")):
         with pytest.raises(SimulationError, match=rf"^a, b: .* at t = 0\.5 s, {worst} least of all"):
-            Group._give_up(cast("Group", group), 0.5, np.array(errors))
+            StrongComponent._give_up(cast("StrongComponent", group), 0.5, np.array(errors))
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5])

@@ -12,8 +12,8 @@ from making import FmuPaths, wired
 
 from liaisons import System, flatten
 from liaisons.cosim import Result, simulate
-from liaisons.cosim.estimate import Worst
-from liaisons.cosim.schedule import Coupling
+from liaisons.cosim.running.estimate import Worst
+from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import LiaisonsError
 
 SEEN = ("upper.bob_x", "upper.bob_z", "upper.bob_x_dot", "upper.bob_z_dot")

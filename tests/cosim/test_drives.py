@@ -14,10 +14,10 @@ from scipy.integrate import quad
 from scipy.interpolate import BPoly
 
 from liaisons import Signal
-from liaisons.cosim.bus import Bus
-from liaisons.cosim.drives import Drive
-from liaisons.cosim.inside import Inside
-from liaisons.cosim.knots import knots
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.running.inside import Inside
+from liaisons.cosim.structure.knots import knots
+from liaisons.cosim.structure.sources import Drive
 from liaisons.errors import SimulationError
 
 

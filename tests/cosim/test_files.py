@@ -12,7 +12,7 @@ import pytest
 from making import FmuPaths
 
 from liaisons.cosim import System, simulate
-from liaisons.cosim.description import read
+from liaisons.cosim.description.fmu import read
 from liaisons.errors import SimulationError
 
 Change = Callable[[Callable[[str, bytes], tuple[str, bytes]]], Path]

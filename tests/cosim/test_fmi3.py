@@ -12,9 +12,9 @@ import pytest
 from making import packed
 
 from liaisons.cosim import IncompleteError, System, simulate
-from liaisons.cosim.description import read
+from liaisons.cosim.description.fmu import read
+from liaisons.cosim.description.variables import Scalar
 from liaisons.cosim.instances.fmi3 import CoSimulation3
-from liaisons.cosim.variables import Scalar
 from liaisons.errors import ConnectError, SimulationError
 from liaisons.sweeps import sweep
 
@@ -58,7 +58,13 @@ def test_whatever_has_numbers_is_recorded(row: Path) -> None:
 
 def test_description(row: Path) -> None:
     fmu = read(row)
-    assert (fmu.version, fmu.guid, fmu.restores, fmu.differentiates, fmu.output_derivative_order) == (
+    assert (
+        fmu.version,
+        fmu.guid,
+        fmu.can_get_and_set_state,
+        fmu.provides_directional_derivatives,
+        fmu.output_derivative_order,
+    ) == (
         3,
         "{row}",
         True,

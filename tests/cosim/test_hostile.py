@@ -19,7 +19,7 @@ from making import FmuPaths
 
 from liaisons import cache
 from liaisons.cosim import System, simulate
-from liaisons.cosim.archive import Archive
+from liaisons.cosim.description.archive import Archive
 from liaisons.errors import SimulationError
 from liaisons.mechanics import assemble
 
@@ -287,7 +287,7 @@ def trials(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> list[object]:  #
         made.extend(arguments[:1] if "-P" in str(arguments[0]) else [])
         return run(*arguments, **options)  # type: ignore[call-overload]
 
-    monkeypatch.setattr("liaisons.cosim.probe.subprocess.run", counted)
+    monkeypatch.setattr("liaisons.cosim.running.probe.subprocess.run", counted)
     monkeypatch.setattr(cache, "_known", set())
     return made
 

@@ -17,10 +17,12 @@ import pytest
 from making import wired
 
 from liaisons import compiler
-from liaisons.cosim import Result, compiled, loop, simulate
-from liaisons.cosim.coupling.coupled import Coupled
+from liaisons.cosim import Result, simulate
+from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.coupling.elimination import Elimination
-from liaisons.cosim.schedule import Coupling
+from liaisons.cosim.coupling.implicit import Coupled
+from liaisons.cosim.running import loop
+from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import BuildError
 from liaisons.fmu import build
 from liaisons.fmu.layout import Fmi

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from liaisons import System, simulate, sweep
 from liaisons.cosim.instances import dop853, extracted, make
-from liaisons.cosim.parts import Part
+from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import SimulationError
 from liaisons.results import IncompleteError, Result
 
@@ -306,7 +306,7 @@ def test_numbers_of_indicators_that_cannot_be_are_refused(tmp_path: Path, count:
 def test_a_step_that_is_repeated_has_the_same_bits(tmp_path: Path) -> None:
     """A pendulum, which takes some steps of the solver in each; what its sums have lost comes back, too."""
     code = {"start": "x[0] = 1;", "rates": "f[0] = x[1]; f[1] = -9.81 * sin(x[0]);"}
-    part = Part.of("x", equations(tmp_path, 2, 0, **code), {})
+    part = SystemComponent.of("x", equations(tmp_path, 2, 0, **code), {})
     folder = extracted([part.fmu], tmp_path / "extracted")[part.fmu.path]
     values, time, size = (c_double * 2)(), c_double(0.0), c_double(0.7)
     with make("x", part.fmu, folder) as instance:

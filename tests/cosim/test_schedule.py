@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from liaisons.cosim import schedule
-from liaisons.cosim.schedule import Feeds, Operation, Place
+from liaisons.cosim.structure import schedule
+from liaisons.cosim.structure.schedule import Feeds, Operation, VariableReference
 
 CHAIN: Feeds = {("b", "u"): ("a", "y"), ("c", "u"): ("b", "y")}
 RING: Feeds = {("b", "u"): ("a", "y"), ("a", "u"): ("b", "y")}
 
 
-def _always(_output: Place, _input: Place) -> bool:
+def _always(_output: VariableReference, _input: VariableReference) -> bool:
     return True
 
 
-def _never(_output: Place, _input: Place) -> bool:
+def _never(_output: VariableReference, _input: VariableReference) -> bool:
     return False
 
 
@@ -54,7 +54,7 @@ def test_jacobi_steps_all_before_anything_is_handed_on() -> None:
 
 
 def test_outputs_that_depend_on_inputs_are_read_after_these_are_new() -> None:
-    def depends(output: Place, _input: Place) -> bool:
+    def depends(output: VariableReference, _input: VariableReference) -> bool:
         return output[0] == "b"  # only b's output depends directly on its input
 
     program = schedule.step(["a", "b"], RING, depends, "gauss-seidel", newest=())
@@ -77,7 +77,7 @@ def test_zigzag_through_two_components_is_followed_to_its_end() -> None:
     """a.y1 -> b.u1, b.y1 (of u1) -> a.u2, a.y2 (of u2) -> b.u2: b is to be set twice."""
     feeds: Feeds = {("b", "u1"): ("a", "y1"), ("a", "u2"): ("b", "y1"), ("b", "u2"): ("a", "y2")}
 
-    def depends(output: Place, input_: Place) -> bool:
+    def depends(output: VariableReference, input_: VariableReference) -> bool:
         return (output[1], input_[1]) in {("y1", "u1"), ("y2", "u2")} and output != ("a", "y1")
 
     assert schedule.consistent(["a", "b"], feeds, depends) == _program(

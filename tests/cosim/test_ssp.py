@@ -19,7 +19,7 @@ from schemas import validated
 
 from liaisons import System, ssp
 from liaisons.cosim import simulate
-from liaisons.cosim.description import DefaultExperiment, read
+from liaisons.cosim.description.fmu import DefaultExperiment, read
 from liaisons.cosim.instances import make
 from liaisons.errors import SimulationError
 from liaisons.fmu import build

@@ -15,9 +15,9 @@ from schemas import validated
 
 import liaisons
 from liaisons import System
-from liaisons.cosim import Part
-from liaisons.cosim.connections import Connection
-from liaisons.cosim.simulation import checked
+from liaisons.cosim import SystemComponent
+from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.simulation import checked
 from liaisons.project import scenario_files
 from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
@@ -99,7 +99,9 @@ class _FoundError(Exception):
 def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) -> Callable[[str], System]:
     """The first system that a scenario simulates."""
 
-    def stop(title: str, parts: Mapping[str, Part], connections: Iterable[Connection] = (), **options: Any) -> object:
+    def stop(
+        title: str, parts: Mapping[str, SystemComponent], connections: Iterable[Connection] = (), **options: Any
+    ) -> object:
         if options.get("single") and len(parts) == 1:
             return checked(title, parts, **options)
         system = System(title)

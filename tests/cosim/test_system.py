@@ -332,7 +332,7 @@ def test_refused_instantiation_says_why(fmu: FmuPaths, trace: Trace, extracted: 
 def test_interrupt_ends_at_a_communication_point(
     fmu: FmuPaths, trace: Trace, extracted: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from liaisons.cosim import run
+    from liaisons.cosim.running import run
 
     def show(t: float) -> None:
         if t == 0.25:  # the first look: after one step

@@ -12,7 +12,7 @@ from making import FmuPaths
 
 from liaisons.check import slope
 from liaisons.cosim import System
-from liaisons.cosim.description import read
+from liaisons.cosim.description.fmu import read
 
 SPRING_2 = """
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real

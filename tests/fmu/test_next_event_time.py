@@ -21,7 +21,7 @@ from liaisons.fmu.description import Backend
 from liaisons.language import Operator, Parameter
 from liaisons.mechanics import assemble
 from liaisons.models import Flywheel, PlannedMotion, SmoothStep
-from liaisons.ssp.baking import with_table
+from liaisons.ssp.embedded_starts import with_table
 
 NONE = sys.float_info.max
 

@@ -349,7 +349,9 @@ def test_momenta_that_break_a_constraint_die_out() -> None:
     equations = derive(Bead)
     alpha = constraints.STABILISATION
     state = {"x": 1.0, "p_x": 0.3, "p_y": -0.2, "p_z": 1.0}
-    function = ca.Function("back", list(equations.symbols.values()), [equations.momentum_return, equations.velocities])
+    function = ca.Function(
+        "back", list(equations.symbols.values()), [equations.constraint_stabilization, equations.velocities]
+    )
     back, velocities = function(*(state.get(name, 0.0) for name in equations.symbols))
     np.testing.assert_allclose(np.asarray(back)[:, 0], [-2 * alpha * 0.3, 2 * alpha * 0.2, 0.0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.asarray(velocities)[:, 0], [0.0, 0.0, 1.0], rtol=0, atol=1e-14)

@@ -12,7 +12,7 @@ import pytest
 
 from liaisons import simulate
 from liaisons.cosim import System
-from liaisons.cosim import description as cosim_description
+from liaisons.cosim.description import fmu as cosim_description
 from liaisons.errors import ComponentError
 from liaisons.language import Operator, Parameter
 from liaisons.mechanics import Model, assemble

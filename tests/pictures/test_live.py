@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from liaisons import Coordinate, Mechanism, Parameter, Result, System, compiler, operator
-from liaisons.cosim.connections import connect_scalars
-from liaisons.cosim.model_description import Conversion
+from liaisons.cosim.description.model_description import Conversion
+from liaisons.cosim.structure.connections import connect_scalars
 from liaisons.errors import BuildError, SimulationError
 from liaisons.language.shapes import Box, Shapes
 from liaisons.library import catalogue

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from liaisons import Result, System, build, simulate
-from liaisons.cosim.schedule import Coupling
+from liaisons.cosim.structure.schedule import Coupling
 from liaisons.errors import SimulationError
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum

@@ -105,7 +105,7 @@ def several(metavar: str, words: str, *names: str, **more: Any) -> Any:
 def _allow(limit: str | None) -> None:
     """Allow it in this process and in those that it starts."""
     if limit is not None:
-        from liaisons.cosim.archive import LIMIT_VARIABLE, unpacked_limit
+        from liaisons.cosim.description.archive import LIMIT_VARIABLE, unpacked_limit
 
         os.environ[LIMIT_VARIABLE] = limit
         unpacked_limit()

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.drives import Signal
-from liaisons.cosim.knots import curve, knots
+from liaisons.cosim.structure.knots import curve, knots
+from liaisons.cosim.structure.sources import Signal
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
 
 if TYPE_CHECKING:
     from liaisons.cosim import OperatorFmu, System
-    from liaisons.cosim.drives import Function
-    from liaisons.cosim.parts import Port
+    from liaisons.cosim.structure.components import Port
+    from liaisons.cosim.structure.sources import Function
 
 Triple = tuple[float, float, float]
 """Value, rate, acceleration."""

@@ -14,15 +14,15 @@ from fmpy.validation import validate_fmu
 from liaisons.check import Verdict, verdict
 from liaisons.cli._subject import mismatches
 from liaisons.cosim import simulate
-from liaisons.cosim.archive import Archive
-from liaisons.cosim.description import DESCRIPTION, read
+from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.description.fmu import DESCRIPTION, read
 from liaisons.cosim.instances import extracted, make
 from liaisons.cosim.messages import WARNING
 from liaisons.folders import passing_folder
 
 if TYPE_CHECKING:
-    from liaisons.cosim.calls import Call
-    from liaisons.cosim.description import Fmu
+    from liaisons.cosim.compiled.calls import Call
+    from liaisons.cosim.description.fmu import Fmu
     from liaisons.results import Result
 
 _MOST_VALIDATED = 2**23
@@ -117,7 +117,7 @@ def _relative_difference(coarse: Result, fine: Result) -> float:
 def _roll_back(fmu: Fmu, step_size: float, tolerance: float) -> float | None:
     """Largest difference between two steps and their repetition; None if the FMU cannot restore its state."""
     outputs = [fmu.variables[name] for name in fmu.reals("output")]
-    if not (fmu.restores and outputs):
+    if not (fmu.can_get_and_set_state and outputs):
         return None
     seen = (c_double * len(outputs))()
     time, size = c_double(0.0), c_double(step_size)

@@ -10,9 +10,9 @@ from liaisons import ssp
 from liaisons.array_names import split
 from liaisons.cli._inputs import Given, drives
 from liaisons.cosim import System
-from liaisons.cosim.description import Fmu
+from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
-from liaisons.cosim.simulation import Simulation, checked, owned
+from liaisons.cosim.structure.simulation import Simulation, checked, owned
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
 

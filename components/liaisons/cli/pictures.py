@@ -49,8 +49,8 @@ def animate(
 ) -> int:
     """Simulate an FMU or an SSP archive, and write the motion as a film or a page."""
     from liaisons.cli._subject import simulation
-    from liaisons.cosim.run import performed
-    from liaisons.cosim.scenes import of_file
+    from liaisons.cosim.running.run import performed
+    from liaisons.cosim.structure.scenes import of_file
 
     path = Path(fmu)
     if path.suffix.lower() != ".csv":
@@ -87,7 +87,7 @@ def show(
     """
     from liaisons.cli._subject import resolved, simulation
     from liaisons.compiler import zig_compiler
-    from liaisons.cosim.run import performed
+    from liaisons.cosim.running.run import performed
     from liaisons.live import default_path
     from liaisons.live import show as written
 

@@ -80,8 +80,8 @@ def simulate(
 ) -> int:
     """Simulate an FMU or an SSP archive, and show what its signals did."""
     from liaisons.cli._subject import simulation
-    from liaisons.cosim.parts import time_limit
-    from liaisons.cosim.run import performed
+    from liaisons.cosim.running.run import performed
+    from liaisons.cosim.structure.components import time_limit
     from liaisons.results import IncompleteError, Interrupted
 
     wanted = record.split(",") if record else None

@@ -1,8 +1,18 @@
 """FMU files in, system, result out: composition and simulation on fmpy; no symbols here."""
 
-from liaisons.cosim.drives import Signal
-from liaisons.cosim.parts import Part, Port
+from liaisons.cosim.structure.components import Port, SystemComponent
+from liaisons.cosim.structure.sources import Signal
 from liaisons.cosim.system import OperatorFmu, System, simulate
 from liaisons.results import IncompleteError, Interrupted, Result
 
-__all__ = ["IncompleteError", "Interrupted", "OperatorFmu", "Part", "Port", "Result", "Signal", "System", "simulate"]
+__all__ = [
+    "IncompleteError",
+    "Interrupted",
+    "OperatorFmu",
+    "Port",
+    "Result",
+    "Signal",
+    "System",
+    "SystemComponent",
+    "simulate",
+]

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import as_path, shown
-from liaisons.cosim.connections import Connection, connect
-from liaisons.cosim.description import DefaultExperiment
-from liaisons.cosim.diagram import Diagram, diagram
-from liaisons.cosim.drives import Function
-from liaisons.cosim.parts import Part, Port, Solver
-from liaisons.cosim.run import performed
-from liaisons.cosim.schedule import Coupling, Place
-from liaisons.cosim.simulation import checked
+from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.cosim.running.run import performed
+from liaisons.cosim.structure.components import Port, Solver, SystemComponent
+from liaisons.cosim.structure.connections import Connection, connect
+from liaisons.cosim.structure.diagram import Diagram, diagram
+from liaisons.cosim.structure.schedule import Coupling, VariableReference
+from liaisons.cosim.structure.simulation import checked
+from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, SimulationError
 from liaisons.results import Result
 
@@ -43,8 +43,8 @@ class System:
         if not isinstance(name, str) or not name:
             raise SimulationError(f"name = {shown(name)}: give the system a name")
         self.name = name
-        self._parts: dict[str, Part] = {}
-        self._connections: dict[Place, Connection] = {}
+        self._parts: dict[str, SystemComponent] = {}
+        self._connections: dict[VariableReference, Connection] = {}
         self.experiment = DefaultExperiment()
 
     def add(
@@ -56,7 +56,7 @@ class System:
         isolated: bool | float = False,
         solver: Solver | float | None = None,
         **starts: ArrayLike | OperatorFmu,
-    ) -> Part:
+    ) -> SystemComponent:
         """Put an FMU into the system.
 
         :param name: name of this component; no dot, and not taken yet.
@@ -86,14 +86,14 @@ class System:
         *,
         isolated: bool | float,
         solver: Solver | float | None,
-    ) -> Part:
+    ) -> SystemComponent:
         operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
         own = {start: value for start, value in starts.items() if start not in operators}
-        part = Part.of(name, fmu, own, isolated=isolated, solver=solver)
+        part = SystemComponent.of(name, fmu, own, isolated=isolated, solver=solver)
         self._parts[name] = part
         return self.prescribe(name, operators)
 
-    def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> Part:
+    def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> SystemComponent:
         """Let operators prescribe ports of a component.
 
         :returns: its handle.
@@ -131,7 +131,7 @@ class System:
 
         :raises ConnectError: if an input has a source already.
         """
-        joined: dict[Place, Connection] = {}
+        joined: dict[VariableReference, Connection] = {}
         for connection in connections:
             place = connection.target.place
             taken = self._connections.get(place) or joined.setdefault(place, connection)
@@ -158,7 +158,7 @@ class System:
     ) -> Result:
         """Simulate from the start.
 
-        See :mod:`liaisons.cosim.schedule` for what each input holds at which time in explicit coupling, and
+        See :mod:`liaisons.cosim.structure.schedule` for what each input holds at which time in explicit coupling, and
         :mod:`liaisons.cosim.coupling` for implicit and waveform coupling.
 
         :param stop_time: end [s].
@@ -205,7 +205,7 @@ class System:
         return performed(simulation, progress=progress, verify=verify)
 
     @property
-    def parts(self) -> Mapping[str, Part]:
+    def parts(self) -> Mapping[str, SystemComponent]:
         """The FMUs by name."""
         return dict(self._parts)
 
@@ -214,7 +214,7 @@ class System:
         """The scalar connections."""
         return tuple(self._connections.values())
 
-    def filled(self) -> Mapping[str, Part]:
+    def filled(self) -> Mapping[str, SystemComponent]:
         """The same.
 
         :raises SimulationError: if there is none.

@@ -19,8 +19,8 @@ What occurs twice is calculated once.  All inputs are read before the first outp
 
 from __future__ import annotations
 
-from liaisons.expressions.operations import OPERATIONS, Node, Operation
+from liaisons.expressions.operations import OPERATIONS, Instruction, Operation
 from liaisons.expressions.printing import c_parts, c_statements, literal
 from liaisons.expressions.programs import Program, program
 
-__all__ = ["OPERATIONS", "Node", "Operation", "Program", "c_parts", "c_statements", "literal", "program"]
+__all__ = ["OPERATIONS", "Instruction", "Operation", "Program", "c_parts", "c_statements", "literal", "program"]

@@ -122,7 +122,7 @@ OPERATIONS: dict[int, Operation] = {
 
 
 @final
-class Node(NamedTuple):
+class Instruction(NamedTuple):
     """A number: a constant, an entry of an input, or an operation on numbers before it."""
 
     operation: Operation | None
@@ -138,6 +138,6 @@ class Node(NamedTuple):
         """Whether it is this operation."""
         return self.operation is OPERATIONS[code]
 
-    def renumbered(self, new: Mapping[int, int] | Sequence[int]) -> Node:
+    def renumbered(self, new: Mapping[int, int] | Sequence[int]) -> Instruction:
         """The same on nodes of other numbers."""
-        return self if self.operation is None else Node(self.operation, tuple([new[x] for x in self.arguments]))
+        return self if self.operation is None else Instruction(self.operation, tuple([new[x] for x in self.arguments]))

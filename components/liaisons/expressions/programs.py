@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.errors import ComponentError
-from liaisons.expressions.heights import Reordering
-from liaisons.expressions.operations import OPERATIONS, Node, instructions
+from liaisons.expressions.instruction_scheduling import Reordering
+from liaisons.expressions.operations import OPERATIONS, Instruction, instructions
 from liaisons.expressions.rewriting import Builder
-from liaisons.expressions.sums import Scaled
+from liaisons.expressions.sum_factoring import Scaled
 
 _PASSES = 2  # what was used twice may be used once when factors have been put in front of sums
 
@@ -29,7 +29,7 @@ class Program:
     :param outputs: for each output, the numbers of the nodes that are its entries.
     """
 
-    nodes: tuple[Node, ...]
+    nodes: tuple[Instruction, ...]
     outputs: tuple[tuple[int, ...], ...]
 
     def evaluate(self, inputs: Sequence[ArrayLike]) -> list[NDArray[np.float64]]:
@@ -96,7 +96,7 @@ def program(
 def _with_reciprocals(found: Program) -> Program:
     """A division takes as long as four multiplications, and the next one has to wait for it."""
     quotients = Counter(node.arguments[1] for node in found.nodes if node.is_a(ca.OP_DIV))
-    nodes: list[Node] = []
+    nodes: list[Instruction] = []
     new: list[int] = []
     inverses: dict[int, int] = {}
     for node in found.nodes:
@@ -104,8 +104,8 @@ def _with_reciprocals(found: Program) -> Program:
             dividend, divisor = node.arguments
             if divisor not in inverses:
                 inverses[divisor] = len(nodes)
-                nodes.append(Node.of(ca.OP_INV, new[divisor]))
-            renumbered = Node.of(ca.OP_MUL, new[dividend], inverses[divisor])
+                nodes.append(Instruction.of(ca.OP_INV, new[divisor]))
+            renumbered = Instruction.of(ca.OP_MUL, new[dividend], inverses[divisor])
         else:
             renumbered = node.renumbered(new)
         new.append(len(nodes))
@@ -113,7 +113,7 @@ def _with_reciprocals(found: Program) -> Program:
     return Program(tuple(nodes), tuple(tuple(new[number] for number in entries) for entries in found.outputs))
 
 
-def _pruned(nodes: Sequence[Node], outputs: Sequence[Sequence[int]]) -> Program:
+def _pruned(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> Program:
     """What the outputs need; entries of inputs and constants first."""
     used = {number for entries in outputs for number in entries}
     for number in reversed(range(len(nodes))):

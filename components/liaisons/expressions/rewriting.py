@@ -13,8 +13,8 @@ from typing import TypeGuard, final
 
 import casadi as ca
 
-from liaisons.expressions.operations import Node
-from liaisons.expressions.sums import Product, Scaled, Sums
+from liaisons.expressions.operations import Instruction
+from liaisons.expressions.sum_factoring import Product, Scaled, Sums
 
 _LARGEST_POWER = 16  # integer powers up to here are products; more would cost accuracy
 _LARGEST_SCALE = 2.0**16
@@ -27,7 +27,7 @@ class Builder:
     """Collects nodes, each once, in an order in which they can be calculated."""
 
     def __init__(self) -> None:
-        self.nodes: list[Node] = []
+        self.nodes: list[Instruction] = []
         self._numbers: dict[object, int] = {}
         self._sums = Sums(self.nodes)
         self._products: dict[Product, int] = {}
@@ -49,11 +49,11 @@ class Builder:
 
     def entry(self, place: Sequence[int]) -> Scaled:
         """An entry of an input."""
-        return 1.0, self._number(Node(None, tuple(place)))
+        return 1.0, self._number(Instruction(None, tuple(place)))
 
     def constant(self, value: float) -> Scaled:
         """A number that is known."""
-        return 1.0, self._number(Node(None, (), float(value)))
+        return 1.0, self._number(Instruction(None, (), float(value)))
 
     def node(self, number: Scaled) -> int:
         """The node that is the number itself."""
@@ -168,12 +168,12 @@ class Builder:
         return self._product(base, square) if exponent % 2 else square
 
     def _operation(self, code: int, *arguments: int) -> int:
-        return self._number(Node.of(code, *arguments))
+        return self._number(Instruction.of(code, *arguments))
 
     def _find(self, code: int, *arguments: int) -> int | None:
-        return self._numbers.get(Node.of(code, *arguments))
+        return self._numbers.get(Instruction.of(code, *arguments))
 
-    def _number(self, node: Node) -> int:
+    def _number(self, node: Instruction) -> int:
         key = node if node.constant is None else node.constant.hex()  # tells 0 from -0
         if key not in self._numbers:
             self._numbers[key] = len(self.nodes)

@@ -15,7 +15,7 @@ _ZEROS = 100
 """So many entries of a result that are 0 are written one by one; more are cleared at once."""
 
 _STATES = 1
-"""Place among the arguments.  States come from the stage before; what else goes in has been there for long."""
+"""Index among the arguments.  States come from the stage before; what else goes in has been there for long."""
 
 
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:

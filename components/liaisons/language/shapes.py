@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, final
 
 import casadi as ca
 
-Place: TypeAlias = Mapping[str, Any]
+VariableReference: TypeAlias = Mapping[str, Any]
 """A point's components [m] by axis, ``x`` to the right, ``y`` away, ``z`` up; those left out are 0."""
 
 Number: TypeAlias = Any
@@ -24,8 +24,8 @@ Named = Callable[[Number], float | str]
 class Rod:
     """A straight rod between two points; its radius [m] is a fraction of the picture's extent unless given."""
 
-    start: Place
-    end: Place
+    start: VariableReference
+    end: VariableReference
     radius: Number | None = None
 
     def document(self, named: Named) -> dict[str, Any]:
@@ -38,7 +38,7 @@ class Rod:
 class Ball:
     """A ball about a point."""
 
-    at: Place
+    at: VariableReference
     radius: Number | None = None
 
     def document(self, named: Named) -> dict[str, Any]:
@@ -55,7 +55,7 @@ class Box:
     :param size: its lengths [m] along them.
     """
 
-    at: Place
+    at: VariableReference
     axes: ca.SX
     size: tuple[Number, Number, Number]
 
@@ -70,7 +70,7 @@ class Box:
 class Wire:
     """A curve through points; closed: back to the first."""
 
-    points: Sequence[Place]
+    points: Sequence[VariableReference]
     closed: bool = False
 
     def document(self, named: Named) -> dict[str, Any]:
@@ -83,8 +83,8 @@ class Wire:
 class Spring:
     """A coil spring between two points."""
 
-    start: Place
-    end: Place
+    start: VariableReference
+    end: VariableReference
 
     def document(self, named: Named) -> dict[str, Any]:
         """What stands in the picture's file."""
@@ -96,7 +96,7 @@ class Spring:
 class Trail:
     """Where a point has been."""
 
-    at: Place
+    at: VariableReference
 
     def document(self, named: Named) -> dict[str, Any]:
         """What stands in the picture's file."""
@@ -118,18 +118,18 @@ def turned(axis: Literal["x", "y", "z"], angle: Number) -> ca.SX:
     return matrix
 
 
-def circle(centre: Place, radius: Number, across: tuple[ca.SX, ca.SX], count: int = 48) -> Wire:
+def circle(centre: VariableReference, radius: Number, across: tuple[ca.SX, ca.SX], count: int = 48) -> Wire:
     """A circle about a point, spanned by two unit vectors (3,)."""
     a, b = across
 
-    def place(angle: float) -> Place:
+    def place(angle: float) -> VariableReference:
         offset = radius * (cos(angle) * a + sin(angle) * b)
         return {axis: centre.get(axis, 0) + offset[i] for i, axis in enumerate(_AXES)}
 
     return Wire([place(2 * pi * i / count) for i in range(count)], closed=True)
 
 
-def _point(place: Place, named: Named) -> list[float | str]:
+def _point(place: VariableReference, named: Named) -> list[float | str]:
     return [named(place.get(axis, 0.0)) for axis in _AXES]
 
 

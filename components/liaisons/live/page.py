@@ -15,10 +15,10 @@ from fmpy.model_description import ModelDescription, ScalarVariable
 
 from liaisons.array_names import split
 from liaisons.compiler import compile_wasm, zig_compiler
-from liaisons.cosim import Part, System
-from liaisons.cosim.archive import Archive
-from liaisons.cosim.scenes import picture_of
-from liaisons.cosim.schedule import order
+from liaisons.cosim import System, SystemComponent
+from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.structure.scenes import picture_of
+from liaisons.cosim.structure.schedule import order
 from liaisons.errors import SimulationError
 from liaisons.pictures import together
 from liaisons.pictures.inline import page
@@ -44,7 +44,7 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
         parts = {f"{name}.": part for name, part in subject.filled().items()}
         title, text, connections = subject.name, "", subject.connections
     else:
-        part = Part.of(subject.stem, subject, starts or {})
+        part = SystemComponent.of(subject.stem, subject, starts or {})
         description = fmpy.read_model_description(subject, validate=False)
         parts, connections, title, text = {"": part}, (), description.modelName, description.description or ""
     feeds = {connection.target.place: connection.source.place for connection in connections}
@@ -95,7 +95,7 @@ def _compiled(path: Path, *_identity: int) -> str:
 
 def _component(
     prefix: str,
-    part: Part,
+    part: SystemComponent,
     paths: Sequence[Path],
     feeds: Mapping[tuple[str, str], tuple[str, str]],
     before: Collection[str],
@@ -144,7 +144,7 @@ def _rates(name: str) -> list[str]:
     return [f"{base}{end}{name[len(base) :]}" for end in ("_dot", "_ddot")]
 
 
-def _variable(v: ScalarVariable, part: Part, *, read: bool, hidden: bool) -> dict[str, Any]:
+def _variable(v: ScalarVariable, part: SystemComponent, *, read: bool, hidden: bool) -> dict[str, Any]:
     base, index = split(v.name)
     given = part.starts.get(v.name, v.start)
     start = float(str(given)) if v.causality in {"parameter", "input"} and given is not None else None

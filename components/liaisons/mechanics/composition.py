@@ -17,7 +17,7 @@ import numpy as np
 
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Experiment, Terminal, TerminalMember, Variable
-from liaisons.mechanics.bookkeeping import function
+from liaisons.mechanics.energy_accounting import function
 from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Model, State
 
 

@@ -72,9 +72,9 @@ class Equations:
     mass_matrix: ca.SX  # A (f, f)
     momenta: ca.SX  # ∂L/∂ẋ (f,)
     velocities: ca.SX  # ẋ as function of (x, p, s, σ̇) (f,)
-    loose_velocities: ca.SX  # the same by the momenta alone, A⁻¹ (p − b), which may break constraints (f,)
+    unconstrained_velocities: ca.SX  # the same by the momenta alone, A⁻¹ (p − b), which may break constraints (f,)
     momentum_rates: ca.SX  # ṗ (f,)
-    momentum_return: ca.SX  # what is added to ṗ off the constraints: momenta that break them decay (f,)
+    constraint_stabilization: ca.SX  # what is added to ṗ off the constraints: momenta that break them decay (f,)
     accelerations: ca.SX  # ẍ (f,)
     operator_forces: ca.SX  # λ (a,)
     effective_mass: ca.SX  # Θ (a, a)
@@ -102,7 +102,7 @@ class Equations:
     def state_rates(self) -> ca.SX:
         """d/dt (q, p) as a solver integrates it, of orientations the quaternion; also off the constraints."""
         free = self.mechanism.free
-        return ca.vertcat(free.kinematics @ free.q_dot, self.momentum_rates + self.momentum_return)
+        return ca.vertcat(free.kinematics @ free.q_dot, self.momentum_rates + self.constraint_stabilization)
 
     @property
     def energy(self) -> ca.SX:
@@ -223,9 +223,9 @@ def derive(component: type[Mechanism]) -> Equations:
         mass_matrix=A,
         momenta=p,
         velocities=velocities,
-        loose_velocities=loose,
+        unconstrained_velocities=loose,
         momentum_rates=p_dot,
-        momentum_return=m.free.frame @ (2 * constraints.STABILISATION * mu),
+        constraint_stabilization=m.free.frame @ (2 * constraints.STABILISATION * mu),
         accelerations=accelerations,
         operator_forces=operator_forces,
         effective_mass=Theta,

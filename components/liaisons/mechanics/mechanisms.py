@@ -11,7 +11,7 @@ import casadi as ca
 from liaisons.expressions.algebra import stack
 from liaisons.language.layout import Layout
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics.bookkeeping import definitions, function, memory_of
+from liaisons.mechanics.energy_accounting import definitions, function, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.pictures import mechanism_picture
@@ -144,7 +144,7 @@ def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
     """The same, asked of the start alone: afterwards the state is put back onto its constraints."""
     found: dict[str, ca.SX] = {}
     m, kept = equations.mechanism, equations.constraints
-    rates = ca.substitute(kept.rate_residuals, m.free.q_dot, equations.loose_velocities)
+    rates = ca.substitute(kept.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)
     for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.submersions)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         found[text] = CONSISTENT - ca.fabs(kept.residuals[i])

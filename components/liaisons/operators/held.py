@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from liaisons.arguments import finite, shown
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
-from liaisons.cosim.description import DefaultExperiment
+from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
 from liaisons.errors import LiaisonsError, suggestion
 from liaisons.interface import System, with_table

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from liaisons.arguments import finite, named, shown, whole
-from liaisons.cosim.interrupts import deferred_interrupts
+from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.library import Target
 from liaisons.operators.guesses import guesses, refuse_invariants
 from liaisons.operators.plans import Plan

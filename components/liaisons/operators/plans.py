@@ -18,7 +18,7 @@ from scipy.interpolate import PPoly
 from liaisons.arguments import as_path, finite, listed, named, shown
 from liaisons.check import Verdict
 from liaisons.cosim import Result
-from liaisons.cosim.description import DefaultExperiment
+from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.errors import LiaisonsError
 from liaisons.files import replacing
 from liaisons.interface import System, simulate, tabulated

@@ -7,11 +7,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from liaisons.cosim.archive import Archive
-from liaisons.cosim.description import Fmu
-from liaisons.cosim.documents import tree
-from liaisons.cosim.model_description import SAME, UnitDefinition
-from liaisons.cosim.variables import Array
+from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.model_description import SAME, UnitDefinition
+from liaisons.cosim.description.variables import Array
+from liaisons.cosim.description.xml_documents import tree
 from liaisons.errors import SimulationError
 from liaisons.ssp.xml import path, tag, units
 

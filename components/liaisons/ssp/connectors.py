@@ -7,25 +7,25 @@ from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.array_names import Shape, split
-from liaisons.cosim.connections import Connection
-from liaisons.cosim.description import LONGEST
-from liaisons.cosim.model_description import BASE_UNITS, UnitDefinition
-from liaisons.cosim.parts import Part
-from liaisons.cosim.variables import Entry, Scalar
+from liaisons.cosim.description.fmu import LONGEST
+from liaisons.cosim.description.model_description import BASE_UNITS, UnitDefinition
+from liaisons.cosim.description.variables import Entry, Scalar
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.connections import Connection
 from liaisons.ssp.xml import tag
 
 Form = Literal["portable", "full"]
 
 Units = Mapping[str, UnitDefinition]
 
-Place = tuple[str, str]
+VariableReference = tuple[str, str]
 """Component and connector."""
 
 _PORTABLE = {"Enumeration": "Integer"}  # an enumeration of SSP needs the names of its values, which masters do not take
 _FULL = {"Real": "Float64", "Integer": "Int32"}  # what FMI 2.0 has; FMI 3.0 and SSP 2.0 call types alike
 
 
-def connector(part: Part, variable: str) -> tuple[Entry, Shape]:
+def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
     """The connector that a variable belongs to, a scalar or an array of FMI 3.0, and its index there; none if whole."""
     array = part.fmu.variables.whole(variable)
     if array is None:
@@ -34,7 +34,9 @@ def connector(part: Part, variable: str) -> tuple[Entry, Shape]:
     return array, index or ()
 
 
-def inner(part: Part, connections: Iterable[Connection], shown: Iterable[Place]) -> dict[str, Entry]:
+def inner(
+    part: SystemComponent, connections: Iterable[Connection], shown: Iterable[VariableReference]
+) -> dict[str, Entry]:
     """What a component needs: what is connected inside, and what the system shows."""
     ends = (end for connection in connections for end in (connection.source, connection.target))
     names = [end.name for end in ends if end.part.name == part.name] + [
@@ -44,7 +46,7 @@ def inner(part: Part, connections: Iterable[Connection], shown: Iterable[Place])
     return {entry.like.name: entry for entry in found}
 
 
-def outer(parts: Iterable[Part], connections: Collection[Connection]) -> dict[Place, Entry]:
+def outer(parts: Iterable[SystemComponent], connections: Collection[Connection]) -> dict[VariableReference, Entry]:
     """What the system shows: outputs, and inputs that nothing inside feeds; no lists of thousands of scalars."""
     targets = (connection.target for connection in connections)
     fed = {(target.part.name, connector(target.part, target.name)[0].like.name) for target in targets}
@@ -86,7 +88,7 @@ def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form:
     return SubElement(parent, tag(f"{prefix}:{name}"), unit)
 
 
-def units_of(parts: Iterable[Part]) -> dict[str, UnitDefinition]:
+def units_of(parts: Iterable[SystemComponent]) -> dict[str, UnitDefinition]:
     """The units that components define; one that two of them define differently is left out."""
     found: dict[str, UnitDefinition] = {}
     torn: set[str] = set()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
-from liaisons.cosim.connections import Connection
-from liaisons.cosim.description import DefaultExperiment
-from liaisons.cosim.parts import Part
+from liaisons.cosim.description.fmu import DefaultExperiment
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.connections import Connection
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -31,7 +31,9 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 """
 
 
-def page(name: str, parts: Iterable[Part], connections: Iterable[Connection], experiment: DefaultExperiment) -> str:
+def page(
+    name: str, parts: Iterable[SystemComponent], connections: Iterable[Connection], experiment: DefaultExperiment
+) -> str:
     """The page as HTML."""
     times = [f"starts at t = {experiment.start_time:g} s"]
     if experiment.stop_time is not None:
@@ -50,7 +52,7 @@ def page(name: str, parts: Iterable[Part], connections: Iterable[Connection], ex
     )
 
 
-def _starts(part: Part) -> list[str]:
+def _starts(part: SystemComponent) -> list[str]:
     return [f"{n} = {f'{len(v)} values' if isinstance(v, tuple) else v}" for n, v in part.starts.items()]
 
 

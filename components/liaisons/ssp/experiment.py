@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.arguments import finite
 from liaisons.cosim import System
-from liaisons.cosim.description import DefaultExperiment, usable
+from liaisons.cosim.description.fmu import DefaultExperiment, usable
 from liaisons.ssp.xml import path, tag
 
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself

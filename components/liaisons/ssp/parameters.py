@@ -6,18 +6,18 @@ from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement
 
 from liaisons.array_names import offset, split
-from liaisons.cosim.parts import Part
-from liaisons.cosim.starts import Value
+from liaisons.cosim.description.start_values import Value
+from liaisons.cosim.structure.components import SystemComponent
 from liaisons.ssp.connectors import Form, Units, add_sizes, add_type, add_units
 from liaisons.ssp.xml import document, tag
 
-Listed = tuple[str, Part, str]
+Listed = tuple[str, SystemComponent, str]
 """Its name in the set, and the component and variable that it is for."""
 
 _INITIAL = "initialValues"  # the set that OSP's masters look for
 
 
-def start(part: Part, name: str) -> Value:
+def start(part: SystemComponent, name: str) -> Value:
     """The start value of a variable, an element or a whole array that has one."""
     if name in part.starts:
         return part.starts[name]
@@ -28,7 +28,7 @@ def start(part: Part, name: str) -> Value:
     return whole[place]
 
 
-def scalars(part: Part) -> list[str]:
+def scalars(part: SystemComponent) -> list[str]:
     """Names that have start values: elements of FMI 2.0's arrays one by one, arrays of FMI 3.0 as a whole."""
     names: list[str] = []
     for name in part.starts:

@@ -16,19 +16,19 @@ from xml.etree.ElementTree import Element
 
 from liaisons.arguments import as_path
 from liaisons.cosim import System
-from liaisons.cosim.archive import Archive, too_big, unpacked_limit
-from liaisons.cosim.connections import Connection, connect_scalars
-from liaisons.cosim.description import Fmu
-from liaisons.cosim.description import read as read_fmu
-from liaisons.cosim.documents import tree
+from liaisons.cosim.description.archive import Archive, too_big, unpacked_limit
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.fmu import read as read_fmu
+from liaisons.cosim.description.model_description import UnitDefinition
+from liaisons.cosim.description.xml_documents import tree
 from liaisons.cosim.messages import logger
-from liaisons.cosim.model_description import UnitDefinition
-from liaisons.cosim.parts import Part, Port
+from liaisons.cosim.structure.components import Port, SystemComponent
+from liaisons.cosim.structure.connections import Connection, connect_scalars
 from liaisons.errors import ConnectError, LiaisonsError, SimulationError, suggestion
 from liaisons.folders import passing_folder
 from liaisons.ssp.assignment import Quantity, fitted, mapped, parameters
 from liaisons.ssp.experiment import read_experiment
-from liaisons.ssp.structure import Path as Place
+from liaisons.ssp.structure import Path as VariableReference
 from liaisons.ssp.structure import Pin, Structure, read_structure
 from liaisons.ssp.xml import STRUCTURE, declared, path, tag
 
@@ -125,11 +125,11 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
     return system
 
 
-def _name(place: Place) -> str:
+def _name(place: VariableReference) -> str:
     return "_".join(place).replace(".", "_")  # names of components have no dots here
 
 
-def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[Place, Fmu]:
+def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[VariableReference, Fmu]:
     fmus: dict[str, Fmu] = {}
     size = archive.size
     for place, source in structure.sources.items():
@@ -147,8 +147,10 @@ def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[P
     return {place: fmus[source] for place, source in structure.sources.items()}
 
 
-def _starts(archive: Archive, structure: Structure, fmus: dict[Place, Fmu]) -> dict[Place, dict[str, Any]]:
-    starts: dict[Place, dict[str, Any]] = {place: {} for place in fmus}
+def _starts(
+    archive: Archive, structure: Structure, fmus: dict[VariableReference, Fmu]
+) -> dict[VariableReference, dict[str, Any]]:
+    starts: dict[VariableReference, dict[str, Any]] = {place: {} for place in fmus}
     for element, binding in structure.bindings:
         for name, quantity in _bound(archive, element, binding):
             meant = structure.meant(element, name)
@@ -164,7 +166,7 @@ def _starts(archive: Archive, structure: Structure, fmus: dict[Place, Fmu]) -> d
     return starts
 
 
-def _bound(archive: Archive, element: Place, binding: Element) -> Iterable[tuple[str, Quantity]]:
+def _bound(archive: Archive, element: VariableReference, binding: Element) -> Iterable[tuple[str, Quantity]]:
     owner = f"the parameter set of {'.'.join(element) or 'the system'}"
     source = binding.get("source")
     if source is not None:
@@ -187,7 +189,7 @@ def _bound(archive: Archive, element: Place, binding: Element) -> Iterable[tuple
         raise SimulationError(f"{owner} cannot be read: {error}") from None
 
 
-def _connections(structure: Structure, parts: dict[Place, Part]) -> list[Connection]:
+def _connections(structure: Structure, parts: dict[VariableReference, SystemComponent]) -> list[Connection]:
     """The scalar connections."""
     found: list[Connection] = []
     for way in structure.connections():
@@ -206,7 +208,7 @@ def _unit(port: Port) -> UnitDefinition | None:
     return port.part.fmu.units.get(port.variable.unit)
 
 
-def _ends(node: Pin, parts: dict[Place, Part]) -> list[Port]:
+def _ends(node: Pin, parts: dict[VariableReference, SystemComponent]) -> list[Port]:
     """The scalars that a connector or an element of it stands for."""
     name = f"{node.connector}[{','.join(map(str, node.indices))}]" if node.indices else node.connector
     return parts[node.element][name].elements()

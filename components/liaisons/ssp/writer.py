@@ -20,15 +20,25 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 from liaisons.arguments import as_path
 from liaisons.arguments import chosen as one_of
 from liaisons.cosim import System
-from liaisons.cosim.connections import Connection
-from liaisons.cosim.model_description import SAME
-from liaisons.cosim.parts import INPUT_RECONSTRUCTION, Part, Port
-from liaisons.cosim.variables import Entry
+from liaisons.cosim.description.model_description import SAME
+from liaisons.cosim.description.variables import Entry
+from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
+from liaisons.cosim.structure.connections import Connection
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
-from liaisons.ssp.baking import baked, ignores_zeros, takes_starts
-from liaisons.ssp.connectors import Form, Place, Units, add_connectors, add_units, connector, inner, outer, units_of
+from liaisons.ssp.connectors import (
+    Form,
+    Units,
+    VariableReference,
+    add_connectors,
+    add_units,
+    connector,
+    inner,
+    outer,
+    units_of,
+)
 from liaisons.ssp.documentation import page
+from liaisons.ssp.embedded_starts import baked, ignores_zeros, takes_starts
 from liaisons.ssp.experiment import add_experiment, add_master, chosen
 from liaisons.ssp.parameters import bind, mapping, parameter_set, scalars
 from liaisons.ssp.xml import STRUCTURE, document, tag
@@ -109,12 +119,12 @@ def _identifiers(names: Iterable[str]) -> dict[str, str]:
     return identifiers
 
 
-def _moved(port: Port, parts: Mapping[str, Part], names: Mapping[str, str]) -> Port:
+def _moved(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str, str]) -> Port:
     """The same port, of the part that is written."""
     return Port(parts[names[port.part.name]], port.name)
 
 
-def _without_interpolation(part: Part) -> Part:
+def _without_interpolation(part: SystemComponent) -> SystemComponent:
     """The same, extrapolating its inputs: other masters let all FMUs step at once, so that no input comes in time."""
     if not part.interpolates:
         return part
@@ -122,7 +132,7 @@ def _without_interpolation(part: Part) -> Part:
 
 
 def _add_portable(
-    system: Element, parts: Collection[Part], connections: Collection[Connection], units: Units, files: Files
+    system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
     elements = SubElement(system, tag("ssd:Elements"))
     # All outputs, since some importers record connectors only; no free inputs, since these would set them to 0.
@@ -142,7 +152,7 @@ def _add_portable(
     _add_connections(system, connections, {})
 
 
-def _fed_from_zero(part: Part, connections: Iterable[Connection]) -> bool:
+def _fed_from_zero(part: SystemComponent, connections: Iterable[Connection]) -> bool:
     """Whether an input is connected whose start value is not 0: some importers set it to 0 before the first step."""
     fed = (connection.target for connection in connections)
     starts = (end.variable.start for end in fed if end.part.name == part.name and end.variable.type == "Real")
@@ -150,7 +160,7 @@ def _fed_from_zero(part: Part, connections: Iterable[Connection]) -> bool:
 
 
 def _add_full(
-    system: Element, parts: Collection[Part], connections: Collection[Connection], units: Units, files: Files
+    system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
     shown = outer(parts, connections)
     add_connectors(system, {"_".join(place): entry for place, entry in shown.items()}, units, "full")
@@ -170,7 +180,9 @@ def _add_component(elements: Element, name: str, source: str) -> Element:
     return SubElement(elements, tag("ssd:Component"), name=name, type=kind, source=source)
 
 
-def _add_connections(system: Element, connections: Iterable[Connection], shown: Mapping[Place, Entry]) -> None:
+def _add_connections(
+    system: Element, connections: Iterable[Connection], shown: Mapping[VariableReference, Entry]
+) -> None:
     """Those between components, arrays of FMI 3.0 element by element, and those with the system's connectors."""
     group = SubElement(system, tag("ssd:Connections"))
     for connection in connections:
@@ -197,7 +209,7 @@ def _add_connections(system: Element, connections: Iterable[Connection], shown: 
         system.remove(group)
 
 
-def _add_fmu(files: Files, part: Part) -> str:
+def _add_fmu(files: Files, part: SystemComponent) -> str:
     """The FMU itself; components of one file share it."""
     path = part.fmu.path
     known = next((name for name, content in files.items() if content == path), None)
@@ -215,7 +227,7 @@ def _add_file(files: Files, name: str, content: bytes | Path) -> str:
     return free
 
 
-def _check_scalars(path: Path, parts: Iterable[Part], connections: Iterable[Connection]) -> None:
+def _check_scalars(path: Path, parts: Iterable[SystemComponent], connections: Iterable[Connection]) -> None:
     used = [(end.part, end.name) for connection in connections for end in (connection.source, connection.target)]
     used += [(part, name) for part in parts for name in part.starts]
     arrays = [f"{part.name}.{name}" for part, name in used if part.fmu.variables.whole(name)]

@@ -14,8 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
-from liaisons.cosim.parts import Part
-from liaisons.cosim.run import Run
+from liaisons.cosim.running.run import Run
+from liaisons.cosim.structure.components import SystemComponent
 from liaisons.errors import EndedError, LiaisonsError
 from liaisons.logs import collected_warnings, logger
 from liaisons.sweeps.kept import evaluate
@@ -66,7 +66,7 @@ def session(task: Task) -> Iterator[Simulate]:
         yield outcome
 
 
-def _kept(study: Study, run: Run, parts: Mapping[str, Part]) -> Kept:
+def _kept(study: Study, run: Run, parts: Mapping[str, SystemComponent]) -> Kept:
     with collected_warnings() as warned:
         try:
             run.start(parts)

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
-from liaisons.cosim.description import Fmu
-from liaisons.cosim.parts import Part
-from liaisons.cosim.schedule import Place
-from liaisons.cosim.simulation import Simulation
-from liaisons.cosim.starts import start_values
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.start_values import start_values
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.schedule import VariableReference
+from liaisons.cosim.structure.simulation import Simulation
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.kept import Measure, identity
 
@@ -27,11 +27,11 @@ class Study:
     """
 
     simulation: Simulation
-    varied: Mapping[str, Place]
+    varied: Mapping[str, VariableReference]
     cases: Cases
     keep: Mapping[str, Measure]
 
-    def starts(self, case: int) -> dict[str, Part]:
+    def starts(self, case: int) -> dict[str, SystemComponent]:
         """The components with the start values of one case.
 
         :raises SimulationError: if a value does not fit.

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from liaisons.arguments import as_path, named, whole
 from liaisons.cosim import System
-from liaisons.cosim.parts import Part
-from liaisons.cosim.schedule import Coupling, Place
-from liaisons.cosim.simulation import checked, owned
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.schedule import Coupling, VariableReference
+from liaisons.cosim.structure.simulation import checked, owned
 from liaisons.errors import SimulationError, SweepError
 from liaisons.logs import Warnings, logger
 from liaisons.progress import progress_bar
@@ -148,7 +148,7 @@ def _study(
     single = not isinstance(subject, System)
     if not isinstance(subject, System):
         title, connections = Path(subject).stem, ()
-        parts = {title: Part.of(title, subject, starts)}
+        parts = {title: SystemComponent.of(title, subject, starts)}
     elif starts:
         raise SweepError(f"{subject.name}: starts are for a single FMU; give them to add()")
     else:
@@ -158,7 +158,7 @@ def _study(
         record = ()
     simulation = checked(title, parts, connections, single=single, record=record, also=kept, **settings)
 
-    def scalar(name: str) -> Place:
+    def scalar(name: str) -> VariableReference:
         owner, variable = owned(title, parts, "the sweep of", name, single=single)
         if variable not in parts[owner].fmu.variables:
             raise SimulationError(f"{owner}: {parts[owner].fmu.unknown(variable)}")

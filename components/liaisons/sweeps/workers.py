@@ -26,7 +26,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim import compiled
+from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.instances import extracted, isolated
 from liaisons.errors import SweepError
 from liaisons.folders import passing_folder

@@ -1,6 +1,7 @@
 """Coupling by curves: FMUs are told how inputs move; in a cycle a step is repeated until its end fits.
 
-Explicit coupling (:mod:`liaisons.cosim.schedule`) hands over what is known before a step.  Here the values at its end
+Explicit coupling (:mod:`liaisons.cosim.structure.schedule`) hands
+over what is known before a step.  Here the values at its end
 are unknowns x that solve x = F(x), where F takes every FMU back to the begin of the step, gives it polynomials
 through both ends for its inputs, steps it, and reads its outputs.
 
@@ -28,7 +29,7 @@ input of an FMU that holds its inputs      mean of both ends        H²
 Outside of cycles the source has been stepped, so that both ends are known; where nobody gives derivatives, the points
 before t, at the begin those in the step, take their place; of a function of time always these.  What is discrete goes
 on as it was at t until the end of the step.  Where sources announce that something jumps, the past is forgotten
-(``liaisons.cosim.breaks``).
+(``liaisons.cosim.running.breaks``).
 
 The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
 none; there it asks for its inputs at the fifths of a step, in intermediate update mode, and follows the quintic through

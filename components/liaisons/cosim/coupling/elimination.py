@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from liaisons.cosim import compiled
+from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.coupling.records import EliminationRecord
 from liaisons.cosim.coupling.signals import Indices, Vector
 

@@ -8,14 +8,14 @@ from typing import final
 
 import numpy as np
 
-from liaisons.cosim.bus import Bus
-from liaisons.cosim.calls import Call
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.elimination import Elimination
-from liaisons.cosim.coupling.member import Member
+from liaisons.cosim.coupling.node import Node
 from liaisons.cosim.coupling.polynomials import powers
 from liaisons.cosim.coupling.records import NewtonRecord, records
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
-from liaisons.cosim.schedule import Depends
+from liaisons.cosim.structure.schedule import Depends
 
 
 @final
@@ -32,7 +32,7 @@ class Newton:
 
     def __init__(
         self,
-        members: Sequence[Member],
+        members: Sequence[Node],
         signals: Signals,
         unknowns: Indices,
         depends: Depends,

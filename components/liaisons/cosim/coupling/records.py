@@ -8,8 +8,8 @@ from typing import Any, final
 
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import Call
-from liaisons.cosim.calls import Record as CallRecord
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.compiled.calls import Record as CallRecord
 
 POLYNOMIAL, ASKED, MEAN = range(1, 4)
 """How inputs move within a step, if not as they are set."""
@@ -69,8 +69,8 @@ class NewtonRecord(_Record):
 
 
 @final
-class MemberRecord(_Record):
-    """See :class:`liaisons.cosim.coupling.member.Member`."""
+class NodeRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.node.Node`."""
 
     _fields_ = [
         *_flags("way", "repeated", "sloped"),
@@ -83,13 +83,13 @@ class MemberRecord(_Record):
 
 
 @final
-class GroupRecord(_Record):
-    """See :class:`liaisons.cosim.coupling.group.Group`."""
+class StrongComponentRecord(_Record):
+    """See :class:`liaisons.cosim.coupling.strong_component.StrongComponent`."""
 
     _fields_ = [
         *_flags("cyclic"),
         ("newton", POINTER(NewtonRecord)),
-        ("members", POINTER(MemberRecord)),
+        ("members", POINTER(NodeRecord)),
         *_numbers("count", "n", "valued"),
         *_pointers("unknowns", "kinds", "errors"),
         ("tolerance", c_double),
@@ -98,7 +98,7 @@ class GroupRecord(_Record):
 
 @final
 class HandedRecord(_Record):
-    """See :class:`liaisons.cosim.coupling.handed.Handed`."""
+    """See :class:`liaisons.cosim.coupling.signal_history.SignalHistory`."""
 
     _fields_ = [
         *_numbers("made"),
@@ -115,12 +115,12 @@ class FailureRecord(Structure):
 
 @final
 class SystemRecord(_Record):
-    """See :class:`liaisons.cosim.coupling.coupled.Coupled`."""
+    """See :class:`liaisons.cosim.coupling.implicit.Coupled`."""
 
     _fields_ = [
         *_numbers("outputs", "kinds", "count"),
         *_pointers("before", "now", "earlier", "since", "sizes", "result", "rates", "kind"),
-        ("groups", POINTER(GroupRecord)),
+        ("groups", POINTER(StrongComponentRecord)),
         ("handed", POINTER(HandedRecord)),
         *_pointers("held", "drive", "inside"),
         *_numbers("orders", "instants"),
@@ -130,7 +130,7 @@ class SystemRecord(_Record):
 
 
 DIVERGED = -2
-"""What advancing returns besides statuses and :data:`liaisons.cosim.calls.RAISED`."""
+"""What advancing returns besides statuses and :data:`liaisons.cosim.compiled.calls.RAISED`."""
 
 
 def records(calls: Iterable[Call]) -> Any:

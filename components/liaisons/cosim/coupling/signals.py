@@ -9,22 +9,24 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.drives import SIGNALS
-from liaisons.cosim.parts import Part, Port
-from liaisons.cosim.schedule import Feeds, Place
+from liaisons.cosim.structure.components import Port, SystemComponent
+from liaisons.cosim.structure.schedule import Feeds, VariableReference
+from liaisons.cosim.structure.sources import SIGNALS
 
 Vector = NDArray[np.float64]
 Indices = NDArray[np.intp]
 State = tuple[Vector, Vector, float]
 
 
-def watched(parts: Mapping[str, Part], feeds: Feeds) -> list[Place]:
+def watched(parts: Mapping[str, SystemComponent], feeds: Feeds) -> list[VariableReference]:
     """Outputs that are read besides the connected ones, since these are derivatives, or have them, in one port."""
     ports = (curve(parts, feeds, source)[0] for source in feeds.values())
     return [place for triple in ports for place in triple]
 
 
-def curve(parts: Mapping[str, Part], feeds: Feeds, source: Place) -> tuple[list[Place], int]:
+def curve(
+    parts: Mapping[str, SystemComponent], feeds: Feeds, source: VariableReference
+) -> tuple[list[VariableReference], int]:
     """The outputs of the port that an output is a part of, and which derivative it is; of another output, itself.
 
     A function of time that drives a whole port is a port as well.
@@ -38,7 +40,7 @@ def curve(parts: Mapping[str, Part], feeds: Feeds, source: Place) -> tuple[list[
     return ([end.place for end in triple], order) if triple else ([source], 0)
 
 
-def driven(feeds: Feeds, source: Place) -> Place:
+def driven(feeds: Feeds, source: VariableReference) -> VariableReference:
     """The input that a function of time drives."""
     return next(target for target, other in feeds.items() if other == source)
 
@@ -79,7 +81,11 @@ class Signals:
     """
 
     def __init__(
-        self, parts: Mapping[str, Part], feeds: Feeds, places: Sequence[Place], alone: Collection[str] = ()
+        self,
+        parts: Mapping[str, SystemComponent],
+        feeds: Feeds,
+        places: Sequence[VariableReference],
+        alone: Collection[str] = (),
     ) -> None:
         self._parts = parts
         self._alone = alone
@@ -101,7 +107,7 @@ class Signals:
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
 
-    def slope(self, place: Place) -> int:
+    def slope(self, place: VariableReference) -> int:
         """Index of the slope of an output; that of the zero if there is none.
 
         Of what functions of time give, the acceleration of a port has one: its motion is known at both ends of a step.
@@ -109,7 +115,7 @@ class Signals:
         whole = place[0] == SIGNALS and len(curve(self._parts, self._feeds, place)[0]) == 3
         return self.count + self.index[place] if whole or place[0] in self.sloped else self.zero
 
-    def curve(self, input_: Place, cycle: Collection[str] = ()) -> Curve:
+    def curve(self, input_: VariableReference, cycle: Collection[str] = ()) -> Curve:
         """What an input follows.
 
         :param cycle: components that are solved together with it, whose slopes cannot be made.
@@ -121,7 +127,7 @@ class Signals:
             data.append(self.count + data[0])
         return Curve(tuple(data), order, self._rate(source))
 
-    def root(self, input_: Place, cycle: Collection[str]) -> int:
+    def root(self, input_: VariableReference, cycle: Collection[str]) -> int:
         """Index of what the curve of an input begins with; that of the zero if it comes from within its cycle."""
         source = self._feeds[input_]
         return self.zero if source[0] in cycle else self.index[curve(self._parts, self._feeds, source)[0][0]]
@@ -140,7 +146,7 @@ class Signals:
         triple, order = curve(self._parts, self._feeds, self.places[index])
         return [self.index[place] for place in triple] if order == 2 and all(p in self.index for p in triple) else []
 
-    def _rate(self, source: Place) -> int:
+    def _rate(self, source: VariableReference) -> int:
         triple, order = curve(self._parts, self._feeds, source)
         return self.index[triple[order + 1]] if order + 1 < len(triple) else self.slope(source)
 
@@ -194,7 +200,7 @@ class Signals:
         """Note how large the signals of each unit are."""
         np.maximum.at(self.sizes, self.kinds, np.abs(self.now[: self.count]))
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Forget everything."""
         self.rewind((np.zeros_like(self.ends), np.zeros_like(self.earlier), 0.0))
         self.sizes[:] = 0.0

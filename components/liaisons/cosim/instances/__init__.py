@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from liaisons.cosim.archive import Archive
-from liaisons.cosim.description import Fmu
+from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.instances.fmi2 import CoSimulation2
 from liaisons.cosim.instances.fmi3 import CoSimulation3
 from liaisons.cosim.instances.isolated import Isolated, library
@@ -19,7 +19,7 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     """Extract what a run of FMUs needs, each file once.
 
     :returns: path of the FMU -> its own folder.
-    :raises SimulationError: if a file is damaged or too big; see :class:`liaisons.cosim.archive.Archive`.
+    :raises SimulationError: if a file is damaged or too big; see :class:`liaisons.cosim.description.archive.Archive`.
     """
     found: dict[Path, Path] = {}
     for fmu in fmus:
@@ -30,7 +30,13 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
 
 
 def make(
-    name: str, fmu: Fmu, directory: Path, *, asks: bool = False, isolated: float = 0.0, stiff: bool = False
+    name: str,
+    fmu: Fmu,
+    directory: Path,
+    *,
+    requests_intermediate_update: bool = False,
+    isolated: float = 0.0,
+    stiff: bool = False,
 ) -> Instance:
     """An instance of an FMU; see :class:`Instance`.
 
@@ -41,9 +47,13 @@ def make(
 
     def here() -> Instance:
         two, there = fmu.version == 2, (name, fmu, directory)
-        if fmu.exchanges:
+        if fmu.is_model_exchange:
             return (ModelExchange2 if two else ModelExchange3)(*there, stiff=stiff)
-        return CoSimulation2(*there) if two else CoSimulation3(*there, asks=asks)
+        return (
+            CoSimulation2(*there)
+            if two
+            else CoSimulation3(*there, requests_intermediate_update=requests_intermediate_update)
+        )
 
     if not isolated:
         return here()

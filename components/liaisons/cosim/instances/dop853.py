@@ -13,8 +13,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons.cosim.calls import Record
-from liaisons.cosim.compiled import loaded
+from liaisons.cosim.compiled.calls import Record
+from liaisons.cosim.compiled.library import loaded
 from liaisons.cosim.instances.motion import InputMotion
 from liaisons.errors import RefusedError
 

@@ -20,8 +20,8 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-from liaisons.cosim.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
-from liaisons.cosim.instances.carriers import Carrier
+from liaisons.cosim.compiled.calls import DERIVE_2, ORDERS_2, STEP_2, TRANSFER_2, Action, Call
+from liaisons.cosim.instances.buffer_layouts import BufferLayout
 from liaisons.cosim.instances.protocol import DISCARD, Loaded, Numbers, Scalars
 from liaisons.errors import SimulationError
 
@@ -85,7 +85,7 @@ class Instance2(Loaded, ABC):
             # go of it before; it takes hold of it again when it is needed
             library.finalizePythonInterpreter()
 
-    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
+    def _whole(self, action: Action, carrier: BufferLayout, values: Numbers | None = None) -> Call:
         values = carrier.buffer if values is None else values
         references, count = _numbers(carrier.references)
         name = self._transferring(action, carrier)

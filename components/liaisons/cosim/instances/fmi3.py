@@ -17,12 +17,12 @@ from typing import ClassVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import STEP_3, TRANSFER_3, Action, Call
-from liaisons.cosim.description import Fmu
-from liaisons.cosim.instances.carriers import Carrier, Transfer, buffered, carrier, carriers, counted
+from liaisons.cosim.compiled.calls import STEP_3, TRANSFER_3, Action, Call
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, carrier, carriers, counted
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
+from liaisons.cosim.instances.trial import NUMBERS
 from liaisons.cosim.messages import DISCARD
-from liaisons.cosim.trial import NUMBERS
 from liaisons.errors import SimulationError
 
 _LOG = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
@@ -59,7 +59,7 @@ class Instance3(Loaded, ABC):
 
     def _instantiated(self, library: c.CDLL, resources: Path) -> int | None:
         own, last = self._particulars()
-        instantiate = library[f"fmi3Instantiate{'ModelExchange' if self._fmu.exchanges else 'CoSimulation'}"]
+        instantiate = library[f"fmi3Instantiate{'ModelExchange' if self._fmu.is_model_exchange else 'CoSimulation'}"]
         instantiate.restype = c.c_void_p
         words = self.name.encode(), self._fmu.guid.encode(), f"{resources}/".encode()
         visible, logging = c.c_bool(False), c.c_bool(True)
@@ -76,7 +76,7 @@ class Instance3(Loaded, ABC):
         read = partial(rows.taken, multiply, np.ctypeslib.as_array(values))
         return Call(columns.given, read, np.ctypeslib.as_array(seed)).of("derive", self.failure)
 
-    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
+    def _whole(self, action: Action, carrier: BufferLayout, values: Numbers | None = None) -> Call:
         values = carrier.buffer if values is None else values
         given = (c.c_uint32 * len(carrier.references))(*carrier.references)
         name = self._transferring(action, carrier)
@@ -97,12 +97,12 @@ class Instance3(Loaded, ABC):
 class CoSimulation3(Instance3):
     """An FMI 3.0 co-simulation instance.
 
-    :param asks: it is to ask for inputs inside communication steps; see :meth:`guide`.
+    :param asks: it is to ask for inputs inside communication steps; see :meth:`intermediate_update`.
     """
 
-    def __init__(self, name: str, fmu: Fmu, directory: Path, *, asks: bool = False) -> None:
+    def __init__(self, name: str, fmu: Fmu, directory: Path, *, requests_intermediate_update: bool = False) -> None:
         self._update = _UPDATE(lambda *_: self._answer())
-        self._asked = fmu.references_of("input") if asks else []
+        self._asked = fmu.references_of("input") if requests_intermediate_update else []
         self._answers: list[list[Transfer]] = []
         self._count = 0  # of answers in the present step
         self._worst_answer = 0
@@ -140,7 +140,7 @@ class CoSimulation3(Instance3):
         given, values = c.addressof(self._final), c.addressof(ended)
         return call.recorded(STEP_3, function=step.func, instance=self._pointer.value, given=given, values=values)
 
-    def guide(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
+    def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
         found = carriers(self._fmu, variables, self.types)
         writes = [(carrier, self._whole("set", carrier)) for carrier in found]
         reads = [self._whole("get", carrier) for carrier in found if not carrier.whole]

@@ -29,12 +29,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import STEP_2, TRANSFER_2, Action, Call
-from liaisons.cosim.compiled import loaded
-from liaisons.cosim.description import Fmu
+from liaisons.cosim.compiled.calls import STEP_2, TRANSFER_2, Action, Call
+from liaisons.cosim.compiled.library import loaded
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.instances.protocol import Instance, Numbers, Scalars
 from liaisons.cosim.messages import ERROR, FATAL, STATUSES, WARNING, logger
-from liaisons.cosim.starts import Value
 from liaisons.errors import EndedError, LiaisonsError, SimulationError
 from liaisons.processes import fork_guarded
 
@@ -186,8 +186,8 @@ class Isolated(Instance):
     def exit_initialization(self) -> None:
         self._ask(f"fmi{self._fmu.version}ExitInitializationMode", "exit_initialization")
 
-    def begin_anew(self) -> None:
-        self._ask("its return to the begin", "begin_anew")
+    def reset(self) -> None:
+        self._ask("its return to the begin", "reset")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
         self._far.reads = 1
@@ -231,8 +231,8 @@ class Isolated(Instance):
         (slot,) = self._prepared("input_derivatives", variables, orders, shapes=[len(variables)])
         return self._moved("shape", self._functions["shape"], slot, values)
 
-    def guide(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
-        (slot,) = self._prepared("guide", variables, shapes=[values.shape])
+    def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
+        (slot,) = self._prepared("intermediate_update", variables, shapes=[values.shape])
         numbers = (c.c_double * values.size).from_buffer(values.data)
         return self._moved("set", self._transferring("Set", variables), slot, numbers)
 

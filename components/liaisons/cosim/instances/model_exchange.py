@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import Call
-from liaisons.cosim.description import Fmu
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.instances import dop853
 from liaisons.cosim.instances.dop853 import Dop853
 from liaisons.cosim.instances.fmi2 import Instance2
@@ -25,7 +26,6 @@ from liaisons.cosim.instances.fmi3 import Instance3
 from liaisons.cosim.instances.motion import InputMotion
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
 from liaisons.cosim.messages import DISCARD, OK, WARNING, logger
-from liaisons.cosim.starts import Value
 from liaisons.errors import EndedError, RefusedError, SimulationError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import Call
+from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.instances.protocol import Numbers
 
 

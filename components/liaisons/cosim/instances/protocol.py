@@ -29,12 +29,12 @@ import fmpy
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.calls import RESTORE, SAVE, Action, Call, Failure
-from liaisons.cosim.description import Fmu
-from liaisons.cosim.instances.carriers import Carrier, Transfer, carriers
+from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call, Failure
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.start_values import Value
+from liaisons.cosim.description.variables import Scalar
+from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, carriers
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
-from liaisons.cosim.starts import Value
-from liaisons.cosim.variables import Scalar
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
 ASKED = 5
@@ -74,14 +74,14 @@ class Instance(ABC):
 
     @abstractmethod
     def assign(self, name: str, value: Any) -> None:
-        """Set a start value as :func:`liaisons.cosim.starts.start_values` returned it."""
+        """Set a start value as :func:`liaisons.cosim.description.start_values.start_values` returned it."""
 
     @abstractmethod
     def exit_initialization(self) -> None:
         """From here on it can be stepped."""
 
     @abstractmethod
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Take note that the state is about to be one from before initialization."""
 
     @abstractmethod
@@ -119,7 +119,7 @@ class Instance(ABC):
         """
         raise NotImplementedError
 
-    def guide(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
+    def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
         """Let these inputs follow values inside each step; returns a call to make before it.
 
         Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
@@ -243,10 +243,10 @@ class Loaded(Instance):
         return self._all(action, calls, " or ".join(self._transferring(action, some) for some in found))
 
     @abstractmethod
-    def _whole(self, action: Action, carrier: Carrier, values: Numbers | None = None) -> Call:
+    def _whole(self, action: Action, carrier: BufferLayout, values: Numbers | None = None) -> Call:
         """A call that reads or sets whole variables from these values, else by the buffer that they have."""
 
-    def _transferring(self, action: Action, carrier: Carrier) -> str:
+    def _transferring(self, action: Action, carrier: BufferLayout) -> str:
         """The function of FMI that does it."""
         return f"{self.prefix}{action.capitalize()}{carrier.base}"
 
@@ -267,7 +267,7 @@ class Loaded(Instance):
             RESTORE, function=restore.func, **where
         )
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         self._initialized = False
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:

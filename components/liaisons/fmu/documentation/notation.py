@@ -55,7 +55,7 @@ class Notation:
         return cls([v.name for v in model.variables], {active.value for active in model.active}, symbols)
 
     def rank(self, name: str) -> int:
-        """Place among the names; behind all of them for others."""
+        """Index among the names; behind all of them for others."""
         return self._rank.get(name, len(self._rank))
 
     def free_letter(self) -> str:

@@ -9,11 +9,11 @@ from itertools import chain
 
 import casadi as ca
 
-from liaisons.expressions import OPERATIONS, Node
+from liaisons.expressions import OPERATIONS, Instruction
 from liaisons.expressions import program as operations
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.rows import Carry, RowProgram, Vector, key, scalars, substituted
-from liaisons.fmu.loops.passages import Passage, Passages
+from liaisons.fmu.loops.loop_fusion import Passage, Passages
 
 CHEAP = {OPERATIONS[code] for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE)}
 """Operations that cost no more than a number that is stored and read again."""
@@ -232,6 +232,6 @@ class PassagePlans:
             known |= dict.fromkeys(needed & shared, place)
 
 
-def operands(node: Node) -> tuple[int, ...]:
+def operands(node: Instruction) -> tuple[int, ...]:
     """The numbers that an operation takes."""
     return node.arguments if node.operation is not None else ()

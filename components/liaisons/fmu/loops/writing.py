@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from liaisons.expressions import OPERATIONS, Node, literal
+from liaisons.expressions import OPERATIONS, Instruction, literal
 from liaisons.expressions.rows import RowProgram
 from liaisons.fmu.loops.plans import PassagePlan, PassagePlans, operands
 
@@ -191,7 +191,7 @@ class _Link:
         return f"r{number}"
 
 
-def _uses(nodes: Iterable[Node], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
+def _uses(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
     """How often numbers are needed, as operands of nodes and otherwise."""
     found = Counter([*once, *several, *several])
     for node in nodes:
@@ -201,7 +201,7 @@ def _uses(nodes: Iterable[Node], once: Iterable[int], several: Iterable[int]) ->
     return found
 
 
-def _operation(node: Node, text_of: Callable[[int], str]) -> str:
+def _operation(node: Instruction, text_of: Callable[[int], str]) -> str:
     """An operation, or a constant, as an operand."""
     if node.operation is None:
         return literal(0.0 if node.constant is None else node.constant)
@@ -219,5 +219,5 @@ def _is_short(text: str) -> bool:
     return text.replace(".", "").isalnum() or text.isidentifier()
 
 
-def _is_quotient(node: Node) -> bool:
+def _is_quotient(node: Instruction) -> bool:
     return node.operation is OPERATIONS[ca.OP_DIV]

@@ -13,8 +13,8 @@ from liaisons.expressions.row_graphs import graph
 from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
-from liaisons.mechanics.bookkeeping import definitions, memory_of
 from liaisons.mechanics.chains.sweeps import Base, ChainLink, LinkMotion, inertias, link_of, momenta, motion
+from liaisons.mechanics.energy_accounting import definitions, memory_of
 from liaisons.mechanics.model import Model, described
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain

@@ -1,0 +1,148 @@
+"""What all FMUs of a run share: the values that go from one to another, and the clock.
+
+The values lie in one array, so that a row of a recording is one copy of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from ctypes import Array, addressof, c_double
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.compiled.calls import CONVERT, COPY, RAISED, Action, Call
+from liaisons.cosim.description.model_description import Conversion
+from liaisons.cosim.messages import WARNING
+from liaisons.cosim.structure.schedule import Feeds, VariableReference
+
+
+@final
+class Bus:
+    """All connected and recorded numbers, those of one call side by side, and the communication step under way.
+
+    :param order: components, and what else has outputs.
+    :param feeds: input -> output.
+    :param watched: outputs that are read as if they were connected.
+    :param recorded: further variables that are wanted.
+    :param conversions: of inputs that are not what feeds them.
+    :ivar start: begin, ``size`` and ``end`` of the step [s], where foreign functions see them.
+    """
+
+    def __init__(
+        self,
+        order: Sequence[str],
+        feeds: Feeds,
+        watched: Iterable[VariableReference],
+        recorded: Iterable[VariableReference],
+        conversions: Mapping[VariableReference, Conversion],
+    ) -> None:
+        sources = dict.fromkeys([*feeds.values(), *watched])
+        self.order = order
+        self._feeds = feeds
+        self._conversions = conversions
+        self._connected = _by_component(order, sources)
+        self._others = _by_component(order, [p for p in dict.fromkeys(recorded) if p not in feeds and p not in sources])
+        self.inputs = _by_component(order, feeds)
+        places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
+        self.index = {place: k for k, place in enumerate(places)}
+        most = sum((1 + len(self.inputs[name])) * (1 + len(self.outputs(name))) for name in order)
+        most += 2 * len(places)
+        self._store = np.zeros(len(places) + most)  # with room for slopes, derivatives by inputs, integrals
+        self.values = self._store[: len(places)]
+        self.start, self.size, self.end = c_double(), c_double(), c_double()
+
+    def turn(self, start: float, end: float) -> None:
+        """Turn the clock to the step between two instants [s]."""
+        self.start.value, self.size.value, self.end.value = start, end - start, end
+
+    def perform(self, calls: Iterable[Call]) -> None:
+        """Make calls, one after the other.
+
+        :raises SimulationError: if one is refused.
+        """
+        for call in calls:
+            if status := call():
+                self.check_status(call, status)
+
+    def check_status(self, call: Call, status: int) -> None:
+        """Look at what a call has returned, unless that was OK.
+
+        :raises SimulationError: unless it was a warning.
+        """
+        if status == RAISED and call.raised is not None:
+            error, call.raised = call.raised, None
+            raise error
+        if status != WARNING:
+            assert call.failure is not None
+            raise call.failure(call.action, status, self._when(call.action))
+
+    def _when(self, action: Action) -> str:
+        since = f"from t = {self.start.value:.10g} s to" if action == "step" else "at"
+        return f" {since} t = {self.end.value:.10g} s"
+
+    def outputs(self, name: str, *, every: bool = True) -> list[VariableReference]:
+        """What is read from a component: what feeds something, and ``every`` other thing that is recorded."""
+        return [*self._connected[name], *(self._others[name] if every else ())]
+
+    def others(self, name: str) -> list[VariableReference]:
+        """What is read from a component to be recorded only."""
+        return self._others[name]
+
+    def view(self, places: Sequence[VariableReference]) -> NDArray[np.float64]:
+        """View of places that lie side by side."""
+        first = self.index[places[0]]
+        return self.values[first : first + len(places)]
+
+    def buffer(self, places: Sequence[VariableReference]) -> Array[c_double]:
+        """The same for foreign functions."""
+        return (c_double * len(places)).from_buffer(self.view(places).data)
+
+    def source(self, input_: VariableReference) -> int | None:
+        """Where what feeds an input stands; None if nothing does."""
+        return self.index[self._feeds[input_]] if input_ in self._feeds else None
+
+    def room(self, size: int) -> tuple[int, NDArray[np.float64], Array[c_double]]:
+        """Further numbers without names, recorded with the rest: where the first is, and both views of them."""
+        first = len(self.values)
+        self.values = self._store[: first + size]
+        view = self.values[first:]
+        return first, view, (c_double * size).from_buffer(view.data) if size else (c_double * 0)()
+
+    def copies(self, inputs: Sequence[VariableReference]) -> list[Call]:
+        """Calls that copy to inputs what feeds them, neighbours at once, or convert it."""
+        runs: list[tuple[int, int, int]] = []
+        converted: list[Call] = []
+        for place in inputs:
+            target, source = self.index[place], self.index[self._feeds[place]]
+            if place in self._conversions:
+                converted.append(self._convert(target, source, self._conversions[place]))
+            elif runs and (target, source) == (runs[-1][0] + runs[-1][2], runs[-1][1] + runs[-1][2]):
+                runs[-1] = (*runs[-1][:2], runs[-1][2] + 1)
+            else:
+                runs.append((target, source, 1))
+        return [*(self._copy(target, source, count) for target, source, count in runs), *converted]
+
+    def _copy(self, target: int, source: int, count: int) -> Call:
+        bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
+        call = Call(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
+        return call.recorded(COPY, given=address + source * size, count=count, values=address + target * size)
+
+    def _convert(self, target: int, source: int, conversion: Conversion) -> Call:
+        bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
+        numbers = (c_double * 2)(*conversion)
+        call = Call(_converted, bus, target, source, conversion, numbers)
+        given, values = address + source * size, address + target * size
+        return call.recorded(CONVERT, given=given, instance=addressof(numbers), values=values)
+
+
+def _converted(bus: memoryview[float], target: int, source: int, conversion: Conversion, _: Array[c_double]) -> None:
+    bus[target] = conversion.of(bus[source])
+
+
+def _by_component(names: Iterable[str], places: Iterable[VariableReference]) -> dict[str, list[VariableReference]]:
+    grouped: dict[str, list[VariableReference]] = {name: [] for name in names}
+    for place in places:
+        grouped[place[0]].append(place)
+    return grouped

@@ -1,0 +1,63 @@
+"""Explicit coupling: the program of :mod:`liaisons.cosim.structure.schedule` as calls of FMUs, prepared once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+
+from numpy.typing import NDArray
+
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.instances import Instance
+from liaisons.cosim.structure import schedule
+from liaisons.cosim.structure.schedule import Operation
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.sources import SIGNALS, Drive
+
+Calls = list[Call]
+
+
+def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> tuple[Calls, Calls, Calls]:
+    """Calls that make everything fit in initialization, and after it, and those of a communication step."""
+    known: dict[tuple[Operation, bool], Calls] = {}  # what is done again is the same call, and stays in the cache
+
+    def calls(program: Sequence[Operation], *, initial: bool = False) -> Calls:
+        for key in dict.fromkeys((operation, initial) for operation in program):
+            if key not in known:
+                known[key] = list(_lowered(simulation, instances, bus, *key))
+        return [call for operation in program for call in known[operation, initial]]
+
+    order, feeds, depends = bus.order, simulation.feeds, simulation.depends
+    newest = {name for name, part in simulation.parts.items() if part.takes_newest}
+    return (
+        calls(schedule.consistent(order, feeds, partial(depends, initially=True)), initial=True),
+        calls(schedule.consistent(order, feeds, depends)),
+        calls(schedule.step(order, feeds, depends, simulation.coupling, newest)),
+    )
+
+
+def _lowered(
+    simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, operation: Operation, initial: bool
+) -> Iterator[Call]:
+    """The calls of one operation; in initialization, only what is connected is read."""
+    action, name = operation
+    if name == SIGNALS:
+        if action == "get":
+            yield from (Call(_evaluate, drive, bus, bus.view(drive.places)) for drive in simulation.drives)
+        return
+    instance, variables = instances[name], simulation.parts[name].fmu.variables
+    if action == "step":
+        yield instance.stepper(bus.start, bus.size)
+        return
+    places = bus.inputs[name] if action == "set" else bus.outputs(name, every=not initial)
+    if not places:
+        return
+    if action == "set":
+        yield from bus.copies(places)
+    prepare = instance.setter if action == "set" else instance.getter
+    yield prepare([variables[variable] for _, variable in places], bus.buffer(places))
+
+
+def _evaluate(drive: Drive, bus: Bus, values: NDArray) -> None:
+    values[:] = drive(bus.end.value)

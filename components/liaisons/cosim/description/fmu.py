@@ -1,0 +1,280 @@
+"""What an FMU file says about itself: variables, units, dependencies, default experiment, binaries."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import final
+
+import fmpy
+
+from liaisons.array_names import Shape, split
+from liaisons.cosim.description.archive import Archive, plain_file
+from liaisons.cosim.description.model_description import Description, Table, UnitDefinition, parse
+from liaisons.cosim.description.variables import RECORDED, Scalar, Variables
+from liaisons.errors import SimulationError, suggestion
+
+LONGEST = 1000
+"""Arrays with more elements are recorded only on request: the default must not fill the memory."""
+
+DESCRIPTION = "modelDescription.xml"
+"""What makes an archive an FMU."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class DefaultExperiment:
+    """What an FMU or an archive says of its simulation [s, s, 1, s]; None where it says nothing."""
+
+    start_time: float | None = None
+    stop_time: float | None = None
+    step_size: float | None = None
+    tolerance: float | None = None
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Fmu:
+    """An FMI 2.0 or 3.0 FMU, read but not run; made by :func:`read`.
+
+    :param version: 2 or 3.
+    :param exchanges: whether it is run in Model Exchange, solved here: only where it has no Co-Simulation.
+    :param states: number of continuous states, and ``indicators`` of events, where FMI 2.0 says so in the file.
+    :param completes: whether it wants to know of completed steps in Model Exchange.
+    :param guid: GUID, or instantiation token.
+    :param binary: where the library for this platform lies in the archive.
+    :param variable_step: whether communication steps may differ in length.
+    :param restores: whether its state can be taken and set again.
+    :param differentiates: whether it gives directional derivatives.
+    :param input_derivatives: whether derivatives of inputs can be set within a step (FMI 2.0 only).
+    :param inside_inputs: whether it says that inputs can be set at times inside a step (FMI 3.0 only).
+    :param output_derivative_order: up to which order derivatives of outputs can be read.
+    :param only_one: whether a process can have one instance of it only.
+    :param unpacked: bytes that its files take unpacked.
+    """
+
+    path: Path
+    version: int
+    is_model_exchange: bool
+    states: int
+    indicators: int
+    completes: bool
+    model_name: str
+    identifier: str
+    guid: str
+    binary: str
+    variable_step: bool
+    can_get_and_set_state: bool
+    provides_directional_derivatives: bool
+    input_derivatives: bool
+    inside_inputs: bool
+    output_derivative_order: int
+    only_one: bool
+    unpacked: int
+    log_categories: tuple[str, ...]
+    experiment: DefaultExperiment
+    variables: Variables
+    units: Mapping[str, UnitDefinition]
+    _outputs: Table = field(repr=False)
+    _initial: Table = field(repr=False)
+
+    @property
+    def arrays(self) -> Mapping[str, Shape]:
+        """Name -> shape, of FMI 3.0's arrays and of ``x[1]``, ``x[2]``, ... in FMI 2.0."""
+        return self.variables.arrays
+
+    def elements(self, name: str) -> list[str]:
+        """Names of the elements of an array; of a scalar, its own.
+
+        :raises KeyError: if there is neither.
+        """
+        return list(self.variables.entry(name).names())
+
+    def reals(self, *causalities: str, longest: float = math.inf) -> list[str]:
+        """Names of the real scalars of these causalities, in the order of the file.
+
+        :param longest: arrays with more elements are left out.
+        """
+        return self._scalars({"Real"}, causalities, longest)
+
+    def recorded(self, types: Collection[str] = RECORDED) -> list[str]:
+        """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`.
+
+        Of an FMU that has none, so many of its local variables.
+        """
+        found = self._scalars(types, ("output", "input"), LONGEST)
+        return found or self._scalars(types, ("local",), LONGEST)[:LONGEST]
+
+    def _scalars(self, types: Collection[str], causalities: Collection[str], longest: float) -> list[str]:
+        return [
+            name
+            for entry in self.variables.entries.values()
+            if entry.like.type in types and entry.like.causality in causalities and entry.size <= longest
+            for name in entry.names()
+        ]
+
+    @property
+    def next_event_time(self) -> Scalar | None:
+        """The variable with the next instant [s] at which outputs jump, or the greatest double if none comes.
+
+        FMUs of ours have it where the component has such instants; the name is reserved there.  None: it has none.
+        """
+        found = self.variables.entries.get("next_event_time")
+        if not isinstance(found, Scalar):
+            return None
+        marked = (found.type, found.causality, found.continuous, found.unit) == ("Real", "local", False, "s")
+        return found if marked else None
+
+    def references_of(self, causality: str) -> list[int]:
+        """Value references of the real variables, or whole arrays, of this causality."""
+        found = (entry.like for entry in self.variables.entries.values())
+        return [like.reference for like in found if like.causality == causality and like.type == "Real"]
+
+    def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
+        """Whether an output depends directly on an input, while stepping or in initialization."""
+        variable = self.variables[output]
+        known = (self._initial if initially else self._outputs).get(variable.index)
+        return known is None or self.variables[input_].index in known
+
+    def unknown(self, name: str, *others: str) -> str:
+        """What to say of a variable that does not exist; ``others`` are names that would have done, too."""
+        base, index = split(name)
+        if base in self.arrays:
+            shape = self.arrays[base]
+            bounds = f"{base}[{','.join('1' * len(shape))}] to {base}[{','.join(map(str, shape))}]"
+            return f"{self.path.name} has no variable {name!r}; the array has {bounds}"
+        entries = self.variables.entries
+        known = [f"{other}{name[len(base) :]}" if index and other in self.arrays else other for other in entries]
+        return f"{self.path.name} has no variable {name!r}{suggestion(name, [*known, *others])}"
+
+
+def read(path: Path | str, sizes: Mapping[str, int] | None = None) -> Fmu:
+    """Read the description inside an FMU file; a file that has not changed is read once.
+
+    :param sizes: structural parameters that get other values, so that arrays have other shapes.
+    :raises SimulationError: if the file is missing, truncated, too big, no FMU, of another FMI version or kind, has
+        no binary for this platform, or a model description that contradicts itself.
+    """
+    path = Path(path)
+    status = plain_file(path)
+    return _read(path, tuple((sizes or {}).items()), status.st_mtime_ns, status.st_size, status.st_ino)
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, sizes: tuple[tuple[str, int], ...], *_identity: int) -> Fmu:
+    with Archive(path) as archive:
+        if DESCRIPTION not in archive.names:
+            raise SimulationError(f"{path}: has no {DESCRIPTION} inside, so it is no FMU")
+        with archive.open(DESCRIPTION) as file:
+            try:
+                return _fmu(path, archive, parse(file, dict(sizes)))
+            except ValueError as error:
+                reason = " ".join(str(error).split())
+                raise SimulationError(f"{path}: its {DESCRIPTION} cannot be read: {reason}") from error
+
+
+def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
+    root, kinds = description.root, description.kinds
+    version = root["fmiVersion"]
+    if version[:2] not in {"2.", "3."}:
+        raise SimulationError(f"{path}: FMI {version}; only FMUs of FMI 2.0 and 3.0 can be simulated")
+    name = next((name for name in ("CoSimulation", "ModelExchange") if name in kinds), None)
+    if name is None:
+        words = "made for scheduled execution only" if kinds else "made for no kind of simulation"
+        raise SimulationError(f"{path}: {words}; export it for co-simulation or model exchange")
+    kind, is_model_exchange, two = kinds[name], name == "ModelExchange", version.startswith("2.")
+    needed = ("modelName", "guid" if two else "instantiationToken")
+    for attribute in needed:
+        if attribute not in root:
+            raise ValueError(f"fmiModelDescription has no {attribute!r}")
+    if "modelIdentifier" not in kind:
+        raise ValueError(f"{name} has no 'modelIdentifier'")
+    initial = description.outputs | description.initial_unknowns
+    initial |= dict.fromkeys(description.exact, frozenset[int]())
+    return Fmu(
+        path=path,
+        version=2 if two else 3,
+        is_model_exchange=is_model_exchange,
+        states=description.states,
+        indicators=int(root.get("numberOfEventIndicators") or 0),
+        completes=_true(kind, "completedIntegratorStepNotNeeded" if two else "needsCompletedIntegratorStep") != two,
+        model_name=root["modelName"],
+        identifier=kind["modelIdentifier"],
+        guid=root[needed[1]],
+        binary=_binary(path, archive, kind["modelIdentifier"], two=two),
+        variable_step=is_model_exchange or _true(kind, "canHandleVariableCommunicationStepSize"),
+        can_get_and_set_state=_true(kind, "canGetAndSetFMUstate" if two else "canGetAndSetFMUState"),
+        provides_directional_derivatives=_true(
+            kind, "providesDirectionalDerivative" if two else "providesDirectionalDerivatives"
+        ),
+        input_derivatives=is_model_exchange or (two and _true(kind, "canInterpolateInputs")),
+        inside_inputs=not two and _true(kind, "providesIntermediateUpdate") and not description.fixed_inputs,
+        output_derivative_order=1 if is_model_exchange else int(kind.get("maxOutputDerivativeOrder", 0)),
+        only_one=_true(kind, "canBeInstantiatedOnlyOncePerProcess"),
+        unpacked=archive.size,
+        log_categories=tuple(description.log_categories),
+        experiment=_experiment(description.experiment),
+        variables=description.variables,
+        units=description.units,
+        _outputs=description.outputs,
+        _initial=initial,
+    )
+
+
+def _true(attributes: Mapping[str, str], name: str) -> bool:
+    return attributes.get(name, "false") in {"true", "1"}
+
+
+def _experiment(attributes: Mapping[str, str]) -> DefaultExperiment:
+    try:
+        texts = (attributes.get(name) for name in ("startTime", "stopTime", "stepSize", "tolerance"))
+        given = DefaultExperiment(*(None if text is None else float(text) for text in texts))
+    except ValueError as error:
+        raise ValueError(f"DefaultExperiment: {error}") from None
+    start = given.start_time if given.start_time and math.isfinite(given.start_time) else None
+    stop_time, step_size = usable(start or 0.0, given.stop_time, given.step_size)
+    tolerance = given.tolerance if given.tolerance and 0 < given.tolerance < math.inf else None
+    return DefaultExperiment(start, stop_time, step_size, tolerance)
+
+
+def usable(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
+    """Stop time and step size of a default experiment; None for those with which nothing can be simulated.
+
+    Its maker may have left them at whatever they were; whoever simulates gives others then.
+    """
+    if step is not None and not 0 < step < math.inf:
+        step = None
+    if stop is not None and not start < stop < math.inf:
+        stop = None
+    if stop is not None and step is not None and not (stop - start) / step <= _MOST_STEPS:
+        return None, None
+    return stop, step
+
+
+_MOST_STEPS = 1e12
+
+
+def _binary(path: Path, archive: Archive, identifier: str, *, two: bool) -> str:
+    """Where this platform's library lies in the archive: FMI 2.0's folder names, or the tuples of 2.0.4 and 3.0."""
+    files, library = archive.names, identifier + fmpy.sharedLibraryExtension
+    folders = [fmpy.platform_tuple]
+    if two and (fmpy.architecture.startswith("x86") or fmpy.system == "darwin"):  # fmpy.platform says linux64 on ARM
+        folders.append(fmpy.platform)
+    for folder in folders:
+        if f"binaries/{folder}/{library}" in files:
+            return f"binaries/{folder}/{library}"
+    members = sorted({*files, *archive.folders})
+    inside = {name.split("/")[1] for name in members if name.startswith("binaries/") and name.count("/") > 1}
+    empty = {folder for folder in inside if not any(name.startswith(f"binaries/{folder}/") for name in files)}
+    lacking = inside.intersection(folders) - empty
+    words = dict.fromkeys(empty, " (empty)") | dict.fromkeys(lacking, f" (without {library})")
+    found = ", ".join(folder + words.get(folder, "") for folder in sorted(inside)) or "none"
+    sources = any(name.startswith("sources/") and name.endswith(".c") for name in files)
+    raise SimulationError(
+        f"{path}: no binary for this platform (binaries/{folders[-1]}/{library}); inside are: "
+        f"{found}; {'compile its sources here' if sources else 'export it for this platform'}"
+        " (own components: 'liaisons build')"
+    )

@@ -1,0 +1,145 @@
+"""Start values as an FMU takes them: right names, types, lengths."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from liaisons.arguments import shown
+from liaisons.array_names import offset, split
+from liaisons.cosim.description.fmu import Fmu
+from liaisons.cosim.description.variables import Array, Scalar, VariableType
+from liaisons.errors import SimulationError, suggestion
+
+Start = float | int | bool | str
+Value = Start | tuple[Start, ...]
+"""A start value; of an array, one an element."""
+
+
+def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, Value]:
+    """Start values as the types that their variables take.
+
+    An array takes one number for all its elements, or one for each, in their shape; its elements can be given one by
+    one, too, and stand beside or within it then: what is named later counts.
+
+    :param owner: name of the component, for messages.
+    :returns: by name of a scalar or of a whole array; an array of FMI 3.0 is always whole.
+    :raises SimulationError: if there is no such variable, it cannot be set, or the value is of the wrong type, of the
+        wrong length, or not finite.
+    """
+    values: dict[str, Value] = {}
+    for name, given in starts.items():
+        if name in fmu.arrays:
+            values |= {name: _array_value(owner, fmu, name, given)}
+            continue
+        value = _scalar_value(owner, fmu, name, given)
+        variable = fmu.variables[name]
+        if variable.structural and variable.type == "Integer" and value != int(variable.start or 0):
+            raise SimulationError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
+        base, index = split(name)
+        entry = fmu.variables.entries.get(base)
+        if index is None or not isinstance(entry, Array) or not (entry.whole or base in values):
+            values[name] = value
+            continue
+        whole = values.get(base) or _array_value(owner, fmu, base, _own_starts(entry))
+        place = offset(index, entry.shape)
+        assert isinstance(whole, tuple)
+        assert place is not None
+        values[base] = (*whole[:place], value, *whole[place + 1 :])
+    return values
+
+
+def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, int]:
+    """What among the start values changes the sizes of arrays.
+
+    :raises SimulationError: if it cannot be set, or the value is none.
+    """
+    known = {name: entry.like for name in starts if (entry := fmu.variables.entries.get(name))}
+    changed = [name for name, like in known.items() if like.structural and like.type == "Integer"]
+    return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed if name not in fmu.arrays}
+
+
+def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
+    if name not in fmu.variables:
+        raise SimulationError(f"{owner}: {fmu.unknown(name)}")
+    variable = fmu.variables[name]
+    _check_settable(owner, fmu, variable, name, value)
+    return _converted(f"{owner}.{name} = {shown(value)}", variable, value)
+
+
+def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> tuple[Start, ...]:
+    entry = fmu.variables.entries[name]
+    assert isinstance(entry, Array)
+    _check_settable(owner, fmu, entry.like, name, given)
+    label = f"{owner}.{name} = {shown(given)}"
+    elements = np.asarray(given, dtype=object)  # as they are: NumPy would make strings of numbers beside a string
+    if elements.ndim == 0:
+        return (_converted(label, entry.like, elements.item()),) * entry.size
+    if elements.shape != entry.shape:
+        received = "×".join(map(str, elements.shape))
+        raise SimulationError(
+            f"{label}: {received} values, but the array has {'×'.join(map(str, entry.shape))}; give one an element, "
+            "or one number for all"
+        )
+    return tuple(
+        _converted(f"{owner}.{name}[{index}] = {value!r}", entry.like, value)
+        for index, value in enumerate(elements.reshape(-1).tolist(), start=1)
+    )
+
+
+def _own_starts(entry: Array) -> Any:
+    """The start values of an array in the model description, 0 where it gives none."""
+    texts = [text or "0" for text in entry.starts] or ["0"]
+    read_as = {"Real": float, "Integer": int, "Enumeration": int, "Boolean": lambda text: text in {"true", "1"}}
+    try:
+        own = [read_as.get(entry.like.type, str)(text) for text in texts]
+    except ValueError as error:
+        raise SimulationError(f"{entry.like.name}: a start value in the model description is none: {error}") from None
+    return own[0] if len(own) == 1 else np.reshape(own, entry.shape)
+
+
+def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: object) -> None:
+    if variable.settable:
+        return
+    settable = [n for n, entry in fmu.variables.entries.items() if entry.like.settable]
+    why = "is fixed" if variable.structural else "is calculated"
+    raise SimulationError(
+        f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"
+        f"{suggestion(name, settable)}"
+    )
+
+
+def _converted(label: str, variable: Scalar, value: Any) -> Start:
+    kind = variable.type
+    if kind not in _TAKES:
+        raise SimulationError(f"{label}: {kind} variables cannot be set here")
+    takes, convert, words = _TAKES[kind]
+    if not isinstance(value, takes) or (isinstance(value, bool) and takes is not bool):
+        raise SimulationError(f"{label}: expected {words}, got {type(value).__name__}")
+    if kind == "Real" and not math.isfinite(value):
+        raise SimulationError(f"{label}: expected a finite number")
+    if takes is numbers.Integral:
+        least, most = RANGES[variable.base]
+        if not least <= value <= most:
+            raise SimulationError(f"{label}: outside {variable.base}, {least} to {most}")
+    return convert(value)
+
+
+_TAKES: dict[VariableType, tuple[type, type, str]] = {
+    "Real": (numbers.Real, float, "a number"),
+    "Integer": (numbers.Integral, int, "an integer"),
+    "Enumeration": (numbers.Integral, int, "an integer"),
+    "Boolean": (bool, bool, "True or False"),
+    "String": (str, str, "a string"),
+}
+
+RANGES = {
+    "Integer": (-(2**31), 2**31 - 1),
+    **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
+"""Smallest and largest value of integers, by the type in the names of FMI's functions."""

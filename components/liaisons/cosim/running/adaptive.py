@@ -1,0 +1,242 @@
+"""Communication steps of adapted size, taken back where their error is too large.
+
+* ``error_tolerance``: one step of H beside two of H/2 tells the error; then the two are kept.  Step doubling (Hairer,
+  Norsett, Wanner, Solving ODEs I, II.4): if the error of a step is C H^(p+1), the results differ by (2^p - 1) times the
+  error of the two.
+* no ``step_size``: between any two communication points as many equal steps as the estimate of their error asks for
+  (:mod:`liaisons.cosim.running.estimate`), which costs no step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.implicit import Coupled
+from liaisons.cosim.coupling.signals import Vector
+from liaisons.cosim.instances import Instance
+from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.inside import Inside
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.sources import rounding
+from liaisons.errors import RefusedError
+
+_SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
+_FIRST, _MOST = 4, 1000
+"""Steps between two communication points: at the begin, and at most."""
+_MEMORY = 5
+"""Points that are kept for the estimate."""
+_SHORTEST = 1e-12
+"""A step of this part of the whole time or less cannot be meant."""
+
+
+class Point(NamedTuple):
+    """A communication point [s].
+
+    :param values: what is on the bus there.
+    :param called: its time in the result [s]; None: it does not belong there.
+    :param begins: it is a break, with what is right of it.
+    :param error: that was added since the last one in the result, if it is known.
+    """
+
+    time: float
+    values: Vector
+    called: float | None
+    begins: bool = False
+    error: float | None = None
+
+
+@final
+@dataclass(frozen=True)
+class Stepper:
+    """What makes steps of adapted size.
+
+    :param calls: those of a communication step.
+    :param coupled: the coupling, if it remembers earlier steps.
+    :param cross: makes the tiny step from one instant to another, a break [s]; returns what is on the bus then.
+    """
+
+    simulation: Simulation
+    instances: Mapping[str, Instance]
+    bus: Bus
+    calls: Iterable[Call]
+    coupled: Coupled | None
+    breaks: Breaks
+    inside: Inside
+    cross: Callable[[float, float], Vector]
+
+    def step(self, start: float, stop: float) -> Vector:
+        """Step from one instant to another [s]; returns what is on the bus then."""
+        self.bus.turn(start, stop)
+        self.inside.look(start, stop, locate=False)
+        self.bus.perform(self.calls)
+        return self.bus.values.copy()
+
+    def keep(self) -> Callable[[], None]:
+        """What takes everything back to the present state."""
+        values, coupled = self.bus.values.copy(), self.coupled
+        snapshot = None if coupled is None else coupled.snapshot()
+
+        def go_back() -> None:
+            self.bus.perform(can_get_and_set_state)
+            self.bus.values[:] = values
+            if coupled is not None and snapshot is not None:
+                coupled.rewind(snapshot)
+
+        saves, can_get_and_set_state = self._states
+        self.bus.perform(saves)
+        return go_back
+
+    @cached_property
+    def _states(self) -> tuple[Sequence[Call], Sequence[Call]]:
+        saves, can_get_and_set_state = zip(*(instance.states() for instance in self.instances.values()), strict=True)
+        return saves, can_get_and_set_state
+
+    def until(self, now: float, end: float, size: float) -> float | None:
+        """How far steps of some size lead at most, to the end or shortly before a break [s].
+
+        :returns: None where the break is so near that it is to be crossed.
+        """
+        while True:
+            stop, tiny = end, gap(now, size)
+            if self.breaks.next <= end + rounding(end):
+                stop = self.breaks.next - tiny
+                if stop - now <= tiny:
+                    return None
+            if (found := self.inside.look(now, stop)) == math.inf:
+                return stop
+            self.breaks.insert(found)
+
+
+def adapted(stepper: Stepper) -> Iterator[Point]:
+    """Steps whose error stays below the tolerance, relative to the largest value of the signal's unit so far.
+
+    What is connected or recorded counts.
+
+    :returns: communication points after the begin.
+    :raises RefusedError: if even the smallest step fails, or its error is too large.
+    """
+    simulation, bus, coupled = stepper.simulation, stepper.bus, stepper.coupled
+    tolerance = simulation.error_tolerance
+    assert tolerance is not None
+    order = 1 if coupled is None else coupled.order  # p, the error of a step being of order p + 1 in its size
+    numbers = kinds(simulation, bus)
+    sizes = np.zeros(int(numbers.max(initial=-1)) + 1)
+    now, first, end = simulation.times
+    size, shortest = min(first - now, end - now), _SHORTEST * (end - now)
+    while now < end:
+        np.maximum.at(sizes, numbers, np.abs(bus.values[: len(numbers)]))
+        wanted = end if end - now <= size * (1 + 1e-9) else now + size
+        then = stepper.until(now, wanted, size)
+        if then is None:
+            point = _crossed(stepper, now, end)
+            now = end if point.called == end else point.time
+            yield point._replace(called=now)
+            continue
+        middle = (now + then) / 2
+        go_back = stepper.keep()
+        try:
+            whole = stepper.step(now, then)
+            go_back()
+            half, last = stepper.step(now, middle), stepper.step(middle, then)
+            scales = np.where(sizes > 0, sizes, 1.0)[numbers]
+            off = np.abs(last - whole)[: len(numbers)]
+            error = float(np.max(off / scales, initial=0.0)) / (2**order - 1) / tolerance
+            reason = f"the error of a step of {then - now:.3g} s is {error:.3g} times error_tolerance"
+        except RefusedError as failure:
+            half = last = bus.values
+            error, reason = np.inf, str(failure)
+        factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / (order + 1)), _SMALLEST_FACTOR), _LARGEST_FACTOR)
+        size = max((then - now) * factor, size if error <= 1 and then < wanted else 0.0)
+        if error <= 1:
+            yield Point(middle, half, middle)
+            yield Point(then, last, then if then == wanted else None)
+            now = then
+        elif size > shortest:
+            go_back()
+        else:
+            raise RefusedError(f"no step from t = {now:.10g} s is small enough: {reason}")
+
+
+def _crossed(stepper: Stepper, now: float, end: float) -> Point:
+    """The next break; it is in the result if it is the end [s]."""
+    then = stepper.breaks.next
+    called = end if then >= end - rounding(end) else None
+    then = then if called is None else max(then, end)
+    return Point(then, stepper.cross(now, then).copy(), called, begins=True)
+
+
+def divided(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
+    """Steps between the communication points, so short that their estimated errors add up to less than the tolerance.
+
+    :returns: communication points after the begin.
+    :raises RefusedError: if even the smallest steps fail.
+    """
+    times = stepper.simulation.times
+    points, now, count = [Point(times[0], stepper.bus.values.copy(), None)], times[0], _FIRST
+    for start, end in pairwise(times):
+        error = 0.0
+        while now < end:
+            then = stepper.until(now, end, end - start)
+            if then is None:
+                point = _crossed(stepper, now, end)
+                now, count = end if point.called else point.time, max(count, _FIRST)
+                points = [point]
+                yield point._replace(error=error if point.called else None)
+                continue
+            if len(points) == 1:
+                count = max(count, 2)  # of one step alone there is no estimate
+            added, more, factor = _divided(stepper, estimate, points, then, count)
+            error, now = error + added, then
+            points = [*points, *more][-_MEMORY:]
+            count = max(1, math.ceil(len(more) * max(factor, 0.5)))
+            yield more[-1]._replace(called=then, error=error) if then == end else more[-1]
+
+
+def _divided(
+    stepper: Stepper, estimate: Estimate, points: Sequence[Point], then: float, count: int
+) -> tuple[float, list[Point], float]:
+    """Steps to an instant [s].
+
+    :param points: those since the last break, or the last few of them.
+    :param count: how many steps to try first.
+    :returns: the sum of their errors, their ends, and by what factor their number should grow.
+    """
+    now, known, go_back = points[-1].time, estimate.snapshot(), stepper.keep()
+    while True:
+        instants = [*(now + (then - now) * k / count for k in range(1, count)), then]
+        try:
+            ends = [Point(there, stepper.step(here, there), None) for here, there in pairwise((now, *instants))]
+            rows, times = (np.array([point[k] for point in (*points, *ends)]) for k in (1, 0))
+            error = float(np.sum(estimate.latest(rows, times, count)))
+        except RefusedError:
+            if count > _MOST:
+                raise
+            ends, error = [], np.inf
+        factor = (max(error, 1e-30) / stepper.simulation.step_tolerance) ** (1 / 4) / _SAFETY
+        if ends and (factor <= 1 / _SAFETY or count > _MOST):
+            return error, ends, factor
+        count = min(max(math.ceil(count * min(factor, 4.0)), count + 1), 2 * _MOST)
+        go_back()
+        estimate.rewind(known)
+
+
+def kinds(simulation: Simulation, bus: Bus) -> NDArray[np.intp]:
+    """What is on the bus, numbered by its unit; what is no Real or a function of time is compared with itself only."""
+    variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
+
+    def kind(name: str, variable: str) -> str:
+        found = variables[name][variable] if name in variables else None
+        return found.unit if found is not None and found.type == "Real" else f"{name}.{variable}"
+
+    return np.unique([kind(*place) for place in bus.index], return_inverse=True)[1]

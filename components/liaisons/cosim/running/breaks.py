@@ -1,0 +1,70 @@
+"""Instants at which what feeds an input jumps, or one of its first two derivatives does: a run steps up to them.
+
+FMUs announce them by a variable, functions of time by their ``breaks``.  Between two of them, in a *piece*, every
+signal is smooth, so that no polynomial leads across one.  A communication step ends shortly before a break; a tiny one,
+in which every input goes on as it was known, leads to it, and there the next piece begins with the limits from the
+right.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from ctypes import c_double
+from typing import final
+
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.instances import Instance
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.sources import rounding
+
+_NEVER = 1e300
+"""FMUs say so by the largest number that there is [s]."""
+_SHORT = 1e-9
+"""Of a communication step: the tiny step to a break."""
+
+
+@final
+class Breaks:
+    """The breaks of a simulation, one after the other.
+
+    :ivar divides: whether steps can be divided: all FMUs take steps of any size.
+    :ivar next: the first one after those that were passed [s]; infinite if there is none.
+    """
+
+    def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
+        self.divides = all(part.fmu.variable_step for part in simulation.parts.values())
+        sources = {name for name, _ in simulation.feeds.values()} if self.divides else set()
+        announced = {name: part.fmu.next_event_time for name, part in simulation.parts.items() if name in sources}
+        variables = {name: variable for name, variable in announced.items() if variable is not None}
+        self._bus = bus
+        self._numbers = [(c_double * 1)() for _ in variables]
+        self._calls: list[Call] = [
+            instances[name].getter([variable], number)
+            for (name, variable), number in zip(variables.items(), self._numbers, strict=True)
+        ]
+        self._drives = simulation.drives
+        self.next = math.inf
+
+    def begin_piece(self, time: float) -> None:
+        """From an instant [s] on, functions of time have their limits from the right there."""
+        for drive in self._drives:
+            drive.begin(time)
+
+    def insert(self, instant: float) -> None:
+        """Take an instant [s], before the next break, for one."""
+        self.next = instant
+
+    def look(self, time: float) -> None:
+        """Find the next one after an instant [s], at which all FMUs are."""
+        self._bus.perform(self._calls)
+        instants = [number[0] for number in self._numbers]
+        if self.divides:
+            instants += [instant for drive in self._drives if (instant := drive.next_break(time)) is not None]
+        self.next = min((t for t in instants if time + rounding(time) < t < _NEVER), default=math.inf)
+
+
+def gap(time: float, size: float) -> float:
+    """How long the tiny step to a break is, where others have a size [s]."""
+    return max(_SHORT * size, 10 * rounding(time))

@@ -1,0 +1,310 @@
+"""What coupling costs: the error that each step adds, estimated from the points that were recorded.
+
+Within a step an input follows a polynomial, and the next divided difference, with the point before the step, says how
+far what feeds it leaves that: the remainder of Hermite interpolation (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
+What this does to the motion follows from ∂(acceleration)/∂(input), M eq. 50, by integrating over the step, once and
+twice.  No FMU is asked for anything but these derivatives, which Newton's method has anyway, or which are taken once,
+at the begin.  Where there are none, an input that is off by some part is taken to spoil that part of what its FMU does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import floor, gamma, log10
+from typing import Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.coupling.polynomials import coefficients
+from liaisons.cosim.messages import logger
+from liaisons.cosim.structure.schedule import VariableReference
+
+Vector = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+Integrals = tuple[Vector, Vector]
+
+ALLOWED = 1e-4
+"""A step that adds a larger error, relative to the size of the signal, is warned of."""
+_NUMBERS = 60_000
+"""So many are looked at together."""
+_BACK = 4
+"""Points before a step that are looked at."""
+_SUDDEN = 1 / 50
+"""A step shorter by this factor says nothing of its neighbour: rounding is all there is."""
+_SAFETY = 0.8
+
+Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest", "stairs"]
+"""Through data at both ends; a cubic through the end and points before; a polynomial of either degree, whose integrals
+are the data; from the begin; the mean of both ends; the end; the begin.
+"""
+
+
+@final
+@dataclass(frozen=True)
+class InputReconstruction:
+    """What an input follows over a step.
+
+    :param name: of the connection.
+    :param given: column of the input; ``data`` those of value, first and second derivative, as far as used.
+    :param order: which derivative of the data the input is.
+    :param effects: column of ∂(acceleration)/∂(input), and those of the rate and the value of that acceleration.
+    :param answers: columns of what its FMU gives, where there are no effects.
+    """
+
+    name: str
+    given: int
+    data: tuple[int, ...]
+    order: int
+    shape: Shape
+    effects: tuple[tuple[int, int, int], ...]
+    answers: tuple[int, ...]
+
+    @property
+    def power(self) -> int:
+        """Of H, in the error of a step."""
+        count = len(self.data)
+        whole = {"hermite": 2 * count + 1, "points": 5, "quintic": 7, "cubic": 5, "taylor": count - self.order + 1}
+        return whole.get(self.shape, 3 if self.shape == "mean" else 2)
+
+
+@final
+@dataclass(frozen=True)
+class Worst:
+    """The largest error of a step: when [s], whose signal, what made it, and which power of the step's size [s]."""
+
+    error: float
+    time: float
+    signal: str
+    connection: str
+    size: float
+    power: int
+
+    def warn(self, total: float) -> None:
+        """Say so, if it is too large, or those of all steps add up to too much."""
+        if not max(self.error, total) > ALLOWED:
+            return
+        one = f"coupling error {self.error:.2g} of {self.signal} at t = {self.time:.6g} s"
+        words = one if self.error > ALLOWED else f"coupling errors add up to {total:.2g}, the largest is: {one}"
+        logger.warning(
+            "%s: %s is handed over too rarely by steps of %.3g s; a step_size of %.1g s would do",
+            words,
+            self.connection,
+            self.size,
+            self._enough(total),
+        )
+
+    def _enough(self, total: float) -> float:
+        """A step [s] that would do, one digit: of shorter steps there are more."""
+        enough = _SAFETY * self.size * (ALLOWED / max(self.error, total)) ** (1 / (self.power - 1))
+        digit = 10.0 ** floor(log10(enough))
+        return floor(enough / digit) * digit
+
+
+@final
+class Estimate:
+    """Errors of communication steps by what was on the bus at their ends.
+
+    :param followed: what inputs follow.
+    :param columns: what is on the bus, and where.
+    :param kinds: what of it is compared with what, shape (width,).
+    """
+
+    def __init__(
+        self, followed: Iterable[InputReconstruction], columns: Mapping[VariableReference, int], kinds: Indices
+    ) -> None:
+        alike: dict[tuple[Shape, int, int], list[InputReconstruction]] = {}
+        for item in followed:
+            alike.setdefault((item.shape, len(item.data), item.order), []).append(item)
+        self._alike = [(key, np.array([(item.given, *item.data) for item in items])) for key, items in alike.items()]
+        self._followed = [item for items in alike.values() for item in items]
+        self._names = {column: ".".join(place) for place, column in columns.items()}
+        effects = sorted(effect for k, item in enumerate(self._followed) for effect in _effects(k, item))
+        targets, self._of, gains, once = np.array(effects, dtype=np.intp).reshape(-1, 4).T
+        self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
+        self._targets, self._starts = np.unique(targets, return_index=True)
+        self._of_kind = [np.flatnonzero(kinds[self._targets] == kind) for kind in np.unique(kinds[self._targets])]
+        self._answers = [np.array(self._followed[self._of[j]].answers, dtype=np.intp) for j in self._blind]
+        self.reset(np.empty(0))
+
+    def reset(self, constants: Vector) -> None:
+        """Forget everything.
+
+        :param constants: derivatives that stay, which stand behind the bus.
+        """
+        self._constants = constants
+        self._sizes = np.zeros(len(self._of_kind))
+        self.worst: Worst | None = None
+
+    @property
+    def looks(self) -> bool:
+        """Whether there is anything to estimate."""
+        return len(self._targets) > 0
+
+    def __call__(self, rows: Vector, times: Vector, begins: Sequence[int] = ()) -> Vector:
+        """The error that each step has added, relative to the largest value of the signal's unit so far.
+
+        :param rows: what was on the bus, shape (points, width).
+        :param begins: points at which, after a break, a smooth piece begins.
+        :returns: shape (points,); 0 for the first of each piece, not a number for one whose only step has no neighbour.
+        """
+        errors = np.zeros(len(times))
+        if not self.looks:
+            return errors
+        block = max(_BACK, _NUMBERS // rows.shape[1])
+        crossing = np.zeros(len(times), dtype=bool)
+        crossing[list(begins)] = True
+        for first in range(1, len(times), block):
+            begin, end = max(first - _BACK, 0), min(first + block, len(times))
+            signals = np.ascontiguousarray(rows[begin:end].T)
+            ends = crossing[begin + 1 : end]
+            errors[first:end] = self._of_block(signals, times[begin:end], first - begin, ends)
+        return errors
+
+    def latest(self, rows: Vector, times: Vector, count: int) -> Vector:
+        """Errors of the last steps.
+
+        :param count: how many; what comes before is known already, or the begin of a piece.
+        """
+        if not self.looks:
+            return np.zeros(count)
+        return self._of_block(np.ascontiguousarray(rows.T), times, len(times) - count, np.zeros(len(times) - 1, bool))
+
+    def snapshot(self) -> tuple[Vector, Worst | None]:
+        """What :meth:`rewind` needs."""
+        return self._sizes.copy(), self.worst
+
+    def rewind(self, snapshot: tuple[Vector, Worst | None]) -> None:
+        """Forget what was since the snapshot."""
+        self._sizes[:], self.worst = snapshot
+
+    def _of_block(self, signals: Vector, times: Vector, first: int, crossing: Flags) -> Vector:
+        """The same of a few steps, from the one that ends at the point ``first`` on.
+
+        :param signals: shape (width, points).
+        :param crossing: which of the steps are the tiny ones to a break.
+        """
+        steps = np.diff(times)
+        scales = np.abs(signals[self._targets])
+        for k, targets in enumerate(self._of_kind):
+            largest = np.maximum(np.maximum.accumulate(scales[targets].max(axis=0)), self._sizes[k])
+            self._sizes[k] = largest[-1]
+            scales[targets] = np.where(largest > 0, largest, 1.0)
+        integrals = [_integrals(key, of, signals, steps, crossing) for key, of in self._alike]
+        once, twice = (np.concatenate([both[k] for both in integrals]) for k in range(2))
+        added = np.where(self._once[:, None], once[self._of], twice[self._of])
+        recorded, behind = self._gains < len(signals), self._gains >= len(signals)
+        recorded[self._blind] = False
+        added[recorded] *= signals[self._gains[recorded], 1:]
+        added[behind] *= self._constants[self._gains[behind] - len(signals), None]
+        for j, answers in zip(self._blind, self._answers, strict=True):
+            largest = np.abs(signals[answers]).max(axis=1, keepdims=True)
+            changes = np.abs(np.diff(signals[answers], axis=1)) / np.where(largest > 0, largest, 1.0)
+            changes[:, :1] = changes[:, 1:2] if len(steps) > 1 else changes  # it may begin with mere start values
+            added[j] *= changes.max(axis=0, initial=0.0) / steps
+        totals = np.abs(np.add.reduceat(added, self._starts, axis=0)) / scales[:, 1:]
+        totals[:, crossing] = 0.0
+        errors = totals.max(axis=0)
+        latest = first - 1 + int(np.argmax(np.nan_to_num(errors[first - 1 :])))
+        if errors[latest] > (self.worst.error if self.worst else 0.0):
+            self._note(added[:, latest], totals[:, latest], float(times[latest + 1]), float(steps[latest]))
+        return errors[first - 1 :]
+
+    def _note(self, added: Vector, totals: Vector, time: float, size: float) -> None:
+        target = int(np.argmax(totals))
+        start, end = (*self._starts, len(added))[target : target + 2]
+        item = self._followed[self._of[start + int(np.argmax(np.abs(added[start:end])))]]
+        signal = self._names[int(self._targets[target])]
+        self.worst = Worst(float(totals[target]), time, signal, item.name, size, item.power)
+
+
+def _effects(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:
+    """Column of what an input spoils, input, column of the derivative (-1: unknown), whether integrated once."""
+    if not item.effects:
+        yield item.given, k, -1, 1
+    smooth = item.shape in {"hermite", "quintic"}
+    for gain, rate, value in item.effects:
+        if rate >= 0 and (item.order == 0 or (item.order == 1 and not smooth)):
+            yield rate, k, gain, 1
+        if value >= 0 and (item.order < 2 or not smooth):
+            yield value, k, gain, 0
+
+
+def _integrals(
+    key: tuple[Shape, int, int], columns: Indices, signals: Vector, steps: Vector, crossing: Flags
+) -> Integrals:
+    """∫ e and ∫ (t + H - τ) e over each step, e by what inputs are off, shape (inputs, steps) each."""
+    shape, count, order = key
+    data = signals[columns[:, 1:].T]  # (count, inputs, points)
+    change = np.diff(data[0])
+    if shape in {"hermite", "quintic", "cubic"}:
+        once, twice = _hermite(data, steps, crossing) if shape == "hermite" else data[:2, :, 1:]
+        return (once, twice) if order == 0 else (once, once)
+    if shape == "points":
+        once = _points_of_pieces(data[0], steps, crossing)
+        return once, once * steps / 2
+    if shape == "taylor":
+        power = count - order
+        parabola = sum(data[order + j, :, :-1] * (steps**j / gamma(j + 1)) for j in range(power))
+        late, off = data[order, :, :-1] - signals[columns[:, 0], :-1], data[order, :, 1:] - parabola
+        return steps * (late + off / (power + 1)), steps**2 * (late / 2 + off / ((power + 1) * (power + 2)))
+    if shape == "mean":
+        once, _ = _hermite(data, steps, crossing)
+        return once, once * steps / 2 - steps**2 * change / 12
+    sign = 1 if shape == "stairs" else -1  # where in the step it has jumped is not known
+    return sign * steps * change / 2, sign * steps**2 * change / 3
+
+
+def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
+    """By the polynomial through value, and slope, at the point before the step, or after it, too."""
+    m, many = len(data), len(steps)
+    sizes = np.concatenate([[0.0], np.where(crossing, 0.0, steps), [0.0]])  # 0: on the other side of a break
+    before, after = sizes[:-2] / steps, sizes[2:] / steps
+    earlier = (before >= _SUDDEN) | (before >= after)
+    unknown = (before == 0) & (after == 0)
+    point = np.where(unknown, np.arange(many), np.arange(many) + np.where(earlier, -1, 2))
+    x = np.where(unknown, -1.0, np.where(earlier, -before, 1 + after))  # where that is, in steps from the begin
+    scales = steps ** np.arange(m)[:, None]
+    ends = [data[k, :, end : end + many] * scales[k] for end in (0, 1) for k in range(m)]
+    powers = x ** np.arange(2 * m)[:, None]
+    slopes = np.arange(1, 2 * m)[:, None] * powers[:-1]
+    at, weight = coefficients(m), (x * (x - 1)) ** m
+    value = sum(values * (row @ powers) for row, values in zip(at.T, ends, strict=True))
+    first = (data[0, :, point].T - value) / weight
+    second = np.zeros_like(first)
+    if m > 1:
+        slope = sum(values * (row[1:] @ slopes) for row, values in zip(at.T, ends, strict=True))
+        tilt = m * (x * (x - 1)) ** (m - 1) * (2 * x - 1)
+        second = (data[1, :, point].T * scales[1] - slope - tilt * first) / weight
+    bulge = (-1) ** m * gamma(m + 1) ** 2 / gamma(2 * m + 2)
+    once = steps * bulge * (first + second * (1 / 2 - x))
+    twice = steps**2 * bulge * ((first - second * x) / 2 + second * (m + 1) / (4 * m + 6))
+    once[:, unknown] = twice[:, unknown] = np.nan
+    return once, twice
+
+
+def _points_of_pieces(values: Vector, steps: Vector, crossing: Flags) -> Vector:
+    """The same of what is followed by points, piece by piece."""
+    once = np.zeros((len(values), len(steps)))
+    for first, end in pairwise((-1, *np.flatnonzero(crossing), len(steps))):
+        if end > first + 1:
+            once[:, first + 1 : end] = _points(values[:, first + 1 : end + 1], steps[first + 1 : end])
+    return once
+
+
+def _points(values: Vector, steps: Vector) -> Vector:
+    """By the polynomial through one more point before the step; at the begin, by the first that there is."""
+    differences = [values]
+    for order in range(1, min(_BACK, len(steps)) + 1):
+        spans = sum(steps[k : len(steps) - order + 1 + k] for k in range(order))
+        differences.append(np.diff(differences[-1]) / spans)
+    highest = len(differences) - 1
+    if highest < _BACK:  # a polynomial that does without: of it, all is off
+        return np.abs(differences[-1]).max(axis=1, keepdims=True) * steps ** (highest + 1)
+    h, a, b = steps[3:], steps[2:-1], steps[2:-1] + steps[1:-2]
+    whole = h**5 / 5 + (a + b - h) * h**4 / 4 + (a * b - h * (a + b)) * h**3 / 3 - h**3 * a * b / 2
+    once = differences[_BACK] * whole
+    return np.concatenate([once[:, :1] * (steps[:3] / steps[3]) ** 5, once], axis=1)

@@ -1,0 +1,175 @@
+"""What functions of time do inside a communication step: how far they leave what their targets follow, and where.
+
+A deviation d of a polynomial from a function shrinks, where the step is halved, by 2⁴ for a cubic and 2⁶ for a quintic;
+in the half that has a jump of the value not at all, of the rate by 2, of the acceleration by 4.  So bisection finds
+these, to where the deviation is rounding, and tells them from functions that are merely fast.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.polynomials import coefficients
+from liaisons.cosim.structure.sources import Drive, rounding
+from liaisons.errors import SimulationError
+
+_ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+_NODES, _WEIGHTS = (1 + _ROOTS) / 2, _WEIGHTS / 2
+"""Of a step: Gauss's quadrature is exact for the remainders of all the polynomials that inputs follow."""
+_ONCE_TWICE = np.stack([_WEIGHTS, _WEIGHTS * (1 - _NODES)], axis=-1)
+_THIRDS = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+_CUBIC = np.vander(_NODES, increasing=True) @ np.linalg.inv(np.vander(_THIRDS, increasing=True))
+_QUINTIC = np.vander(_NODES, 6, increasing=True) @ coefficients(3)
+_SMOOTH = 1 / 10
+"""A deviation that shrinks by more, where the step is halved and halved again, is that of a smooth function; that of a
+break may do so once, where it comes to lie at an end.
+"""
+_NOTHING = 2e-14
+"""A deviation of this part of the function may be rounding."""
+_MOST, _OFTEN = 20, 3
+"""So many breaks are looked for in a step; a function that has more, so often, is not looked at any more."""
+
+
+@final
+class Inside:
+    """Integrals, once and twice, of what each function of time differs from its polynomial in the step under way.
+
+    They are on the bus, and so recorded.
+
+    :param drives: those that drive integers or truth values are left out: they are sampled.
+    :param tolerance: relative to the function; what deviates less has no break.
+    :ivar columns: of each input, where the first of the two integrals is, and how many numbers its function returns;
+        ``place`` is where all of them are.
+    """
+
+    def __init__(self, drives: Sequence[Drive], bus: Bus, tolerance: float) -> None:
+        self._drives = drives = [drive for drive in drives if drive.among is None]
+        self._tolerance = tolerance
+        first, values, _ = bus.room(2 * len(drives))
+        self.place = slice(first, first + 2 * len(drives))
+        self._values = values.reshape(-1, 2)
+        self.columns = {
+            place: (first + 2 * k, len(drive.inputs)) for k, drive in enumerate(drives) for place in drive.inputs
+        }
+        self.reset()
+
+    def __bool__(self) -> bool:
+        return bool(self._drives)
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._sizes = np.zeros(len(self._drives))
+        self._found = [0] * len(self._drives)
+        self._overrun = [0] * len(self._drives)
+        self._end = -math.inf
+
+    def ahead(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The integrals of steps from each of these instants [s] to the next, up to the first that may have a break.
+
+        What a function raises later than that is nobody's concern yet.
+
+        :returns: shape (steps, columns), where :attr:`place` says on the bus.
+        """
+        steps, found = np.diff(times)[:, None], []
+        nodes, thirds = times[:-1, None] + steps * _NODES, times[:-1, None] + steps * _THIRDS[1:-1]
+        many, sizes = len(steps), self._sizes.copy()
+        for k, drive in enumerate(self._drives):
+            try:
+                ends, inside = np.array([drive(t) for t in times.tolist()]), drive.sample(nodes)[..., 0]
+                right = drive.sample(times[1:] + drive.rounding(times[1:]))
+                between = drive.sample(thirds)[..., 0] if len(drive.inputs) < 3 else None
+            except SimulationError:
+                return np.empty((0, self._values.size))
+            powers = steps ** np.arange(len(drive.inputs))
+            begin, end = ends[:-1] * powers, ends[1:] * powers
+            if between is not None:
+                off = inside - np.hstack([begin[:, :1], between, end[:, :1]]) @ _CUBIC.T
+            else:
+                off = inside - np.hstack([begin, end]) @ _QUINTIC.T
+            found.append(_integrals(off, steps[:, 0]))
+            largest = np.abs(np.hstack([begin, end])).max(axis=1, initial=self._sizes[k])
+            largest = np.maximum.accumulate(largest)
+            allowed = self._tolerance * np.where(largest > 0, largest, 1.0)
+            leaves = (np.abs(off).max(axis=1) > allowed) | (np.abs(right * powers - end).max(axis=1) > allowed)
+            if self._overrun[k] < _OFTEN and leaves.any():
+                many = min(many, int(np.argmax(leaves)))
+            sizes[k] = largest[max(many, 1) - 1]
+        if many:
+            self._sizes = sizes
+        if many and times[many] > self._end:  # not a step that was cut
+            self._end = float(times[many])
+            for k, count in enumerate(self._found):
+                self._overrun[k] += count >= _MOST
+                self._found[k] = 0
+        return np.hstack(found)[:many]
+
+    def look(self, start: float, end: float, *, locate: bool = True) -> float:
+        """Evaluate the integrals between two instants [s].
+
+        :param locate: look for breaks, too.
+        :returns: the first break that was found, after the start and not after the end; infinite if there is none.
+        """
+        size, first = end - start, math.inf
+        for k, drive in enumerate(self._drives):
+            off = _deviation(drive, start, end)
+            self._values[k] = _integrals(off, size)
+            if locate:
+                first = min(first, self._break(k, start, end, float(np.max(np.abs(off)))))
+        return first
+
+    def _break(self, k: int, start: float, end: float, deviation: float) -> float:
+        drive, powers = self._drives[k], (end - start) ** np.arange(len(self._drives[k].inputs))
+        here = drive(end) * powers
+        self._sizes[k] = size = max(self._sizes[k], float(np.max(np.abs([drive(start) * powers, here]))))
+        allowed = self._tolerance * (size or 1.0)
+        if start >= self._end:  # not a step that was cut
+            self._overrun[k] += self._found[k] >= _MOST
+            self._found[k], self._end = 0, end
+        if self._found[k] >= _MOST or self._overrun[k] >= _OFTEN:
+            return math.inf
+        found = _located(drive, start, end, deviation, _NOTHING * (size or 1.0)) if deviation > allowed else None
+        if found is None and np.max(np.abs(drive.right(end) * powers - here)) > allowed:
+            found = end
+        if found is None or found <= start + rounding(start):
+            return math.inf
+        self._found[k] += 1
+        return found
+
+
+def _integrals(off: NDArray[np.float64], size: ArrayLike) -> NDArray[np.float64]:
+    """Once and twice, of deviations at the nodes; of what changes its sign inside nothing is taken to cancel."""
+    size = np.asarray(size)
+    sizes = np.copysign(np.abs(off), (off @ _WEIGHTS)[..., None])
+    return (sizes @ _ONCE_TWICE) * np.stack([size, size**2], -1)
+
+
+def _located(drive: Drive, start: float, end: float, deviation: float, nothing: float) -> float | None:
+    """The end of the shortest interval that has the break with the largest effect; None if the function is smooth."""
+    before = 0.0
+    while start < (middle := (start + end) / 2) < end and deviation > nothing:
+        left, right = (float(np.max(np.abs(_deviation(drive, *half)))) for half in ((start, middle), (middle, end)))
+        shrunk = max(left, right) < _SMOOTH * deviation
+        if shrunk and deviation < _SMOOTH * before:
+            return None
+        before = deviation
+        start, end, deviation = (start, middle, left) if left >= right else (middle, end, right)
+    return end
+
+
+def _deviation(drive: Drive, start: float, end: float) -> NDArray[np.float64]:
+    """How far the value is off, at the nodes, what its target follows.
+
+    That is the quintic through both ends of a port, else the cubic through the thirds.
+    """
+    size = end - start
+    values = np.array([drive(start + size * node)[0] for node in _NODES])
+    if len(drive.inputs) < 3:
+        return values - _CUBIC @ [*(drive(start + size * part)[0] for part in _THIRDS[:-1]), drive(end)[0]]
+    powers = size ** np.arange(3)
+    return values - _QUINTIC @ np.concatenate([drive(start) * powers, drive(end) * powers])

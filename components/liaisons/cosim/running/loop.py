@@ -1,0 +1,146 @@
+"""Communication steps in a row, recorded: by compiled code where that is possible, else by Python, to the same bits.
+
+Compiled code asks Python for the calls that have no :class:`liaisons.cosim.compiled.calls.Record` (functions of
+time, FMI 3.0 arrays that are connected in part); where there is no C compiler, Python makes them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from ctypes import byref, c_size_t, c_ssize_t, c_void_p
+from functools import partial
+from itertools import pairwise
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.compiled import library as compiled
+from liaisons.cosim.compiled.calls import Call, Record
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.errors import EndedError, SimulationError
+
+_ROUNDING = 1e-6
+"""Of a communication step."""
+
+
+@final
+class Loop:
+    """Steps from each communication point to the next one.
+
+    :param calls: those of one step.
+    :param capacity: so many communication points are expected.
+    :ivar rows: what was on the bus at each of :attr:`times`, shape (points, width of the bus), as far as ``done``.
+    :ivar unasked: which of them do not belong to the result; ``begins``: which are breaks, with what is right of them.
+    """
+
+    def __init__(self, calls: Sequence[Call], bus: Bus, capacity: int) -> None:
+        self.done, self.times, self.rows = 0, np.empty(capacity), np.empty((capacity, bus.values.size))
+        self.unasked: set[int] = set()
+        self.begins: list[int] = []
+        self._called: dict[int, float] = {}
+        self._calls, self._bus = calls, bus
+        self._compiled: Callable[..., int] | None = None
+        if (library := compiled.steps()) is not None:
+            records = [call.compiled() for call in calls]
+            self._refusal = (c_ssize_t * 2)()
+            library.advance.restype = c_size_t
+            program = (Record * len(records))(*records), c_size_t(len(records))
+            clock = byref(bus.start), byref(bus.size), byref(bus.end)
+            values = c_void_p(bus.values.ctypes.data), c_size_t(bus.values.size)
+            self._compiled = partial(library.advance, *program, *clock, *values)
+
+    def reset(self) -> None:
+        """Forget what was recorded."""
+        self.done = 0
+        self.unasked.clear()
+        self.begins.clear()
+        self._called.clear()
+
+    def add(
+        self, time: float, values: NDArray[np.float64], *, called: float | None = None, begins: bool = False
+    ) -> None:
+        """Record a point that was reached otherwise.
+
+        :param called: its time in the result [s], which may differ by rounding; None: it does not belong there.
+        :param begins: it is a break, with what is right of it.
+        """
+        self._make_room(1)
+        if called is None:
+            self.unasked.add(self.done)
+        elif called != time:
+            self._called[self.done] = called
+        if begins:
+            self.begins.append(self.done)
+        self.rows[self.done], self.times[self.done] = values, time
+        self.done += 1
+
+    def asked(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Rows that belong to the result, and their times [s]."""
+        rows = np.delete(np.arange(self.done), sorted(self.unasked))
+        times = self.times[: self.done].copy()
+        times[list(self._called)] = list(self._called.values())
+        return rows, times[rows]
+
+    def advance(self, instants: Sequence[float], *, asked: bool = True) -> None:
+        """Make steps to these instants [s], one after the other.
+
+        :raises SimulationError: if an FMU refuses a call, or ends the simulation; :attr:`done` says how far it came.
+        """
+        first, wanted = self.done, len(instants)
+        self._make_room(wanted)
+        self.times[first : first + wanted] = instants
+        if not asked:
+            self.unasked.update(range(first, first + wanted))
+        if self._compiled is None:
+            self._advance(wanted)
+            return
+        done = self._compiled(
+            c_void_p(self.times.ctypes.data + (first - 1) * self.times.itemsize),
+            c_size_t(wanted),
+            c_void_p(self.rows.ctypes.data + first * self.rows.strides[0]),
+            self._refusal,
+        )
+        self.done += done
+        if done < wanted:
+            self.unasked.difference_update(range(self.done, first + wanted))
+            call, status = self._refusal
+            self._judge(self._calls[call], status)
+
+    def _make_room(self, points: int) -> None:
+        while self.done + points > len(self.rows):
+            self.rows, self.times = np.concatenate([self.rows] * 2), np.concatenate([self.times] * 2)
+
+    def _advance(self, wanted: int) -> None:
+        bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
+        values, start, size, end, calls = bus.values.data, bus.start, bus.size, bus.end, self._calls
+        place = self.done * width
+        for now, then in pairwise(self.times[self.done - 1 : self.done + wanted].tolist()):
+            start.value = now  # Bus.turn and Bus.perform written out: two Python calls less a step
+            size.value = then - now
+            end.value = then
+            for call in calls:
+                if status := call():
+                    self.unasked.difference_update(range(self.done, self.done + wanted))
+                    self._judge(call, status)
+            flat[place : place + width] = values
+            place += width
+            self.done += 1
+
+    def _judge(self, call: Call, status: int) -> None:
+        """Check a status; where an FMU ends the simulation, that point is recorded if all others get there."""
+        bus, calls = self._bus, self._calls
+        try:
+            bus.check_status(call, status)
+        except EndedError as ended:
+            if call.action == "couple":  # of a coupled step there is nothing but the whole
+                raise
+            alone = sum(other.action == "step" for other in calls) == 1
+            whole = ended.time > bus.end.value - _ROUNDING * bus.size.value
+            if whole or (alone and ended.time > bus.start.value + _ROUNDING * bus.size.value):
+                bus.end.value = bus.end.value if whole else ended.time
+                with suppress(SimulationError):  # an FMU that has ended need not do more
+                    bus.perform(calls[calls.index(call) + 1 :])
+                    self.add(bus.end.value, bus.values, called=bus.end.value)
+            raise

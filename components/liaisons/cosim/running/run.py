@@ -1,0 +1,384 @@
+"""The run of a simulation: FMUs are made, initialized, stepped, recorded, and released whatever happens.
+
+All connected and recorded numbers lie in one array, the *bus*.  FMUs read into it and are set from it, each by one
+prepared call for all its variables, and a row of the recording is one copy of it.  The loop over the communication
+points, :mod:`liaisons.cosim.running.loop`, makes no list and looks nothing up, so that a step costs little more than
+the bare calls.
+"""
+
+from __future__ import annotations
+
+import gc
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.compiled.calls import Call
+from liaisons.cosim.coupling import explicit
+from liaisons.cosim.coupling.bus import Bus
+from liaisons.cosim.coupling.implicit import Coupled
+from liaisons.cosim.coupling.signals import Vector, watched
+from liaisons.cosim.instances import Instance, extracted, make
+from liaisons.cosim.instances.texts import text
+from liaisons.cosim.messages import keeping_warnings, logger
+from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
+from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.estimate import Estimate
+from liaisons.cosim.running.finite import warn_of_what_is_not_finite
+from liaisons.cosim.running.input_reconstruction import Begin, followed
+from liaisons.cosim.running.inside import Inside
+from liaisons.cosim.running.interrupts import deferred_interrupts
+from liaisons.cosim.running.loop import Loop
+from liaisons.cosim.running.probe import try_to_start
+from liaisons.cosim.structure import schedule
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.cosim.structure.simulation import Simulation
+from liaisons.cosim.structure.sources import SIGNALS, rounding
+from liaisons.errors import EndedError, SimulationError
+from liaisons.folders import passing_folder
+from liaisons.progress import progress_bar
+from liaisons.results import IncompleteError, Interrupted, Result
+
+_PORTION = 0.02  # [s] between two looks, about
+_AHEAD = 256
+"""For so many steps together functions of time are evaluated inside of them."""
+
+
+@final
+class Run:
+    """Running FMUs of a simulation; a context manager that releases them.
+
+    It can be done again, with other start values: every FMU goes back to the state that it had when it was
+    instantiated, so that a run gives the same numbers whatever was before it.
+
+    :param folders: where each FMU lies extracted; if None, they are extracted for this run only.
+    :param again: it will be done again; where an FMU cannot go back, :attr:`repeats` says so.
+    """
+
+    def __init__(
+        self, simulation: Simulation, folders: Mapping[Path, Path] | None = None, *, again: bool = False
+    ) -> None:
+        self._simulation = simulation
+        self._instances: dict[str, Instance] = {}
+        self._coupled: Coupled | None = None
+        parts, times = simulation.parts, simulation.times
+        self.repeats = again and all(part.fmu.can_get_and_set_state for part in parts.values())
+        with ExitStack() as stack, _made_to_stay():
+            if folders is None:
+                folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
+            for name, part in parts.items():
+                folder = folders[part.fmu.path]
+                requests_intermediate_update, isolated = (
+                    simulation.iterates and part.requests_intermediate_update,
+                    part.isolated,
+                )
+                if not isolated:
+                    try_to_start(part, folder, times)
+                stiff = part.solver is not None
+                made = make(
+                    name,
+                    part.fmu,
+                    folder,
+                    requests_intermediate_update=requests_intermediate_update,
+                    isolated=isolated,
+                    stiff=stiff,
+                )
+                self._instances[name] = stack.enter_context(made)
+            also = watched(parts, simulation.feeds) if simulation.iterates else []
+            order = schedule.order([SIGNALS, *parts], simulation.feeds)
+            recorded = simulation.recorded.values()
+            self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
+            self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
+            self._initial, self._settle, self._step = self._prepared()
+            self._inside = Inside(simulation.drives, self._bus, simulation.step_tolerance)
+            self._ahead = 1  # so many steps are looked at together
+            self._begin, self._estimate = self._estimating()
+            self._breaks = Breaks(simulation, self._instances, self._bus)
+            reads_samples = any(parts[name].samples for name, _ in simulation.feeds if name in parts)
+            self._divides = self._breaks.divides and self._estimate.looks and not reads_samples
+            self._loop = Loop(self._step, self._bus, len(times))
+            self._back = self._saved() if self.repeats else []
+            self._stack = stack.pop_all()
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the FMUs."""
+        self._stack.close()
+
+    def start(self, parts: Mapping[str, SystemComponent] | None = None) -> None:
+        """Go to the begin, initialized.
+
+        :param parts: the same with other start values.
+        :raises SimulationError: if an FMU refuses something.
+        """
+        simulation, bus = self._simulation, self._bus
+        begin, end = simulation.times[0], simulation.times[-1]
+        self._loop.reset()
+        self._errors: list[float] = []  # of steps between communication points
+        for instance in self._instances.values():
+            instance.reset()
+        bus.turn(begin, begin)
+        self._breaks.begin_piece(begin)
+        self._inside.reset()
+        bus.perform(self._back)
+        bus.values[:] = 0.0
+        if self._coupled is not None:
+            self._coupled.reset()
+        parts = simulation.parts if parts is None else parts
+        for name, instance in self._instances.items():
+            instance.initialize(parts[name].starts, simulation.tolerance, begin, end)
+        bus.perform(self._initial)
+        for instance in self._instances.values():
+            instance.exit_initialization()
+        bus.perform(self._settle)
+        bus.perform(self._begin.calls)
+        self._loop.add(begin, bus.values, called=begin)
+        self._breaks.look(begin)
+
+    def finish(self, look: Callable[[float], None] | None = None) -> None:
+        """Go to the end, from the begin.
+
+        :param look: is told now and then how far it came [s].
+        :raises SimulationError: if an FMU refuses something.
+        """
+        simulation = self._simulation
+        if simulation.error_tolerance is None and not simulation.adapts:
+            self._go(simulation.times, look)
+            return
+        stepper = Stepper(
+            simulation,
+            self._instances,
+            self._bus,
+            self._step,
+            self._coupled,
+            self._breaks,
+            self._inside,
+            self._cross,
+        )
+        if simulation.adapts:
+            self._estimate.reset(self._begin.values)
+        points = divided(stepper, self._estimate) if simulation.adapts else adapted(stepper)
+        for point in points:  # steps as long as their error allows
+            self._loop.add(point.time, point.values, called=point.called, begins=point.begins)
+            if point.error is not None:
+                self._errors.append(point.error)
+            if look:
+                look(point.time)
+
+    def _go(self, points: Sequence[float], look: Callable[[float], None] | None) -> None:
+        """Step to each of the communication points, and up to the breaks between them."""
+        loop, breaks, done = self._loop, self._breaks, 1
+        most = _AHEAD if self._inside else len(points)
+        many = 1 if look or self._inside else most  # so many at a time that nobody waits for long
+        while done < len(points):
+            begin, time = perf_counter(), float(loop.times[loop.done - 1])
+            size = points[done] - points[done - 1]
+            near = rounding(breaks.next) if breaks.next < np.inf else 0.0
+            free = bisect_left(points, breaks.next - near, done)
+            if done < free:  # points before the next break
+                last = min(done + many, free)
+                if self._is_alone() and free == done + 1:
+                    self._advance([(time + points[done]) / 2], asked=False)
+                else:
+                    done += self._advance(points[done:last])
+            elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
+                stop = breaks.next - tiny
+                self._advance([(time + stop) / 2, stop] if self._is_alone() else [stop], asked=False)
+            else:
+                then, called = breaks.next, None
+                if points[done] - then <= near:
+                    then, called = max(then, points[done]), points[done]
+                    done += 1
+                loop.add(then, self._cross(time, then), called=called, begins=True)
+            many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
+            if look:
+                look(float(loop.times[loop.done - 1]))
+
+    def _advance(self, instants: Sequence[float], *, asked: bool = True) -> int:
+        """Step to instants, one after the other, as far as there is no break; returns to how many."""
+        loop, inside = self._loop, self._inside
+        if not inside:
+            loop.advance(instants, asked=asked)
+            return len(instants)
+        first, time = loop.done, float(loop.times[loop.done - 1])
+        instants = instants[: self._ahead]
+        integrals = inside.ahead(np.array([time, *instants]))
+        self._ahead = max(1, 2 * len(integrals))  # what is evaluated beyond a break is evaluated again
+        if not len(integrals):
+            found = inside.look(time, instants[0])
+            if found < np.inf and self._breaks.divides:
+                self._breaks.insert(found)
+                return 0
+            loop.advance(instants[:1], asked=asked)
+            return 1
+        try:
+            loop.advance(instants[: len(integrals)], asked=asked)
+        finally:
+            loop.rows[first : loop.done, inside.place] = integrals[: loop.done - first]
+        return len(integrals)
+
+    def _is_alone(self) -> bool:
+        """Whether nothing was recorded since the last break, or the begin: of one step alone there is no estimate."""
+        loop = self._loop
+        return self._divides and loop.done - 1 == (loop.begins[-1] if loop.begins else 0)
+
+    def _cross(self, now: float, then: float) -> Vector:
+        """Make the tiny step to a break, and look for the next one; returns what is on the bus then."""
+        bus, coupled = self._bus, self._coupled
+        bus.turn(now, then)
+        self._breaks.begin_piece(then)
+        if coupled is None:
+            bus.perform(self._step)
+        else:
+            coupled.cross()
+            bus.perform(self._step[1:])
+        self._breaks.look(then)
+        return bus.values
+
+    def result(self) -> Result:
+        """What was recorded so far."""
+        simulation, loop = self._simulation, self._loop
+        asked, times = loop.asked()
+        values = np.ascontiguousarray(loop.rows[asked].T[self._columns])
+        names = tuple(simulation.recorded)
+        kinds = {n: simulation.parts[p].fmu.variables[v].type for n, (p, v) in simulation.recorded.items()}
+        strings = [row for row, name in enumerate(names) if kinds[name] == "String"]
+        found, places = np.unique(values[strings], return_inverse=True)
+        values[strings] = places.reshape(values[strings].shape)
+        words = tuple(text(number).decode(errors="replace") for number in found)
+        self._error = self._estimated(asked)
+        return Result(
+            simulation.title,
+            times,
+            names,
+            values,
+            simulation.units,
+            texts={names[row]: words for row in strings},
+            jumping=simulation.jumping,
+            coupling_error=self._error,
+            scene=simulation.scene,
+            warnings=simulation.warnings,
+        )
+
+    def concluded(self) -> Result:
+        """What was recorded, warned of where it is not finite, or its coupling errors are too large."""
+        result = self.result()
+        warn_of_what_is_not_finite(result)
+        if self._estimate.worst is not None:
+            self._estimate.worst.warn(float(np.nansum(self._error)))
+        return result
+
+    def _estimated(self, asked: NDArray[np.intp]) -> Vector:
+        """What has been added since the communication point before, of the rows that belong to the result."""
+        if self._errors:
+            return np.array([0.0, *self._errors])
+        loop, found = self._loop, np.zeros(len(asked))
+        self._estimate.reset(self._begin.values)
+        errors = self._estimate(loop.rows[: loop.done], loop.times[: loop.done], loop.begins)
+        if len(asked) > 1:
+            found[1:] = np.add.reduceat(errors[: asked[-1] + 1], asked[:-1] + 1)
+        return found
+
+    def reached(self) -> float | None:
+        """The last communication point [s]; None before the begin."""
+        return float(self._loop.times[self._loop.done - 1]) if self._loop.done else None
+
+    def _prepared(self) -> tuple[list[Call], list[Call], list[Call]]:
+        """Calls for initialization, for what is after it, and for a communication step."""
+        if not self._simulation.iterates:
+            return explicit.prepared(self._simulation, self._instances, self._bus)
+        self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
+        others = [call for name in self._instances for call in self._other_readings(name)]
+        settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
+        return [first], [settle, *others], [coupled.advance, *others]
+
+    def _estimating(self) -> tuple[Begin, Estimate]:
+        """The derivatives that are taken at the begin, and what estimates coupling errors."""
+        simulation, bus, coupled = self._simulation, self._bus, self._coupled
+        gains = {} if coupled is None else coupled.gains
+        begin = Begin(simulation, self._instances, bus, gains)
+        slopes = {} if coupled is None else coupled.slopes
+        inputs = followed(simulation, bus, slopes, {**gains, **begin.gains}, self._inside.columns)
+        return begin, Estimate(inputs, bus.index, kinds(simulation, bus))
+
+    def _other_readings(self, name: str) -> list[Call]:
+        places = self._bus.others(name)
+        variables = self._simulation.parts[name].fmu.variables
+        read = [variables[variable] for _, variable in places]
+        return [self._instances[name].getter(read, self._bus.buffer(places))] if places else []
+
+    def _saved(self) -> list[Call]:
+        """Calls that bring the present states back."""
+        states = [instance.states() for instance in self._instances.values()]
+        self._bus.perform(save for save, _ in states)
+        return [restore for _, restore in states]
+
+
+@contextmanager
+def _made_to_stay() -> Iterator[None]:
+    """Python does not look for garbage among what is made here: of thousands of FMUs it took half of the time."""
+    looks = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if looks:
+            gc.enable()
+
+
+@keeping_warnings
+def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:
+    """Run a simulation from its begin to its end, or until an FMU ends it.
+
+    :param verify: run it once more, at half the steps, and keep the differences in ``errors`` of the result.
+    :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
+        what was computed until then.
+    :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
+    """
+    title, span = simulation.title if progress else "", (simulation.times[0], simulation.times[-1])
+    with Run(simulation) as run:
+        try:
+            run.start()
+            with progress_bar(title, "t = {:.6g} of {:.6g} s", *span) as show, deferred_interrupts() as interrupts:
+
+                def look(time: float) -> None:
+                    show(time)
+                    if interrupts:
+                        raise KeyboardInterrupt
+
+                run.finish(look)
+        except EndedError as ended:
+            logger.warning("%s of %.10g s", ended, simulation.times[-1])
+        except (SimulationError, KeyboardInterrupt) as error:
+            time = run.reached()
+            if time is None:
+                raise
+            if isinstance(error, SimulationError):
+                raise IncompleteError(str(error), run.result()) from error
+            reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
+            raise Interrupted(f"{reached}; .result of this exception has what there is", run.result()) from None
+        result = run.concluded()
+        return _verified(simulation, result) if verify else result
+
+
+def _verified(simulation: Simulation, result: Result) -> Result:
+    """The result with its differences from one at half the steps."""
+    middles = (result.time[:-1] + result.time[1:]) / 2
+    times = np.insert(result.time, np.arange(1, len(result.time)), middles)
+    with Run(replace(simulation, times=times.tolist(), error_tolerance=None, adapts=False)) as run:
+        run.start()
+        run.finish()
+        fine = run.result()
+    return replace(result, errors=np.abs(result.values - fine.values[:, ::2]))

@@ -1,0 +1,1 @@
+"""What a system consists of: FMUs, connections and sources in, a checked :class:`.simulation.Simulation` out."""

@@ -1,0 +1,142 @@
+"""What is connected when two ports are: triples and points, found from the names of variables, or two single variables.
+
+A coordinate is one port with two causalities, and so is a component of a named point::
+
+    what moves                              what is moved
+    q, q_dot, q_ddot         ------->       s, s_dot, s_ddot        outputs onto inputs
+    q_load                   <-------       s_force                 where both have it
+
+What moves is a free coordinate ``q``, a component ``P_x`` of a named point ``P``, or a signal ``y``, which has no
+load; what is moved is an active coordinate ``s``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+from liaisons.cosim.description.model_description import SAME, Conversion
+from liaisons.cosim.description.start_values import RANGES
+from liaisons.cosim.description.variables import RECORDED, Scalar
+from liaisons.cosim.structure.components import Port
+from liaisons.errors import ConnectError
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """One scalar connection: an output feeds an input, which is factor * output + offset."""
+
+    source: Port
+    target: Port
+    conversion: Conversion = SAME
+
+    @property
+    def back(self) -> bool:
+        """Whether it takes the force of a moved mechanism back to what moves it, so that the port goes two ways."""
+        moved, mover = self.source.without("_force"), self.target.without("_load")
+        return moved is not None and mover is not None and bool(moved.triple() and mover.triple())
+
+    def __str__(self) -> str:
+        factor, offset = (f"{number:.10g}" for number in self.conversion)
+        times, plus = ("" if factor == "1" else f"{factor} * "), ("" if offset == "0" else f" + {offset}")
+        return f"{times}{self.source}{plus} -> {self.target}"
+
+
+def connect(first: Port, second: Port) -> list[Connection]:
+    """The scalar connections that join two ports; their order does not matter, causality decides.
+
+    Where both ends have units of one kind, values are converted.
+
+    :raises ConnectError: if they do not fit; the message names both.
+    """
+    if not (first.exists and second.exists):
+        return _point_connections(first, second)
+    if first.is_array or second.is_array:
+        return _array_connections(first, second)
+    first, second = _ordered(first, second)
+    source, target = first.triple(), second.triple()
+    if source is None or target is None:
+        return [connect_scalars(first, second)]
+    joined = [connect_scalars(output, input_) for output, input_ in zip(source, target, strict=True)]
+    load, force = first.beside("_load"), second.beside("_force")
+    if load is not None and force is not None:
+        joined.append(connect_scalars(force, load))
+    return joined
+
+
+def _ordered(first: Port, second: Port) -> tuple[Port, Port]:
+    turned = (first.variable.causality, second.variable.causality) == ("input", "output")
+    return (second, first) if turned else (first, second)
+
+
+def _array_connections(first: Port, second: Port) -> list[Connection]:
+    one, other = first.elements(), second.elements()
+    if len(one) != len(other):
+        raise ConnectError(
+            f"{first} has {len(one)} elements, {second} has {len(other)}: connect single elements, "
+            f"for example '{(one if first.is_array else other)[0].name}'"
+        )
+    return [connection for pair in zip(one, other, strict=True) for connection in connect(*pair)]
+
+
+def _point_connections(first: Port, second: Port) -> list[Connection]:
+    one, other = first.axes(), second.axes()
+    if one.keys() != other.keys():
+        raise ConnectError(
+            f"{first} has the port components {_listed(one)}, {second} has {_listed(other)}: "
+            "connect single components, for example 'bob_x' with 'pivot_x'"
+        )
+    return [connection for axis in one for connection in connect(one[axis], other[axis])]
+
+
+def _listed(axes: dict[str, Port]) -> str:
+    return ", ".join(axes) or "none"
+
+
+def connect_scalars(first: Port, second: Port, conversion: Conversion | None = None) -> Connection:
+    """The connection of two scalars.
+
+    :param conversion: from output to input; if None, that of their units.
+    :raises ConnectError: if they do not fit; the message names both.
+    """
+    source, target = _ordered(first, second)
+    causalities = source.variable.causality, target.variable.causality
+    if causalities != ("output", "input"):
+        hint = "; a parameter is set where its component is added" if "parameter" in causalities else ""
+        raise ConnectError(
+            f"{source} ({causalities[0]}) and {target} ({causalities[1]}) cannot be connected: "
+            f"one end must be an output, the other an input{hint}"
+        )
+    if not _fits(source.variable, target.variable):
+        kinds = [v.type if v.type == "Enumeration" else v.base for v in (source.variable, target.variable)]
+        raise ConnectError(
+            f"{source} ({kinds[0]}) and {target} ({kinds[1]}) cannot be connected: both ends must be of one type; "
+            "of integers, the input may have the wider range, or be a real"
+        )
+    conversion = _of_units(source, target) if conversion is None else conversion
+    if conversion != SAME and {source.variable.type, target.variable.type} != {"Real"}:
+        raise ConnectError(
+            f"{source} ({source.variable.base}) and {target} ({target.variable.base}) cannot be connected with a "
+            f"factor of {conversion.factor:g} and an offset of {conversion.offset:g}: only reals can"
+        )
+    return Connection(source, target, conversion)
+
+
+def _fits(source: Scalar, target: Scalar) -> bool:
+    """Whether every value of the source is one of the target, and is handed over as such."""
+    if {source.type, target.type} in ({"Integer"}, {"Integer", "Enumeration"}):
+        (least, most), (lowest, highest) = RANGES[source.base], RANGES[target.base]
+        return lowest <= least and most <= highest
+    same = source.type == target.type and source.type in RECORDED
+    return same or (source.type, target.type) == ("Integer", "Real")
+
+
+def _of_units(source: Port, target: Port) -> Conversion:
+    one, other = (port.part.fmu.units.get(port.variable.unit) for port in (source, target))
+    if one is None or other is None:  # no unit fits any; one without a definition cannot be checked
+        return SAME
+    if one.exponents != other.exponents:
+        units = (f"{port} [{port.variable.unit}]" for port in (source, target))
+        raise ConnectError(f"{' and '.join(units)} cannot be connected: their units are of different kinds")
+    return one.to(other)

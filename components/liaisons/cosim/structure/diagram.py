@@ -1,0 +1,275 @@
+"""A picture of a system as SVG: its FMUs as blocks with ports, what is connected, and in which order they are called.
+
+Sources stand left of what they feed.  A triple, a point or an array is one port, an arrow with two heads takes the
+force back.  The mouse over a block shows start values, over an arrow the variables.  Whatever text is shown is escaped:
+names come from FMUs of any make.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from html import escape
+from itertools import zip_longest
+from pathlib import Path
+from typing import final
+
+from liaisons.array_names import split
+from liaisons.cosim.structure import schedule
+from liaisons.cosim.structure.components import Port, SystemComponent
+from liaisons.cosim.structure.connections import Connection
+from liaisons.files import replacing
+
+_MOST = 60
+"""So many blocks are drawn."""
+_WIDTH, _HEAD, _LINE = 170, 47, 16
+"""Of a block, of its title, of a port [px]."""
+_GAP, _SPACE, _MARGIN = 70, 34, 32
+"""Between columns, between blocks of one, around all [px]."""
+_COLUMNS = 6
+"""So many stand side by side; longer rows are broken."""
+_LANE = 7
+"""Between arrows that run side by side [px]."""
+_FREE = 4
+"""So many ports of an FMU are drawn that are not connected."""
+_LETTER = 6.0
+"""Width of one [px]."""
+
+_ARROW = (
+    '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" markerHeight="7" '
+    'orient="auto-start-reverse"><path d="M0 0 8 4 0 8z" fill="currentColor"/></marker></defs>'
+)
+_STYLE = 'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11"'
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Diagram:
+    """An SVG element; a notebook shows it."""
+
+    svg: str
+
+    def write(self, path: Path | str) -> None:
+        """Write it as a file."""
+        with replacing(Path(path)) as whole:
+            whole.write_text(self.svg, encoding="utf-8")
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Wire:
+    """What one port hands to another: names of parts and ports, and the connections that it is made of."""
+
+    source: tuple[str, str]
+    target: tuple[str, str]
+    connections: list[Connection]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Where an FMU stands, and its ports from above: left what it takes, right what it gives."""
+
+    part: SystemComponent
+    column: int
+    left: list[str]
+    right: list[str]
+
+    @property
+    def height(self) -> int:
+        return _HEAD + _LINE * max(len(self.left), len(self.right))
+
+
+def diagram(name: str, parts: Mapping[str, SystemComponent], connections: Collection[Connection]) -> Diagram:
+    """The picture of a system.
+
+    :param name: of the system.
+    """
+    feeds = {c.target.place: c.source.place for c in connections}
+    forward = {c.target.place: c.source.place for c in connections if not c.back}
+    groups = schedule.groups(parts, feeds)
+    turns = {part: turn for turn, group in enumerate(groups, 1) for part in group}
+    drawn = schedule.order(parts, forward)[:_MOST]
+    wires = [w for w in _wires(connections) if w.source[0] in drawn and w.target[0] in drawn]
+    blocks = _blocks(drawn, parts, {(source, target) for (target, _), (source, _) in forward.items()}, wires)
+    corners, bottoms = _corners(blocks)
+    bodies = [_body(block, *corners[part], turns[part], wires) for part, block in blocks.items()]
+    arrows = _arrows(wires, blocks, corners, bottoms)
+    more = len(parts) - len(drawn)
+    title = f"{name}, and {more} FMUs more" if more else name
+    words = ["numbers: the order in which the FMUs are stepped"] if len(drawn) > 1 else []
+    if any(len(group) > 1 for group in groups):
+        words.append("those with the same number feed each other")
+    legend = "; ".join(words)
+    right = max((x for x, _ in corners.values()), default=_MARGIN) + _WIDTH + _MARGIN
+    width = max(right, 2 * _MARGIN + _LETTER * max(len(legend), len(_cut(title, 60))))
+    height = max(bottoms, default=2 * _MARGIN) + (_SPACE if wires else 0)
+    return Diagram(
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height}" width="{width:g}" {_STYLE}>{_ARROW}'
+        f"{_text(_MARGIN, 20, _cut(title, 60), bold=True)}{''.join(arrows)}{''.join(bodies)}"
+        f"{_text(_MARGIN, height - 10, legend, faint=True)}</svg>"
+    )
+
+
+def _wires(connections: Iterable[Connection]) -> list[_Wire]:
+    """What ports are connected with; what takes a force back belongs to the port that moves."""
+    found: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
+    for c in connections:
+        source, target = _whole(c.source, "_force" if c.back else ""), _whole(c.target, "_load" if c.back else "")
+        if source[-2:] == target[-2:] and source[-2:] in {"_x", "_y", "_z"}:
+            source, target = source[:-2], target[:-2]
+        ends = (c.source.place[0], source), (c.target.place[0], target)
+        ends = (ends[1], ends[0]) if c.back else ends
+        found.setdefault(ends, _Wire(*ends, [])).connections.append(c)
+    return list(found.values())
+
+
+def _whole(port: Port, suffix: str) -> str:
+    """The name of the triple, or of the array, that a variable is a part of."""
+    port = port.without(suffix) or port
+    triple, _ = port.curve()
+    return split(triple[0].name if triple else port.name)[0]
+
+
+def _free(part: SystemComponent, causality: str) -> list[str]:
+    """Ports of an FMU of ours, the same on the page: coordinates, and points for their coordinates."""
+    names = {
+        name: Port(part, name)
+        for name, entry in part.fmu.variables.entries.items()
+        if entry.like.causality == causality and f"{name}_ddot" in part.fmu.variables
+    }
+    found = [name for name, port in names.items() if port.triple()]
+    points = {name[:-2] for name in found if name[-2:] in {"_x", "_y", "_z"}}
+    return list(dict.fromkeys(name[:-2] if name[:-2] in points else name for name in found))
+
+
+def _blocks(
+    drawn: Iterable[str],
+    parts: Mapping[str, SystemComponent],
+    pairs: Collection[tuple[str, str]],
+    wires: Collection[_Wire],
+) -> dict[str, _Block]:
+    """Each right of what feeds it, with the ports that are connected, and then a few that are not."""
+    before: dict[str, list[str]] = {}
+    for source, target in pairs:
+        before.setdefault(target, []).append(source)
+    found: dict[str, _Block] = {}
+    for name in drawn:
+        part = parts[name]
+        column = max((found[source].column + 1 for source in before.get(name, ()) if source in found), default=0)
+        ends = [wire.target[1] for wire in wires if wire.target[0] == name]
+        begins = [wire.source[1] for wire in wires if wire.source[0] == name]
+        left, right = (
+            list(dict.fromkeys([*used, *(free if len(free) <= _FREE else ())]))
+            for used, free in ((ends, _free(part, "input")), (begins, _free(part, "output")))
+        )
+        found[name] = _Block(part, column, left, right)
+    return found
+
+
+def _corners(blocks: Mapping[str, _Block]) -> tuple[dict[str, tuple[int, int]], list[int]]:
+    """Upper left corners of the blocks, and where each row of columns ends."""
+    corners: dict[str, tuple[int, int]] = {}
+    bottoms: list[int] = []
+    top = _MARGIN + 10
+    columns: dict[int, list[str]] = {}
+    for name, block in blocks.items():
+        columns.setdefault(block.column, []).append(name)
+    for first in range(0, len(columns), _COLUMNS):
+        side_by_side = [columns[column] for column in range(first, min(first + _COLUMNS, len(columns)))]
+        for line in zip_longest(*side_by_side):
+            for k, name in enumerate(line):
+                if name is not None:
+                    corners[name] = _MARGIN + k * (_WIDTH + _GAP), top
+            top += max(blocks[name].height for name in line if name is not None) + _SPACE
+        bottoms.append(top)
+        top += _SPACE
+    return corners, bottoms
+
+
+def _body(block: _Block, x: int, y: int, turn: int, wires: Collection[_Wire]) -> str:
+    part = block.part
+    starts = "\n".join(f"{name} = {value!r}" for name, value in part.starts.items())
+    dashes = ' stroke-dasharray="5 3"' if part.isolated else ""
+    size = f'width="{_WIDTH}" height="{block.height}"'
+    lines = [
+        f"<title>{escape(starts)}</title>",
+        f'<rect x="{x}" y="{y}" {size} rx="5" fill="currentColor" fill-opacity="0.07"{dashes}/>',
+        _text(x + 10, y + 17, _cut(part.name, 22), bold=True),
+        _text(x + _WIDTH - 10, y + 17, str(turn), anchor="end", faint=True),
+        _text(x + 10, y + 32, _cut(f"{part.fmu.path.stem}{', isolated' if part.isolated else ''}", 24), faint=True),
+    ]
+    most = int((_WIDTH - 24) / _LETTER)
+    for side, names, anchor in ((0, block.left, "start"), (_WIDTH, block.right, "end")):
+        opposite = block.right if side == 0 else block.left
+        for k, name in enumerate(names):
+            at = y + _HEAD + _LINE * k
+            used = any((part.name, name) in (wire.source, wire.target)[:: 1 if side else -1][:1] for wire in wires)
+            room = max(most // 2, most - len(opposite[k])) if k < len(opposite) else most
+            fill = "currentColor" if used else "none"
+            lines.append(f'<circle cx="{x + side}" cy="{at}" r="2.5" fill="{fill}"/>')
+            lines.append(_text(x + abs(side - 8), at + 4, _cut(name, room), anchor=anchor, faint=not used))
+    return f"<g>{''.join(lines)}</g>"
+
+
+def _arrows(
+    wires: Iterable[_Wire],
+    blocks: Mapping[str, _Block],
+    corners: Mapping[str, tuple[int, int]],
+    bottoms: list[int],
+) -> list[str]:
+    """From the right of a block to the left of the next one; all others below what lies between."""
+    lanes = 0
+    drawn = []
+    for wire in wires:
+        (source, port), (target, other) = wire.source, wire.target
+        one, two = blocks[source], blocks[target]
+        x, y = corners[source][0] + _WIDTH, corners[source][1] + _HEAD + _LINE * one.right.index(port)
+        to_x, to_y = corners[target][0], corners[target][1] + _HEAD + _LINE * two.left.index(other)
+        row, to_row = one.column // _COLUMNS, two.column // _COLUMNS
+        if two.column == one.column + 1 and row == to_row:
+            path = f"M{x} {y}C{x + _GAP / 2} {y} {to_x - _GAP / 2} {to_y} {to_x} {to_y}"
+        else:
+            lane = lanes % 6 * _LANE
+            lanes += 1
+            out, into = x + 12 + lane, to_x - 12 - lane
+            low = bottoms[min(row, to_row)] - _SPACE + 14 + lane
+            path = _cornered([(x, y), (out, y), (out, low), (into, low), (into, to_y), (to_x, to_y)])
+        both = ' marker-start="url(#liaisons-head)"' if any(c.back for c in wire.connections) else ""
+        variables = escape("\n".join(map(str, wire.connections)))
+        drawn.append(f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/></g>')
+    return drawn
+
+
+def _cornered(points: list[tuple[float, float]]) -> str:
+    """A line of horizontal and vertical pieces with round corners."""
+    words = [f"M{points[0][0]:g} {points[0][1]:g}"]
+    for before, at, after in zip(points, points[1:], points[2:], strict=False):
+        (ax, ay), (bx, by) = (_towards(at, other) for other in (before, after))
+        words.append(f"L{ax:g} {ay:g}Q{at[0]:g} {at[1]:g} {bx:g} {by:g}")
+    return "".join([*words, f"L{points[-1][0]:g} {points[-1][1]:g}"])
+
+
+def _towards(at: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """A little way from one point to another, half of it at most."""
+    dx, dy = other[0] - at[0], other[1] - at[1]
+    length = max(abs(dx), abs(dy))
+    part = min(6.0, length / 2) / length if length else 0.0
+    return at[0] + part * dx, at[1] + part * dy
+
+
+def _cut(words: str, most: int) -> str:
+    """Shortened to the width that there is."""
+    return words if len(words) <= most else f"{words[: most - 1]}…"
+
+
+def _text(x: float, y: float, words: str, *, bold: bool = False, faint: bool = False, anchor: str = "start") -> str:
+    weight = ' font-weight="bold"' if bold else ""
+    opacity = ' fill-opacity="0.65"' if faint else ""
+    return (
+        f'<text x="{x:g}" y="{y:g}" stroke="none" fill="currentColor" text-anchor="{anchor}"{weight}{opacity}>'
+        f"{escape(words)}</text>"
+    )

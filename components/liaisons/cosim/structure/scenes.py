@@ -1,0 +1,129 @@
+"""The picture of what was simulated, and what it needs beside what was recorded: the FMUs are asked for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from ctypes import c_double
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.array_names import split
+from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.instances import extracted, make
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.errors import SimulationError
+from liaisons.folders import passing_folder
+from liaisons.pictures import Picture, together
+from liaisons.pictures.declared import MEMBER
+from liaisons.results import Result
+
+Values = Mapping[str, NDArray[np.float64]]
+
+
+@final
+@dataclass(frozen=True)
+class FmuScene:
+    """The picture of one FMU or of several.
+
+    :param parts: by what stands before the names of their variables in the result.
+    """
+
+    parts: Mapping[str, SystemComponent]
+
+    @property
+    def picture(self) -> Picture:
+        """Of all of them; of one without a picture its points."""
+        return together(self._pictures)
+
+    @cached_property
+    def _pictures(self) -> Mapping[str, Picture]:
+        return {prefix: picture_of(part) for prefix, part in self.parts.items()}
+
+    def values(self, known: Values) -> Values:
+        """All variables of the picture at some frames.
+
+        What is not known the FMU gives, initialized at the configuration of each frame.
+
+        :param known: signals at the frames, by name.
+        :raises SimulationError: if a part cannot say it.
+        """
+        found = dict(known)
+        for prefix, part in self.parts.items():
+            wanted = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in found]
+            own = {name.removeprefix(prefix): values for name, values in known.items() if name.startswith(prefix)}
+            if wanted:
+                found |= {f"{prefix}{name}": values for name, values in _asked(part, wanted, own).items()}
+        return found
+
+
+def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
+    """A result that was read from a CSV file, with the picture of the FMU that it is of.
+
+    :param starts: parameters with which it was simulated, where they differ from the FMU's.
+    :raises SimulationError: if a file cannot be read.
+    """
+    return replace(Result.from_csv(result), scene=FmuScene({"": SystemComponent.of(fmu.stem, fmu, starts)}))
+
+
+def picture_of(part: SystemComponent) -> Picture:
+    """The picture inside an FMU, or its points.
+
+    :raises SimulationError: if it cannot be read, or shows what is no variable.
+    """
+    path, variables = part.fmu.path, part.fmu.variables
+    with Archive(path) as archive:
+        if MEMBER not in archive.names:
+            return Picture.of_points(name for name in part.fmu.reals("output") if variables[name].unit == "m")
+        with archive.open(MEMBER) as file:
+            picture = Picture.of(file.read(), str(path))
+    for name in picture.variables:
+        if name not in variables:
+            raise SimulationError(f"{path}: {MEMBER}: {part.fmu.unknown(name)}")
+    return picture
+
+
+def _asked(part: SystemComponent, wanted: list[str], known: Values) -> Values:
+    """Values of variables at configurations, which an instance takes as its start."""
+    count = max((len(values) for values in known.values()), default=1)
+    given = _configuration(part, known)
+    buffer = (c_double * len(wanted))()
+    found = np.empty((len(wanted), count))
+    with ExitStack() as stack:
+        folders = extracted([part.fmu], stack.enter_context(passing_folder()))
+        instance = stack.enter_context(make(part.name, part.fmu, folders[part.fmu.path]))
+        instance.initialize(part.starts, None, 0.0, 1.0)
+        read = instance.getter([part.fmu.variables[name] for name in wanted], buffer)
+        for k in range(count):
+            for name, values in given.items():
+                instance.assign(name, values[k])
+            if status := read():
+                raise instance.failure("get", status, f"in frame {k}")
+            found[:, k] = buffer
+    return dict(zip(wanted, found, strict=True))
+
+
+def _configuration(part: SystemComponent, known: Values) -> Mapping[str, Any]:
+    """Values of a frame by what takes them: inputs, and the start of each coordinate; arrays are whole."""
+    variables, given, arrays = part.fmu.variables, {}, {}
+    for name, values in known.items():
+        base, index = split(name)
+        if base not in variables.entries:
+            continue
+        target = base if variables.entries[base].like.causality == "input" else f"{base}_0"
+        entry = variables.entries.get(target)
+        if entry is None or entry.like.causality not in {"input", "parameter"}:
+            continue
+        if index is None:
+            given[target] = values.tolist()
+        else:
+            arrays.setdefault(target, []).append((index, values))
+    for target, columns in arrays.items():
+        rows = np.stack([values for _, values in sorted(columns, key=lambda column: column[0])], axis=1)
+        given[target] = [tuple(row) for row in rows.tolist()]
+    return given

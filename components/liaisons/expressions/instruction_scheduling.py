@@ -1,0 +1,172 @@
+"""Sums and products in an order in which processors wait least: what is known late comes last.
+
+In l (cos θ ω) nothing can begin before ω is known, in (l cos θ) ω one multiplication is done by then, and ω/m waits
+for a division where ω (1/m) waits for a multiplication.  Right-hand sides are chains from one stage of a solver to the
+next, so that their length, not the number of operations, is their time.  What terms have in common, the latest factor
+first, is put in front of their sum: a ω + b ω = (a + b) ω.  Only what is used nowhere else is put in another order, so
+that there are no more operations than before, but for reciprocals.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Sequence
+from functools import reduce
+from operator import and_
+from typing import final
+
+import casadi as ca
+
+from liaisons.expressions.operations import OPERATIONS, Instruction
+
+_SUMS = (OPERATIONS[ca.OP_ADD], OPERATIONS[ca.OP_SUB])
+_CYCLES = {OPERATIONS[code]: 4 for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE)}
+_CYCLES |= {OPERATIONS[code]: 15 for code in (ca.OP_DIV, ca.OP_INV, ca.OP_SQRT)} | {OPERATIONS[ca.OP_NEG]: 1}
+_CALL = 60  # of an elementary function
+_LONG = 1000  # by then all is known that what comes late has no part in
+
+Signed = tuple[int, int]
+"""A node, and 1 or -1."""
+
+Term = tuple[list[int], int]
+"""The factors of a product, and 1 or -1."""
+
+
+@final
+class Reordering:
+    """The nodes of a program once more, in another order where that pays.
+
+    :param late: the input whose entries are known last, if there is one.
+    """
+
+    def __init__(self, nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]], late: int | None) -> None:
+        self._old = nodes
+        self._inner = _inner(nodes, outputs)
+        self.nodes: list[Instruction] = []
+        self._ready: list[int] = []  # cycles until a node is known
+        self._numbers: dict[Instruction, int] = {}
+        new: dict[int, int] = {}
+        for number, node in enumerate(nodes):
+            if number in self._inner:
+                continue
+            if _is_sum(node):
+                terms = [([new[x] for x in factors], sign) for factors, sign in self._terms(number)]
+                new[number], _ = self._factored(terms)  # positive, as one of the terms is
+            elif node.is_a(ca.OP_MUL):
+                new[number] = self._product([new[x] for x in self._factors(number)])
+            elif node.is_a(ca.OP_DIV) and late is not None:
+                new[number] = self._quotient(*(new[x] for x in node.arguments))
+            elif node.operation is None:
+                is_late = late is not None and node.constant is None and node.arguments[0] == late
+                new[number] = self._number(node, _LONG if is_late else 0)
+            else:
+                new[number] = self._operation(node.renumbered(new))
+        self.outputs = [[new[number] for number in entries] for entries in outputs]
+
+    def _terms(self, number: int) -> list[Term]:
+        """What a sum adds, through sums that nobody else uses."""
+        terms: list[Term] = []
+        left = [(number, 1)]
+        while left:
+            number, sign = left.pop()
+            node = self._old[number]
+            signs = (sign, -sign if node.is_a(ca.OP_SUB) else sign)
+            for x, of_x in zip(node.arguments, signs, strict=True):
+                if x in self._inner and _is_sum(self._old[x]):
+                    left.append((x, of_x))
+                else:
+                    terms.append((self._factors(x) if x in self._inner else [x], of_x))
+        return terms
+
+    def _factors(self, number: int) -> list[int]:
+        """What a product multiplies, through products that nobody else uses."""
+        factors, left = [], [number]
+        while left:
+            for x in self._old[left.pop()].arguments:
+                (left if x in self._inner else factors).append(x)
+        return factors
+
+    def _factored(self, terms: Sequence[Term]) -> Signed:
+        """A sum of products, with the factors that some of them have in common in front; < 0 if all terms are."""
+        left = list(terms)
+        while True:
+            times = Counter(factor for factors, _ in left if len(factors) > 1 for factor in set(factors))
+            latest = max((x for x in times if times[x] > 1), key=lambda x: (self._ready[x], x), default=None)
+            if latest is None:
+                return self._sum([(self._product(factors), sign) for factors, sign in left])
+            having = [len(factors) > 1 and latest in factors for factors, _ in left]
+            common, rests = _divided([term for term, has in zip(left, having, strict=True) if has], latest)
+            rest, sign = self._factored(rests)
+            left = [term for term, has in zip(left, having, strict=True) if not has] + [([rest, *common], sign)]
+
+    def _sum(self, leaves: Sequence[Signed]) -> Signed:
+        heap = [(self._ready[number], number, sign) for number, sign in leaves]
+        heapq.heapify(heap)
+        while len(heap) > 1:
+            (_, x, of_x), (_, y, of_y) = heapq.heappop(heap), heapq.heappop(heap)
+            if of_x == of_y:
+                number = self._operation(Instruction.of(ca.OP_ADD, *sorted((x, y))))
+            else:
+                number = self._operation(Instruction.of(ca.OP_SUB, *((x, y) if of_x > 0 else (y, x))))
+            heapq.heappush(heap, (self._ready[number], number, of_x if of_x == of_y else 1))
+        return heap[0][1:]
+
+    def _product(self, factors: Sequence[int]) -> int:
+        heap = [(self._ready[number], number) for number in factors]
+        heapq.heapify(heap)
+        while len(heap) > 1:
+            (_, x), (_, y) = heapq.heappop(heap), heapq.heappop(heap)
+            number = self._operation(
+                Instruction.of(ca.OP_SQ, x) if x == y else Instruction.of(ca.OP_MUL, *sorted((x, y)))
+            )
+            heapq.heappush(heap, (self._ready[number], number))
+        return heap[0][1]
+
+    def _quotient(self, dividend: int, divisor: int) -> int:
+        """By the reciprocal of a divisor that is known long before."""
+        reciprocal = Instruction.of(ca.OP_INV, divisor)
+        by_division, inverted = Instruction.of(ca.OP_DIV, dividend, divisor), self._after(reciprocal)
+        if max(inverted, self._ready[dividend]) + _CYCLES[OPERATIONS[ca.OP_MUL]] >= self._after(by_division):
+            return self._operation(by_division)
+        return self._operation(Instruction.of(ca.OP_MUL, *sorted((dividend, self._operation(reciprocal)))))
+
+    def _operation(self, node: Instruction) -> int:
+        return self._number(node, self._after(node))
+
+    def _after(self, node: Instruction) -> int:
+        """When the result of an operation is known."""
+        assert node.operation is not None
+        return max(self._ready[x] for x in node.arguments) + _CYCLES.get(node.operation, _CALL)
+
+    def _number(self, node: Instruction, ready: int) -> int:
+        if node not in self._numbers or node.constant is not None:
+            self._numbers[node] = len(self.nodes)
+            self.nodes.append(node)
+            self._ready.append(ready)
+        return self._numbers[node]
+
+
+def _inner(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
+    """Sums that are part of one other sum only, and products that are part of one other sum or product only."""
+    uses = Counter(argument for node in nodes if node.operation for argument in node.arguments)
+    uses.update(number for entries in outputs for number in entries)
+    inner: set[int] = set()
+    for user in nodes:
+        if _is_sum(user):
+            inner.update(x for x in user.arguments if _is_sum(nodes[x]) or nodes[x].is_a(ca.OP_MUL))
+        elif user.is_a(ca.OP_MUL):
+            inner.update(x for x in user.arguments if nodes[x].is_a(ca.OP_MUL))
+    return {number for number in inner if uses[number] == 1}
+
+
+def _is_sum(node: Instruction) -> bool:
+    return node.operation in _SUMS
+
+
+def _divided(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:
+    """Factors that all terms have, one of which is given, and what is left of each term, which is not nothing."""
+    common = reduce(and_, (Counter(factors) for factors, _ in terms))
+    if any(len(factors) == common.total() for factors, _ in terms):
+        common = Counter([factor])
+    return list(common.elements()), [(list((Counter(factors) - common).elements()), sign) for factors, sign in terms]

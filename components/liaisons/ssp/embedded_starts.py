@@ -1,0 +1,115 @@
+"""Start values inside FMUs, for importers that pass over parameter sets.
+
+An FMU of ours looks for ``resources/starts.txt`` when it is instantiated or reset.  A line ``KIND REFERENCE COUNT BITS
+... NAME`` there stands for a variable: KIND is ``r`` for reals and ``i`` for integers, BITS are those of its numbers in
+hexadecimal digits, which no locale reads differently; or, KIND is ``t``, for a table that replaces the one in its
+parameters, column after column; or ``z``: a prescribed coordinate that must not be 0 keeps its start value where an
+importer sets 0 before the first step.  A copy with that file, and with the same values in its model
+description, starts there by itself; its binaries stay as they are.  It has a GUID of its own, since some importers take
+FMUs of one GUID for one.  An FMU of another make cannot be changed so: its start values are in the parameter set only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import struct
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+from zipfile import ZipFile, ZipInfo
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.cosim.description.start_values import Value
+from liaisons.cosim.structure.components import SystemComponent
+from liaisons.errors import SimulationError
+from liaisons.ssp.parameters import scalars, start, text
+
+_STARTS = "resources/starts.txt"
+_PYTHON = "resources/component.json"
+_MARK, _ZEROS = b"/starts.txt", b" = 0 before the first step: it stays "
+_DESCRIPTION = "modelDescription.xml"
+
+
+def takes_starts(part: SystemComponent) -> bool:
+    """Whether the FMU's library, or the Python module that stands for it, reads the file."""
+    return _has(part, _MARK)
+
+
+def ignores_zeros(part: SystemComponent) -> bool:
+    """Whether it also knows a line of kind ``z``."""
+    return _has(part, _ZEROS)
+
+
+def _has(part: SystemComponent, mark: bytes) -> bool:
+    with ZipFile(part.fmu.path) as archive:
+        modules = [name for name in archive.namelist() if name.startswith("resources/liaisons_runtime_")]
+        return any(mark in archive.read(name) for name in (part.fmu.binary, *modules))
+
+
+def baked(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
+    """The FMU with other start values: those that the component has in the system.
+
+    :param ignore_zeros: prescribed coordinates that must not be 0 keep their start values where an importer sets 0
+        before the first step.
+    """
+    values = {name: start(part, name) for name in scalars(part)}
+    lines = [_line(part, *item) for item in values.items()]
+    return _copy(part.fmu.path, lines + ["z 0 1 0000000000000000 zeros\n"] * ignore_zeros, values)
+
+
+def with_table(path: Path, table: NDArray[np.float64]) -> bytes:
+    """An FMU that takes a table, with this one.
+
+    :param table: columns, (columns, rows).
+    :raises SimulationError: if it is one in Python, which takes none.
+    """
+    with ZipFile(path) as archive:
+        if _PYTHON in archive.namelist():
+            raise SimulationError(f"{path.name}: {table.shape[1]} knots need a native FMU; pip install ziglang")
+    return _copy(path, [f"t 0 {table.size} {_bits('>d', table.ravel())} table\n"], {})
+
+
+def has_table(path: Path) -> bool:
+    """Whether the motion of an FMU is that of a table in its resources."""
+    with ZipFile(path) as archive:
+        return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
+
+
+def _copy(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> bytes:
+    target = io.BytesIO()
+    with ZipFile(path) as old, ZipFile(target, "w") as new:
+        before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""
+        starts = before + "".join(lines)  # the last of two lines counts
+        for item in old.infolist():
+            if item.filename != _STARTS:
+                data = old.read(item)
+                new.writestr(item, _described(data, values, starts) if item.filename == _DESCRIPTION else data)
+        new.writestr(ZipInfo(_STARTS), starts)
+    return target.getvalue()
+
+
+def _line(part: SystemComponent, name: str, value: Value) -> str:
+    like = part.fmu.variables.entry(name).like
+    kind, form = ("r", ">d") if like.type == "Real" else ("i", ">q")
+    numbers = value if isinstance(value, tuple) else (value,)
+    return f"{kind} {like.reference} {len(numbers)} {_bits(form, numbers)} {name}\n"
+
+
+def _bits(form: str, numbers: Iterable[object]) -> str:
+    return " ".join(struct.pack(form, number).hex() for number in numbers)
+
+
+def _described(description: bytes, values: Mapping[str, Value], starts: str) -> bytes:
+    """The model description with these start values, and a GUID that the library takes for its own."""
+    root = ElementTree.fromstring(description)
+    name = "guid" if "guid" in root.attrib else "instantiationToken"
+    # a minus, which a URI takes as it is: libcosim makes a directory of the GUID and does not encode it again
+    root.set(name, f"{root.get(name)}-{hashlib.sha256(starts.encode()).hexdigest()[:16]}")
+    for variable in root.iterfind("ModelVariables/*"):
+        value = values.get(variable.get("name", ""))
+        if value is not None:  # FMI 2.0 has the start value in the type, FMI 3.0 has a variable of the type
+            (variable[0] if variable.tag == "ScalarVariable" else variable).set("start", text(value))
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
