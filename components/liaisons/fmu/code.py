@@ -385,12 +385,11 @@ def _common_start(variable: Variable) -> float:
 def _starts(model: Model) -> list[tuple[int, float]]:
     """Places and values where an array starts otherwise."""
     where = places(model)
-    return [
-        (where[variable.name][i], value)
-        for variable in model.variables
-        for i, value in enumerate(variable.starts)
-        if value != _common_start(variable)
-    ]
+    listed = []
+    for variable in model.variables:
+        common = _common_start(variable)  # once: an array may have 100 000 elements
+        listed += [(where[variable.name][i], value) for i, value in enumerate(variable.starts) if value != common]
+    return listed
 
 
 def _row(*members: str) -> str:
