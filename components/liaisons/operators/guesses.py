@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from liaisons.language import Orientation
 from liaisons.operators.problems import PlanError, Problem
-from liaisons.operators.transcription import DEGREE, Arc, Trajectory, mixture
+from liaisons.operators.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 
 Array = NDArray[np.float64]
 _FINE = 30
@@ -29,7 +29,7 @@ _SHAKES = (0.02, 0.5, 0.1, 1.5)
 """Of waves on the straight way, in turn."""
 
 
-def guesses(problem: Problem, intervals: int) -> Iterator[Trajectory]:
+def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Motions to start from, without end: loops where σ is closed, else ways from start to end.
 
     Of loops the states follow from the rates; on ways they are joined by straight lines, unless constraints forbid it.
@@ -87,31 +87,33 @@ def _spread(k: int, dimension: int) -> float:
     return found
 
 
-def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[Trajectory, Array, Array]:
+def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[CollocatedTrajectory, Array, Array]:
     """A motion that rests at the start, and where the knots and collocation points lie between 0 and 1."""
     m, n, c = intervals, len(problem.states), len(problem.moves)
     durations = np.array([duration_of(problem, k)])
     resting = np.repeat(problem.initial_state[:, None], m * DEGREE + m + 1, axis=1)
-    trajectory = Trajectory((Arc(m),), durations, resting[:, : m + 1], resting[:, m + 1 :], np.zeros((c, m * DEGREE)))
+    trajectory = CollocatedTrajectory(
+        (Arc(m),), durations, resting[:, : m + 1], resting[:, m + 1 :], np.zeros((c, m * DEGREE))
+    )
     assert trajectory.knots.shape == (n, m + 1)
     return trajectory, trajectory.breaks / durations[0], trajectory.instants / durations[0]
 
 
-def _constrained_ways(problem: Problem, intervals: int) -> Iterator[Trajectory]:
+def _constrained_ways(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     return (_constrained_way(problem, intervals, k) for k in count())
 
 
-def _constrained_way(problem: Problem, intervals: int, k: int) -> Trajectory:
+def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     trajectory, _, _ = _blank(problem, intervals, k)
     return _followed(problem, trajectory, _Way(problem, trajectory.durations[0], k))
 
 
-def _ways(problem: Problem, intervals: int) -> Iterator[Trajectory]:
+def _ways(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """From start to end; the later ones are shaken."""
     return (_way(problem, intervals, k) for k in count())
 
 
-def _way(problem: Problem, intervals: int, k: int) -> Trajectory:
+def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     trajectory, knots, points = _blank(problem, intervals, k)
     T = trajectory.durations[0]
     turned = [i for i, name in enumerate(problem.states) if name in Orientation.quaternion]
@@ -141,7 +143,7 @@ def _way(problem: Problem, intervals: int, k: int) -> Trajectory:
     rng = np.random.default_rng(k)
     size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(way).max()) / T**problem.order
     shake = size * np.array([_wave(rng, points) for _ in problem.moves])
-    return Trajectory(trajectory.arcs, trajectory.durations, states(knots), states(points), controls + shake)
+    return CollocatedTrajectory(trajectory.arcs, trajectory.durations, states(knots), states(points), controls + shake)
 
 
 def _wave(rng: np.random.Generator, u: Array) -> Array:
@@ -150,7 +152,7 @@ def _wave(rng: np.random.Generator, u: Array) -> Array:
     return (a / k.ravel()) @ np.sin(k * u) + (b / k.ravel()) @ np.cos(k * u)
 
 
-def _loops(problem: Problem, intervals: int) -> Iterator[Trajectory]:
+def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Circles and ellipses, with states that follow them: of some simple ones the best, then all over the ranges."""
     yield min(_circles(problem, intervals), key=lambda trajectory: _miss(problem, trajectory))
     if not _is_begun(problem):
@@ -175,7 +177,7 @@ def _is_begun(problem: Problem) -> bool:
     return set(problem.moves) <= set(problem.start.labels)
 
 
-def _ellipse(problem: Problem, intervals: int, k: int) -> Trajectory:
+def _ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     trajectory, _, _ = _blank(problem, intervals, k)
     c = len(problem.moves)
     u = np.array([[_spread(k, 1 + 3 * i + j) for j in range(3)] for i in range(c)])
@@ -190,7 +192,7 @@ def _ellipse(problem: Problem, intervals: int, k: int) -> Trajectory:
     return _followed(problem, trajectory, _Loop(centres, radii, phases, _is_begun(problem), trajectory.durations[0]))
 
 
-def _far_circles(problem: Problem, intervals: int) -> Iterator[Trajectory]:
+def _far_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Small and large ones, about what is opposite to the start and between, where joints may turn as they like."""
     trajectory, _, _ = _blank(problem, intervals)
     middles, widths = _ranges(problem)
@@ -203,7 +205,7 @@ def _far_circles(problem: Problem, intervals: int) -> Iterator[Trajectory]:
         yield _followed(problem, trajectory, _Loop(centre, radius * widths, phases, False, trajectory.durations[0]))
 
 
-def _circles(problem: Problem, intervals: int) -> Iterator[Trajectory]:
+def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Of several sizes and centres, round both ways."""
     trajectory, _, _ = _blank(problem, intervals)
     T = trajectory.durations[0]
@@ -221,7 +223,7 @@ def _circles(problem: Problem, intervals: int) -> Iterator[Trajectory]:
                     yield _followed(problem, trajectory, shape)
 
 
-def _drift(problem: Problem, k: int) -> Trajectory:
+def _drift(problem: Problem, k: int) -> CollocatedTrajectory:
     """Some motion from the start, small or large, that ends anywhere, at any rate."""
     trajectory, _, _ = _blank(problem, _FINE, k)
     motion = _Way(problem, _BEYOND * trajectory.durations[0], 1 + k)
@@ -262,7 +264,7 @@ class _Way:
         return value, rate, self.way * 60 * u * (1 - u) * (1 - 2 * u) / self.T**2 + self.waves @ (w**2 * np.cos(w * t))
 
 
-def _followed(problem: Problem, trajectory: Trajectory, motion: _Loop | _Way) -> Trajectory:
+def _followed(problem: Problem, trajectory: CollocatedTrajectory, motion: _Loop | _Way) -> CollocatedTrajectory:
     """States along a motion of σ, by Runge and Kutta's method through all points."""
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
     given = [(f"{name}{end}", n, i) for i, name in enumerate(problem.moves) for n, end in enumerate(("", "_dot"))]
@@ -288,10 +290,10 @@ def _followed(problem: Problem, trajectory: Trajectory, motion: _Loop | _Way) ->
     knots = np.array([found[t] for t in trajectory.breaks]).T
     inner = np.array([found[t] for t in trajectory.instants]).T
     controls = np.array([put(x, t)[1] for t, x in zip(trajectory.instants, inner.T, strict=True)]).T
-    return Trajectory(trajectory.arcs, trajectory.durations, knots, inner, controls)
+    return CollocatedTrajectory(trajectory.arcs, trajectory.durations, knots, inner, controls)
 
 
-def _miss(problem: Problem, trajectory: Trajectory) -> float:
+def _miss(problem: Problem, trajectory: CollocatedTrajectory) -> float:
     """By how much a motion misses the end, and its bounds."""
     end = np.array(problem.end.function(trajectory.knots[:, -1])).ravel()
     missed = np.maximum(problem.end.low - end, end - problem.end.high).clip(0)

@@ -25,7 +25,7 @@ from liaisons.operators.problems import (
     problem_of,
 )
 from liaisons.operators.searching import COARSE, Settings, refuse_singularity, search
-from liaisons.operators.transcription import Arc, Clock, Trajectory, in_units, relative
+from liaisons.operators.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
 from liaisons.progress import progress_bar
 
 _SHORTEST, _LONGEST = 1e-100, 1e100
@@ -156,7 +156,7 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
     return replace(goal, end=parts, duration=(low / loops, high / loops))
 
 
-def _warm(problem: Problem, guess: Plan, intervals: int) -> Trajectory:
+def _warm(problem: Problem, guess: Plan, intervals: int) -> CollocatedTrajectory:
     """Another plan, where it has the same states; on its own arcs if it has several."""
     if not isinstance(guess, Plan) or guess.problem.states != problem.states:
         raise PlanError(f"{problem.name}: guess = {shown(guess)}: give a plan of the same coordinates and costs")

@@ -25,7 +25,7 @@ from liaisons.interface import System, simulate, tabulated
 from liaisons.language import Chain
 from liaisons.library import Target, catalogue, component, fmu_path
 from liaisons.operators.problems import Goal, PlanError, Problem, problem_of
-from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, Solution, Trajectory, relative
+from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, CollocatedTrajectory, Solution, relative
 from liaisons.operators.verifying import verdicts
 
 _LOST = 1e-12
@@ -337,7 +337,7 @@ def _read_solution(trajectory: Any, document: Any) -> Solution:
     found["path"] = found["path"].reshape(-1, m * DEGREE)  # JSON does not know the shape of what has no rows
     _check(found, {"hamiltonian": (m * DEGREE,), "adjoints": (n, m * DEGREE)})
     return Solution(
-        trajectory=Trajectory(arcs, **numbers),
+        trajectory=CollocatedTrajectory(arcs, **numbers),
         cost=float(_finite("cost", document["cost"])),
         status=str(document["status"]),
         seconds=float(_finite("seconds", document["seconds"])),

@@ -22,8 +22,8 @@ from liaisons.operators.transcription import (
     Arc,
     Array,
     Clock,
+    CollocatedTrajectory,
     Solution,
-    Trajectory,
     path_rates,
     solve,
 )
@@ -87,7 +87,7 @@ class Settings:
     is_stopped: bool = False
 
 
-def search(problem: Problem, starts: Iterable[Trajectory], clock: Clock, settings: Settings) -> Solution:
+def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Clock, settings: Settings) -> Solution:
     """The best of what comes of these starts, of as many as there is time for.
 
     All that may be the best is refined, so that more starts lead to nothing worse.
@@ -185,7 +185,7 @@ def _is_believed(problem: Problem, solution: Solution, settings: Settings) -> bo
     return settings.accuracy is None or _is_led(problem, solution, _LED if solution.finished else _LED_ROUGHLY)
 
 
-def _tried(problem: Problem, trajectory: Trajectory, intervals: int, clock: Clock) -> Solution:
+def _tried(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
     """What comes of a start: the solution, or where IPOPT stood, nearest to the end."""
     found = _brought(problem, trajectory, clock)
     coarse = sum(arc.intervals for arc in trajectory.arcs)
@@ -194,7 +194,7 @@ def _tried(problem: Problem, trajectory: Trajectory, intervals: int, clock: Cloc
     return _brought(problem, trajectory.on((Arc(intervals),), trajectory.durations), clock)
 
 
-def _brought(problem: Problem, trajectory: Trajectory, clock: Clock) -> Solution:
+def _brought(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -> Solution:
     """From a start to the end, if need be by way of the nearest end."""
     found = solve(problem, trajectory, clock)
     if found.succeeded or not found.finished:
@@ -391,7 +391,7 @@ def _patterns(problem: Problem, solution: Solution) -> list[_Pattern]:
     return [patterns[known[i]] for i in nearest]
 
 
-def _arcs(patterns: list[_Pattern], trajectory: Trajectory) -> tuple[tuple[Arc, ...], Array]:
+def _arcs(patterns: list[_Pattern], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
     """Arcs on which the same rows are at their bounds, and their durations."""
     runs = [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
     cuts = np.cumsum([length for _, length in runs])[:-1]

@@ -56,7 +56,7 @@ class Arc:
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class CollocatedTrajectory:
     """A motion on a mesh: what a solution is, and what a guess is.
 
     Of n states and c controls, over m intervals in all.
@@ -97,13 +97,13 @@ class Trajectory:
             np.array([np.interp(t, instants, row) for row in self.controls]).reshape(len(self.controls), -1),
         )
 
-    def on(self, arcs: tuple[Arc, ...], durations: Array) -> Trajectory:
+    def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
         """The same motion on another mesh."""
-        blank = Trajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
+        blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
         total = durations.sum()
         knots, _ = self.at(blank.breaks / total)
         inner, controls = self.at(blank.instants / total)
-        return Trajectory(arcs, durations, knots, inner, controls)
+        return CollocatedTrajectory(arcs, durations, knots, inner, controls)
 
 
 class Clock:
@@ -152,7 +152,7 @@ class Clock:
 class Solution:
     """What IPOPT has made of it."""
 
-    trajectory: Trajectory
+    trajectory: CollocatedTrajectory
     cost: float
     status: str  # IPOPT's word
     seconds: float
@@ -195,7 +195,7 @@ def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> So
         time = low / float(trajectory.durations.sum())  # to the last digit
     return replace(
         solution,
-        trajectory=Trajectory(
+        trajectory=CollocatedTrajectory(
             arcs=tuple(
                 replace(arc, active_bounds=tuple(held(*row) for row in arc.active_bounds)) for arc in trajectory.arcs
             ),
@@ -231,7 +231,7 @@ class _Program:
 
 def solve(
     problem: Problem,
-    guess: Trajectory,
+    guess: CollocatedTrajectory,
     clock: Clock | None = None,
     *,
     soft: bool = False,
@@ -257,7 +257,7 @@ def solve(
     n, c, rows = len(problem.states), len(problem.controls), len(problem.path.labels)
     m = program.knots.shape[1] - 1
     points = m * DEGREE
-    trajectory = Trajectory(
+    trajectory = CollocatedTrajectory(
         arcs=guess.arcs,
         durations=value(program.durations, len(guess.arcs)),
         knots=value(program.knots, n, m + 1),
@@ -294,7 +294,7 @@ class _Posed:
     reached: Any
 
 
-def _posed(problem: Problem, guess: Trajectory, *, soft: bool = False, shift: Array | None = None) -> _Posed:
+def _posed(problem: Problem, guess: CollocatedTrajectory, *, soft: bool = False, shift: Array | None = None) -> _Posed:
     program = _collocated(problem, guess)
     opti = program.opti
     stages, steps = program.stages == 0, program.steps == 0
@@ -359,7 +359,7 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     return Curvature(float(eigenvalues[0]), float(np.abs(eigenvalues).max()), eigenvalues.size)
 
 
-def _last(opti: ca.Opti, problem: Problem, guess: Trajectory, program: _Program) -> None:
+def _last(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
     """Durations of arcs, where they are unknown."""
     if program.durations.is_constant():
         return
@@ -370,7 +370,7 @@ def _last(opti: ca.Opti, problem: Problem, guess: Trajectory, program: _Program)
     opti.subject_to(_bounded(opti, low, whole, high) if low < high else whole == low)
 
 
-def _collocated(problem: Problem, guess: Trajectory) -> _Program:
+def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
     """Unknowns, and what must vanish of the equations."""
     arcs = guess.arcs
     m = sum(arc.intervals for arc in arcs)
