@@ -40,15 +40,15 @@ from .language import Spring as Spring
 from .language import Trail as Trail
 from .language import Values as Values
 from .language import Wire as Wire
+from .language import assertion as assertion
 from .language import calculated as calculated
 from .language import circle as circle
 from .language import closed_form as closed_form
-from .language import condition as condition
 from .language import constraint as constraint
 from .language import non_holonomic as non_holonomic
 from .language import output as output
 from .language import point as point
-from .language import submersion as submersion
+from .language import rheonomic_constraint as rheonomic_constraint
 from .language import turned as turned
 from .language import unchecked as unchecked
 from .library import build as build

@@ -176,7 +176,7 @@ class Cart(Mechanism):
 
 
 def test_a_pendulum_on_paper_and_one_in_space_are_pulled_alike() -> None:
-    """A rod by its own coordinate, and by a submersion of Cartesian ones, whose constraints a guess must obey."""
+    """A rod by its own coordinate, and by a rheonomic constraint on Cartesian ones, which a guess must obey."""
     goal: dict[str, Any] = {"duration": 3.0, "intervals": 10, "accuracy": 1e-6, "tries": 1}
     polar = plan(
         "Pendulum",
@@ -275,7 +275,7 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
         {"moves": "pivot_x", "end": {"theta": 1, "pivot_x_dot": 0}, "duration": 1.0},
         "pivot_x_dot may jump at no cost, so that no motion is the best: bound or weigh pivot_x_ddot",
     ),
-    "a submersion's rate": (
+    "the rate of a rheonomic constraint": (
         "CartesianPendulum",
         {"end": {"rod": 1.2}, "duration": 1.0},
         "rod_dot may jump at no cost, so that no motion is the best: bound or weigh rod_ddot, or bound rod_force",

@@ -621,7 +621,7 @@ class Reader:
             closed=tuple(names.index(name) for name in closed if name in names),
             duration=goal.duration,
             constrained=any(
-                getattr(self.component, kind, ()) for kind in ("constraints", "non_holonomic", "submersions")
+                getattr(self.component, kind, ()) for kind in ("constraints", "non_holonomic", "rheonomic_constraints")
             ),
             mass=ca.Function("mass", [X, chosen], [known(self._mass())]),
             fmu_starts=self._fmu_starts(signals, tuple(self.signals)),
@@ -743,7 +743,9 @@ class Reader:
         """Refuse given rates where these may jump: there is no least cost then, but ever shorter impulses."""
         rates = [f"{name}_dot" for name in self.goal.moves]
         given = [row.label for row in (*asked.start, *asked.end) if row.label in rates]
-        through = [item.name for item in getattr(self.component, "submersions", ()) if item.name in self.goal.moves]
+        through = [
+            item.name for item in getattr(self.component, "rheonomic_constraints", ()) if item.name in self.goal.moves
+        ]
         if given or through:
             name = (given or [f"{through[0]}_dot"])[0].removesuffix("_dot")
             what = f"{name}_dot may jump at no cost, so that no motion is the best: bound or weigh {name}_ddot"
