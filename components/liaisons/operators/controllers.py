@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.arguments import finite, shown
+from liaisons.arguments import finite, merged, shown
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
@@ -123,13 +123,13 @@ class Controller:
     def _factors(self, matrix: Array) -> NDArray[np.complex128]:
         return multipliers(matrix) if self.returns else np.linalg.svd(matrix, compute_uv=False).astype(complex)
 
-    def system(self, **starts: float) -> System:
+    def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
         """The mechanism and one regulator FMU a coordinate, wired; communication points are those of :meth:`times`.
 
-        :param starts: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of what
-            moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``.
+        :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
+            what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._system(self.room, starts)
+        return self._system(self.room, merged(self.name, start_values, keywords, PlanError))
 
     def _system(self, room: Mapping[str, Array], starts: Mapping[str, float]) -> System:
         system = System(f"held_{self.name}")
@@ -211,16 +211,22 @@ class Controller:
         return np.append(points[points < stop * (1 - 1e-12)], stop)
 
     def simulate(
-        self, stop_time: float | None = None, *, inputs: Mapping[str, Any] | None = None, **starts: float
+        self,
+        stop_time: float | None = None,
+        *,
+        inputs: Mapping[str, Any] | None = None,
+        start_values: Mapping[str, float] | None = None,
+        **keywords: float,
     ) -> Result:
         """Run :meth:`system`.
 
         :param stop_time: end [s]; unless given that of the plan, of an equilibrium twenty radians of the free motion.
         :param inputs: input of the mechanism -> function of time: a disturbance.
-        :param starts: as of :meth:`system`.
+        :param start_values: as of :meth:`system`; ``keywords`` are further ones.
         :raises PlanError: if a time or a start value is no finite number, or the end is not after the start.
         """
         given = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
+        starts = merged(self.name, start_values, keywords, PlanError)
         for name, value in starts.items():
             finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._stop if stop_time is None else stop_time
@@ -232,7 +238,7 @@ class Controller:
                 self.duration,
                 stop_time,
             )
-        return self._run(self.system(**starts), stop_time, given or None)
+        return self._run(self.system(start_values=starts), stop_time, given or None)
 
     def _run(self, system: System, stop_time: float | None, inputs: Mapping[str, Any] | None = None) -> Result:
         coupling = "jacobi" if self.course.times.size == 1 else "gauss-seidel"

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import svd
 
-from liaisons.arguments import finite, named, numbers, shown
+from liaisons.arguments import finite, merged, named, numbers, shown
 from liaisons.library import Target, component
 from liaisons.operators.controllers import After, Controller, ReferenceTrajectory
 from liaisons.operators.feedback import (
@@ -77,7 +77,8 @@ def hold(
     weights: Mapping[str, float] | None = None,
     effort: float = 1.0,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    **values: float,
+    start_values: Mapping[str, float] | None = None,
+    **keywords: float,
 ) -> Controller:
     """Find the feedback that keeps a mechanism at an equilibrium, or at a motion that was planned.
 
@@ -105,9 +106,10 @@ def hold(
         sizes that they may have.
     :param bounds: (low, high) of σ, σ̇, σ̈ and forces of what moves, ``{"pivot_x_ddot": (-5, 5)}``, beside those of the
         plan: there the feedback saturates.  Of forces it knows what they are along the motion.
-    :param values: parameters.
+    :param start_values: parameters by name; ``keywords`` are further ones, where they are no settings.
     :raises PlanError: if it is no equilibrium, or if what is to be held cannot be controlled, with what stays.
     """
+    values = merged("hold", start_values, keywords, PlanError)
     finite("effort", effort, PlanError)
     if step_size is not None:
         finite("step_size", step_size, PlanError)

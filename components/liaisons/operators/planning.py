@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons.arguments import finite, named, shown, whole
+from liaisons.arguments import finite, merged, named, settings_beside, shown, whole
 from liaisons.cosim.running.interrupts import deferred_interrupts
-from liaisons.library import Target
+from liaisons.library import Target, component
 from liaisons.operators.guesses import guesses, refuse_invariants
 from liaisons.operators.plans import Plan
 from liaisons.operators.problems import (
@@ -50,7 +50,8 @@ def plan(
     guess: Plan | None = None,
     time_limit: float = 60.0,
     progress: bool = False,
-    **values: float,
+    start_values: Mapping[str, float] | None = None,
+    **keywords: float,
 ) -> Plan:
     """Find the motion of active coordinates that takes a mechanism from start to end at least cost.
 
@@ -81,21 +82,24 @@ def plan(
     :param guess: a plan of the same kind to start from.
     :param time_limit: [s]; what there is then, or at Ctrl-C, is returned, ``motion.finished`` False.
     :param progress: show a progress bar on stderr.
-    :param values: parameters, and inputs that stay constant.
+    :param start_values: parameters, and inputs that stay constant, by name.
+    :param keywords: further ones; a keyword that is also a setting is the setting.
     :returns: the motion.  What IPOPT says is not enough: ``motion.verify()`` replays it through the FMUs.
     :raises PlanError: for an unknown name, with the nearest one; for what cannot be reached, with the obstacle.
     """
     names = move_names(mechanism, moves)
+    with settings_beside({parameter.name for parameter in getattr(component(mechanism), "parameters", ())}):
+        seconds = _duration(duration)
     goal = Goal(
         component=mechanism,
         moves=names,
         start={} if start is None else start,
         end={} if end is None else end,
         closed=closed_names(closed, names),
-        duration=_duration(duration),
+        duration=seconds,
         minimize=minimize,
         bounds=named("bounds", bounds or {}, PlanError),
-        values=values,
+        values=merged("plan", start_values, keywords, PlanError),
     )
     whole("intervals", intervals, PlanError)
     whole("loops", loops, PlanError)
