@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from liaisons.array_names import split
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
-from liaisons.results.signals import Signals
+from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +50,7 @@ def essential(signals: Curves, units: Mapping[str, str]) -> list[str]:
     return chosen or [name for name in signals if _largest(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
 
-def plot(result: Signals, names: Sequence[str], over: str | None, path: Path | None) -> Figure:
+def plot(result: LabelledSignals, names: Sequence[str], over: str | None, path: Path | None) -> Figure:
     """Draw signals, those of one unit in one diagram, its legend beside it.
 
     :param names: what to draw; if empty, :func:`essential` chooses.
@@ -141,7 +141,7 @@ def _draw_curves(
 
 
 def _visible(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
-    """Signals of one unit that are visible in one diagram; none if nothing moves."""
+    """LabelledSignals of one unit that are visible in one diagram; none if nothing moves."""
     sizes = {name: _largest(values) for name, values in signals.items()}
     motions = {name: _largest(values - values[:1]) for name, values in signals.items()}
     zero = _ROUNDING * max(*sizes.values(), 1.0 if unit in {"", "1", "rad"} else 0.0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from liaisons.errors import LiaisonsError
 from liaisons.pictures import motion_page
-from liaisons.results.signals import Signals
+from liaisons.results.signals import LabelledSignals
 from liaisons.results.tables import summary
 
 _MOST_ROWS = 100
@@ -26,7 +26,7 @@ _ROUNDING = 1e-9
 """A signal that moves by less than this part of its size is drawn as constant."""
 
 
-def html(signals: Signals) -> str:
+def html(signals: LabelledSignals) -> str:
     """The motion, if there is one, and a table of the signals with small pictures."""
     remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
     motion, problems = _motion(signals)
@@ -36,7 +36,7 @@ def html(signals: Signals) -> str:
     return motion + _table(signals.headline, summary(signals, _MOST_ROWS, few=0), curves, remarks)
 
 
-def _motion(signals: Signals) -> tuple[str, list[str]]:
+def _motion(signals: LabelledSignals) -> tuple[str, list[str]]:
     """The motion as a frame, or why it cannot be shown."""
     if signals.scene is None:
         return "", []

@@ -13,7 +13,7 @@ from liaisons.arguments import as_path, listed
 from liaisons.errors import SimulationError
 from liaisons.pictures import animate
 from liaisons.results import figures, notebook, tables
-from liaisons.results.signals import Signals
+from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 @final
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Signals):
-    """Signals of a simulation, a sweep or an ensemble by name, read-only.
+class Result(LabelledSignals):
+    """LabelledSignals of a simulation, a sweep or an ensemble by name, read-only.
 
     ``result["swing.theta"]`` has the shape (times,) in a simulation, (cases,) in a sweep, (times, cases) in an
     ensemble; :attr:`kind` is which of them it is.  If ``chain.theta[1]`` to ``chain.theta[10]`` were recorded,

@@ -18,7 +18,7 @@ from liaisons.pictures import Scene
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Signals:
+class LabelledSignals:
     """The data of a :class:`liaisons.Result`, which has the same fields."""
 
     title: str
@@ -46,7 +46,7 @@ class Signals:
 
     @property
     def kind(self) -> Literal["simulation", "sweep", "ensemble"]:
-        """Signals over time are a simulation, over cases a sweep, over both an ensemble."""
+        """LabelledSignals over time are a simulation, over cases a sweep, over both an ensemble."""
         if not self.time.size:
             return "sweep"
         return "simulation" if self.values.ndim == 2 else "ensemble"

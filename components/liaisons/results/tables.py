@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
-from liaisons.results.signals import Signals
+from liaisons.results.signals import LabelledSignals
 
 _FAILURE = "failure"
 """The last column of a file in which there are cases."""
@@ -24,7 +24,7 @@ _NOTES = ("title", "warning", "estimates")
 """Metadata of a file: in CSV lines ``# title: a swing``, in Parquet in the metadata of the schema."""
 
 
-def write_csv(signals: Signals, path: Path) -> None:
+def write_csv(signals: LabelledSignals, path: Path) -> None:
     """Write a CSV file.
 
     :raises SimulationError: if it cannot be written.
@@ -38,7 +38,7 @@ def write_csv(signals: Signals, path: Path) -> None:
 
 
 def read_csv(path: Path) -> dict[str, Any]:
-    """Fields of the :class:`Signals` in a CSV file.
+    """Fields of the :class:`LabelledSignals` in a CSV file.
 
     :raises SimulationError: if it cannot be read, or is not such a file.
     """
@@ -56,7 +56,7 @@ def read_csv(path: Path) -> dict[str, Any]:
         raise SimulationError(f"{path}: not a result that to_csv has written: {error}") from None
 
 
-def write_parquet(signals: Signals, path: Path) -> None:
+def write_parquet(signals: LabelledSignals, path: Path) -> None:
     """Write a Parquet file.
 
     :raises SimulationError: if it cannot be written, or PyArrow is missing.
@@ -73,7 +73,7 @@ def write_parquet(signals: Signals, path: Path) -> None:
 
 
 def read_parquet(path: Path) -> dict[str, Any]:
-    """Fields of the :class:`Signals` in a Parquet file.
+    """Fields of the :class:`LabelledSignals` in a Parquet file.
 
     :raises SimulationError: if it cannot be read, or PyArrow is missing.
     """
@@ -94,7 +94,7 @@ def read_parquet(path: Path) -> dict[str, Any]:
         raise SimulationError(f"{path}: not a result that to_parquet has written: {error}") from None
 
 
-def data_frame(signals: Signals) -> Any:
+def data_frame(signals: LabelledSignals) -> Any:
     """A ``pandas.DataFrame``, a column a signal."""
     pandas = _optional("to_pandas", "pandas", "pandas")
     levels = [pandas.Index(axis, name=name) for name, axis in signals.index.items()]
@@ -105,7 +105,7 @@ def data_frame(signals: Signals) -> Any:
     return frame
 
 
-def dataset(signals: Signals) -> Any:
+def dataset(signals: LabelledSignals) -> Any:
     """An ``xarray.Dataset``, a variable a signal or array."""
     xarray = _optional("to_xarray", "xarray", "xarray")
     index = signals.index
@@ -122,7 +122,7 @@ def dataset(signals: Signals) -> Any:
     return data
 
 
-def summary(signals: Signals, most: int | None, few: int) -> list[dict[str, str]]:
+def summary(signals: LabelledSignals, most: int | None, few: int) -> list[dict[str, str]]:
     """Rows of a table: start, end and extrema of each signal; of a sweep, its cases.
 
     :param most: number of rows; None: all.
@@ -135,7 +135,7 @@ def summary(signals: Signals, most: int | None, few: int) -> list[dict[str, str]
     return [dict(zip(names, (f"{value:.6g}" for value in case), strict=True)) for case in cases]
 
 
-def _extent(signals: Signals, name: str) -> dict[str, str]:
+def _extent(signals: LabelledSignals, name: str) -> dict[str, str]:
     values = signals[name]
     numeric = values.dtype != object
 
@@ -153,7 +153,7 @@ def _extent(signals: Signals, name: str) -> dict[str, str]:
     return row
 
 
-def _columns(signals: Signals) -> Iterator[tuple[str, str, NDArray[Any]]]:
+def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]]:
     """Name, unit and content of the columns of a file: a row a point, a case, or a case at a point."""
     index = signals.index
     axes = dict(zip(index, map(np.ravel, np.meshgrid(*index.values(), indexing="ij")), strict=True))
@@ -170,14 +170,14 @@ def _columns(signals: Signals) -> Iterator[tuple[str, str, NDArray[Any]]]:
         yield _FAILURE, "", _reasons(signals, axes["case"])
 
 
-def _notes(signals: Signals) -> list[tuple[str, str]]:
+def _notes(signals: LabelledSignals) -> list[tuple[str, str]]:
     """Metadata of the file, by :data:`_NOTES`."""
     estimates = [name for name in _ESTIMATES if getattr(signals, name) is not None]
     notes = [("title", signals.title), *(("warning", text) for text in signals.warnings)]
     return [*notes, *([("estimates", ", ".join(estimates))] if estimates else [])]
 
 
-def _reasons(signals: Signals, cases: NDArray[Any]) -> NDArray[Any]:
+def _reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:
     """Why each of these cases has failed, empty if it has not."""
     return np.array([signals.failures.get(case, "") for case in cases.tolist()], dtype=object)
 
@@ -189,7 +189,7 @@ def _fields(
     units: Sequence[str],
     contents: Sequence[Sequence[Any]],
 ) -> dict[str, Any]:
-    """Fields of :class:`Signals`, from its columns and notes.
+    """Fields of :class:`LabelledSignals`, from its columns and notes.
 
     :param title: unless the notes have one.
     :raises ValueError: if they are none, with the reason.
@@ -201,8 +201,8 @@ def _fields(
     texts, rows = {}, [*contents[:end]]
     for column, name in enumerate(names[first:last], start=first):
         if not units[column] and len(rows[column]) and not any(map(_is_number, rows[column])):
-            strings, rows[column] = np.unique(np.array(rows[column], dtype=str), return_inverse=True)
-            texts[name] = tuple(strings.tolist())
+            strings, indices = np.unique(np.array(rows[column], dtype=str), return_inverse=True)
+            texts[name], rows[column] = tuple(strings.tolist()), indices.tolist()
     numbers = np.array(rows, dtype=float)
     if len(set(names[:last])) < last or not numbers.size:
         raise ValueError("it has a name twice, or no numbers")
