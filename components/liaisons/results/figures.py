@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from liaisons.array_names import split
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
+from liaisons.port_names import PortNames, port_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +33,7 @@ _ROUNDING = 1e-9
 """What is below this part of the largest value of its unit is 0 but for rounding; of 1 if the unit has no scale."""
 
 
-def essential(signals: Signals, units: Mapping[str, str]) -> list[str]:
+def essential(signals: Signals, units: Mapping[str, str], ports: Mapping[str, PortNames]) -> list[str]:
     """The names that are worth drawing if nobody has chosen.
 
     At most six units and eight signals of each: free coordinates first, then their rates, what is prescribed, energies,
@@ -40,7 +41,8 @@ def essential(signals: Signals, units: Mapping[str, str]) -> list[str]:
     moves, and signals that stay 0, cannot be told from 0 or from another one, or are so large or far away that nothing
     would be seen of those that tell more; unless there is nothing else.
     """
-    ranks = {name: _rank(name, units[name], signals) for name in signals}
+    called = {name: usual for value in ports for name, usual in zip(ports[value], port_names(value), strict=True)}
+    ranks = {name: _rank(called.get(name, name), units[name], signals) for name in signals}
     groups: dict[str, list[str]] = {}
     for name in sorted(signals, key=ranks.__getitem__):
         groups.setdefault(units[name], []).append(name)
@@ -176,9 +178,10 @@ def _rank(name: str, unit: str, names: Container[str]) -> int:
     def has(name: str) -> bool:
         return f"{owner}{dot}{name}" in names
 
-    if last.endswith("_dot"):
-        return 1 if has(f"p_{last.removesuffix('_dot')}") else 7
-    for ending, rank in {"_ddot": 8, "_force": 5, "_power": 6, "_load": 7}.items():
+    ending = port_names("")
+    if last.endswith(ending.rate):
+        return 1 if has(f"p_{last.removesuffix(ending.rate)}") else 7
+    for ending, rank in {ending.acceleration: 8, ending.force: 5, "_power": 6, ending.load: 7}.items():
         if last.endswith(ending):
             return rank
     if has(f"p_{last}"):

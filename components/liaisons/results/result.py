@@ -21,6 +21,7 @@ from liaisons.array_names import Shape, complete, split
 from liaisons.errors import LiaisonsError, SimulationError, suggestion
 from liaisons.files import replacing
 from liaisons.pictures import Scene, animate, motion_page
+from liaisons.port_names import PortNames
 from liaisons.results.notebook import curve, framed, html_table
 
 if TYPE_CHECKING:
@@ -68,6 +69,8 @@ class Result:
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param texts: name of a signal of strings -> those that its values count from 0.
     :param jumping: names of signals that change in jumps only.
+    :param ports: value -> names of the variables of its port, where the FMU calls them otherwise than
+        :func:`liaisons.port_names.port_names` does; nothing after reading from a file.
     :param scene: what was simulated looks like; None after reading from a file, a sweep or an ensemble.
     :param warnings: of a simulation, what was logged as a warning, each text once; of a sweep, with the number of the
         case, a hundred of them.
@@ -85,6 +88,7 @@ class Result:
     compiled: bool = False
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     jumping: frozenset[str] = frozenset()
+    ports: Mapping[str, PortNames] = field(default_factory=dict)
     scene: Scene | None = None
     warnings: tuple[str, ...] = ()
 
@@ -408,7 +412,7 @@ class Result:
             over = self.names[0]
         signals = {name: self._part(self.values, name) for name in chosen or self.entries if chosen or name != over}
         if not chosen:
-            signals = {name: signals[name] for name in essential(signals, self.units)}
+            signals = {name: signals[name] for name in essential(signals, self.units, self.ports)}
         axis, values = next(iter(self.index.items())) if over is None else (over, self._part(self.values, over))
         unit = "s" if axis == "time" else self.units.get(axis)
         horizontal = f"{axis} [{unit}]" if unit else axis, values

@@ -162,6 +162,7 @@ def drives(
     found: list[Drive] = []
     for (owner, name), function in functions.items():
         part = parts[owner]
+        name = part.value_of(name)
         variable = part.scalar(name)
         if variable.causality != "input":
             words = f"{owner}.{name} is of causality {variable.causality!r}"
