@@ -51,7 +51,7 @@ def simulation(
     subject, rest = resolved(word, starts)
     if single := not isinstance(subject, System):
         system = System(subject.stem)
-        system.experiment = system.add(subject.stem.replace(".", "_"), subject, **rest).fmu.experiment
+        system.experiment = system.add(subject.stem.replace(".", "_"), subject, start_values=rest).fmu.experiment
     elif rest:
         raise ProjectError(f"{word}: start values of a system are given where its FMUs are added")
     else:

@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import as_path, shown
+from liaisons.arguments import as_path, merged, settings_beside, shown
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.running.run import performed
 from liaisons.cosim.structure.components import Port, Solver, SystemComponent
@@ -29,7 +29,7 @@ class OperatorFmu:
     """An FMU that prescribes a coordinate; see :func:`liaisons.operator`."""
 
     fmu: Path
-    starts: Mapping[str, ArrayLike]
+    start_values: Mapping[str, ArrayLike]
 
 
 class System:
@@ -54,8 +54,9 @@ class System:
         /,
         *,
         isolated: bool | float = False,
-        solver: Solver | float | None = None,
-        **starts: ArrayLike | OperatorFmu,
+        solver: Solver | None = None,
+        start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
+        **keywords: ArrayLike | OperatorFmu,
     ) -> SystemComponent:
         """Put an FMU into the system.
 
@@ -64,10 +65,11 @@ class System:
         :param isolated: in a process of its own: when it crashes, ends its process or hangs there, the run ends with
             what there is, and says which call did it.  A number is for how long a call may take [s], True a minute.
             On Linux; elsewhere it runs in this process, with a warning.
-        :param solver: ``"cvode"`` integrates the equations of an FMU of Model Exchange from the begin on, which are
-            known to be stiff; None: DOP853 does until it sees that they are.
-        :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or an
+        :param solver: ``"cvode"`` integrates the equations of a stiff FMU of Model Exchange from the start; None:
+            DOP853 integrates them until it detects that they are stiff.
+        :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or an
             :func:`operator`, which is added as ``name_port`` and connected.
+        :param keywords: further start values; a keyword that is also a setting is the setting.
         :returns: a handle; ``handle["length"]`` is one of its ports, to be connected.
         :raises SimulationError: if the name will not do, the file cannot be used here, or a start value is unknown,
             cannot be set, or has the wrong type.
@@ -76,6 +78,7 @@ class System:
             raise SimulationError(f"{self.name}: the name {shown(name)} of a component must not be empty or have a dot")
         if name in self._parts:
             raise SimulationError(f"{self.name} has a component {name!r} already; choose another name")
+        starts = merged(f"{self.name}: {name}", start_values, keywords)
         return self._added(name, fmu, starts, isolated=isolated, solver=solver)
 
     def _added(
@@ -85,7 +88,7 @@ class System:
         starts: Mapping[str, object],
         *,
         isolated: bool | float,
-        solver: Solver | float | None,
+        solver: Solver | None,
     ) -> SystemComponent:
         operators = {port: value for port, value in starts.items() if isinstance(value, OperatorFmu)}
         own = {start: value for start, value in starts.items() if start not in operators}
@@ -101,7 +104,7 @@ class System:
         part = self._parts[name]
         for port, value in operators.items():
             own = f"{name}_{port}".replace(".", "_")  # ports of a flattened FMU have dots
-            self.connect(self.add(own, value.fmu, isolated=False, solver=None, **value.starts)["y"], part[port])
+            self.connect(self.add(own, value.fmu, start_values=value.start_values)["y"], part[port])
         return part
 
     def connect(self, source: Port, target: Port) -> None:
@@ -257,15 +260,16 @@ def simulate(
     record: str | Iterable[str] | None = None,
     inputs: Mapping[str, Function] | None = None,
     isolated: bool | float = False,
-    solver: Solver | float | None = None,
-    **starts: ArrayLike | OperatorFmu,
+    solver: Solver | None = None,
+    start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
+    **keywords: ArrayLike | OperatorFmu,
 ) -> Result:
     """Simulate one FMU, and the operators that prescribe its coordinates; what is not given its experiment says.
 
     :param fmu: path of the file; :func:`liaisons.simulate` takes a component by its name, file or class, too.
     :param stop_time: end [s].
     :param step_size: distance of the communication points [s], as in :meth:`System.simulate`.
-    :param start_time: begin [s].  (A *parameter* of this name can be set in a :class:`System`.)
+    :param start_time: start [s].
     :param times: the communication points themselves [s], increasing, in place of the three above.
     :param tolerance: relative tolerance of the FMU's solver.
     :param record: a name of a variable or several; all outputs and inputs if None, else the local variables.
@@ -273,29 +277,33 @@ def simulate(
         return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
         from a connected source.
     :param isolated: in a process of its own, as in :meth:`System.add`; ``solver``: the same.
-    :param starts: values of parameters and inputs at the start, where they differ from the FMU's; or the
-        :func:`operator` of a coordinate.  What a function drives begins where the function does.
+    :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or the
+        :func:`operator` of a coordinate.  An input that a function drives starts with the function's value.
+    :param keywords: further start values, ``theta_0=0.2``; a keyword that is also a setting is the setting, and a
+        variable of such a name has its value in ``start_values``.
     :returns: signals under their own names, ``result["theta"]``.
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
     path = as_path("fmu", fmu)
+    starts = merged(path.stem, start_values, keywords)
     system = System(path.stem or str(path))
-    system._added(  # noqa: SLF001 - it may have a dot in its name
+    part = system._added(  # noqa: SLF001 - it may have a dot in its name
         path.stem, path, starts, isolated=isolated, solver=solver
     )
-    simulation = checked(
-        path.stem,
-        system.parts,
-        system.connections,
-        single=True,
-        start_time=start_time,
-        stop_time=stop_time,
-        step_size=step_size,
-        times=times,
-        tolerance=tolerance,
-        record=record,
-        inputs=inputs,
-    )
+    with settings_beside(part.fmu.variables):
+        simulation = checked(
+            path.stem,
+            system.parts,
+            system.connections,
+            single=True,
+            start_time=start_time,
+            stop_time=stop_time,
+            step_size=step_size,
+            times=times,
+            tolerance=tolerance,
+            record=record,
+            inputs=inputs,
+        )
     for drive in simulation.drives:
         for (_, name), begin in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
             if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), begin, rtol=1e-9, atol=1e-9):

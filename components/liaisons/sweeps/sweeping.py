@@ -42,7 +42,7 @@ def sweep(
     times: ArrayLike | None = None,
     tolerance: float | None = None,
     coupling: Coupling | None = None,
-    starts: Mapping[str, float | bool | str] | None = None,
+    start_values: Mapping[str, float | bool | str] | None = None,
     record: str | Iterable[str] | None = None,
     journal: Path | str | None = None,
     retry: bool = False,
@@ -74,7 +74,7 @@ def sweep(
         ``"theta:min"``, one or several; or name -> one of these or a function of the :class:`liaisons.Result`.
     :param stop_time: end [s]; this and the next four as in :func:`liaisons.simulate`.
     :param coupling: as in :meth:`liaisons.System.simulate`.
-    :param starts: start values that all cases have in common.
+    :param start_values: start values that all cases have in common.
     :param record: signals that functions in ``keep`` can see; outputs and inputs if None.
     :param journal: a file that finished cases are written to; those in it already are not simulated again.
     :param retry: simulate again what the model has refused, too.
@@ -92,7 +92,7 @@ def sweep(
         subject,
         Cases.of(cases),
         measures(keep),
-        named("starts", {} if starts is None else starts, SweepError),
+        named("start_values", {} if start_values is None else start_values, SweepError),
         record,
         start_time=start_time,
         stop_time=stop_time,
@@ -150,7 +150,7 @@ def _study(
         title, connections = Path(subject).stem, ()
         parts = {title: SystemComponent.of(title, subject, starts)}
     elif starts:
-        raise SweepError(f"{subject.name}: starts are for a single FMU; give them to add()")
+        raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
     else:
         title, parts, connections = subject.name, subject.filled(), subject.connections
     kept = [split(measure)[0] for measure in keep.values() if isinstance(measure, str)]
