@@ -129,7 +129,7 @@ def test_a_motion_whose_cost_knows_no_accelerations_is_smooth_and_replayed_to_th
     motion = plan("PlanarCat", end={"phi": -1.047}, bounds=bounds, tries=1, **CAT)
     found = motion.verify()
     assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
-    breaks, gap = motion.solution.track.breaks[1:-1], 1e-9  # at the ends of intervals accelerations may jump
+    breaks, gap = motion.solution.trajectory.breaks[1:-1], 1e-9  # at the ends of intervals accelerations may jump
     inside = breaks[np.abs(breaks[:, None] - motion.switches).min(axis=1) > gap]
     before, after = (motion.sigma(inside + shift)["psi_1_ddot"] for shift in (-gap, gap))
     assert np.max(np.abs(after - before)) < 1e-4 * np.ptp(after)
@@ -403,7 +403,12 @@ def test_a_bound_that_the_start_lies_on_is_held_without_saying_it_twice() -> Non
         bounds={"length": (1.0, 1.1), "length_ddot": (-30, 30)},
         intervals=15,
     )
-    assert [arc.held for arc in motion.solution.track.arcs] == [((0, 1.1),), ((1, -30),), ((1, 30),), ((0, 1.0),)]
+    assert [arc.active_bounds for arc in motion.solution.trajectory.arcs] == [
+        ((0, 1.1),),
+        ((1, -30),),
+        ((1, 30),),
+        ((0, 1.0),),
+    ]
     rise = motion.switches[2] - motion.switches[0]
     assert rise == pytest.approx(2 * np.sqrt(0.1 / 30), rel=1e-9)
 

@@ -25,7 +25,7 @@ from liaisons.operators.problems import (
     problem_of,
 )
 from liaisons.operators.searching import COARSE, Settings, refuse_singularity, search
-from liaisons.operators.transcription import Arc, Clock, Track, in_units, relative
+from liaisons.operators.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
 from liaisons.progress import progress_bar
 
 _SHORTEST, _LONGEST = 1e-100, 1e100
@@ -152,7 +152,7 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
         i = problem.states.index(name)
         if i in acts:
             raise PlanError(f"{label}: the motion depends on {name}, so that no loop is like the one before it")
-        first = float(problem.at_start[i])
+        first = float(problem.initial_state[i])
         several: Any = value if isinstance(value, (tuple, list)) else [value]
         ends = [None if x is None else first + (x - first) / loops for x in several]
         parts[name] = tuple(ends) if isinstance(value, (tuple, list)) else ends[0]
@@ -160,10 +160,10 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
     return replace(goal, end=parts, duration=(low / loops, high / loops))
 
 
-def _warm(problem: Problem, guess: Plan, intervals: int) -> Track:
+def _warm(problem: Problem, guess: Plan, intervals: int) -> CollocatedTrajectory:
     """Another plan, where it has the same states; on its own arcs if it has several."""
     if not isinstance(guess, Plan) or guess.problem.states != problem.states:
         raise PlanError(f"{problem.name}: guess = {shown(guess)}: give a plan of the same coordinates and costs")
-    track = relative(problem, guess.solution).track
-    total = track.durations.sum()
-    return track.on((Arc(intervals),), np.array([total]))
+    trajectory = relative(problem, guess.solution).trajectory
+    total = trajectory.durations.sum()
+    return trajectory.on((Arc(intervals),), np.array([total]))
