@@ -157,24 +157,3 @@ class Result(LabelledSignals):
 
     def _repr_html_(self) -> str:
         return notebook.html(self)
-
-
-@final
-class IncompleteError(SimulationError):
-    """An FMU failed on the way; ``result`` has all signals up to the last communication point that was reached."""
-
-    def __init__(self, message: str, result: Result) -> None:
-        super().__init__(message)
-        self.result = result
-
-
-@final
-class Interrupted(KeyboardInterrupt):
-    """The user stopped a run; ``result`` has all signals up to the last communication point that was reached.
-
-    A ``KeyboardInterrupt``, so that a script stops; catch it to continue with the partial result.
-    """
-
-    def __init__(self, message: str, result: Result) -> None:
-        super().__init__(message)
-        self.result = result

@@ -15,7 +15,7 @@ from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.description.start_values import Value, start_values, structural_sizes
 from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
-from liaisons.errors import ConnectError, SimulationError
+from liaisons.errors import ConnectError, InvalidValueError, SimulationError
 from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
@@ -68,9 +68,9 @@ class SystemComponent:
         with settings_beside(fmu.variables):
             limit = time_limit(f"{name}: isolated =", isolated)
             if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
-                raise SimulationError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")
+                raise InvalidValueError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")
             if solver is not None and not fmu.is_model_exchange:
-                raise SimulationError(
+                raise InvalidValueError(
                     f"{name}: solver = {solver!r} is for FMUs of Model Exchange, and {fmu.path.name} has its own: "
                     "leave it out"
                 )
@@ -275,7 +275,7 @@ def time_limit(what: str, isolated: object) -> float:
     """
     seconds = TIME_LIMIT if isolated is True else float(isolated) if isinstance(isolated, Real) else math.nan
     if not 0 <= seconds < math.inf:
-        raise SimulationError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
+        raise InvalidValueError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
     return seconds
 
 
