@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.arguments import finite, listed, named, shown
-from liaisons.errors import LiaisonsError, suggestion
+from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.expressions.formulas import FormulaError, formula
 from liaisons.language import Chain, Mechanism, Orientation
 from liaisons.library import Target, component, model
@@ -44,10 +44,6 @@ Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
 
 _ROUNDING = 1e-10
 """Nothing that is smaller than this, in units of its size, can be told from 0."""
-
-
-class PlanError(LiaisonsError):
-    """What is asked for cannot be planned, or was not reached."""
 
 
 @dataclass(frozen=True, eq=False)
