@@ -14,9 +14,9 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.energy_accounting import definitions, function, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_mechanism
-from liaisons.mechanics.output_variables import mechanical_outputs
 
 CONSISTENT = 1e-6
 """Residual of a constraint, in its own unit, from which on a start is refused."""

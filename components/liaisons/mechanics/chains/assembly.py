@@ -16,9 +16,9 @@ from liaisons.language.variables import Variable
 from liaisons.mechanics.chains.sweeps import Base, ChainLink, LinkMotion, inertias, link_of, momenta, motion
 from liaisons.mechanics.energy_accounting import definitions, memory_of
 from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
-from liaisons.mechanics.output_variables import mechanical_outputs
 
 _VECTORS = {
     "start": ("tuk", "ym"),
