@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.errors import LiaisonsError, suggestion
+from liaisons.errors import FormulaError, suggestion
 
 _LONGEST, _DEEPEST = 1000, 200
 """Characters, and levels of brackets and signs."""
@@ -36,10 +36,6 @@ _SIGNS: Mapping[type[ast.AST], Callable[..., Any]] = {
     ast.Div: operator.truediv,
     ast.Pow: operator.pow,
 }
-
-
-class FormulaError(LiaisonsError):
-    """A formula cannot be understood, or has no value somewhere."""
 
 
 def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Callable[..., ca.SX]] = FUNCTIONS) -> ca.SX:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
+from liaisons.errors import PlanError
 from liaisons.operators.controllers import Controller
-from liaisons.operators.goals import PlanError
 from liaisons.operators.holding import hold
 from liaisons.operators.planning import plan, planned
 from liaisons.operators.plans import Plan

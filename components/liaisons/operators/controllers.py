@@ -19,13 +19,13 @@ from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
-from liaisons.errors import LiaisonsError, suggestion
+from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
 from liaisons.library import Target, component, fmu_file, fmu_path, model
 from liaisons.models import regulator
 from liaisons.operators.feedback import multipliers
-from liaisons.operators.goals import Array, PlanError, chain_size, motion_names
+from liaisons.operators.goals import Array, chain_size, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 

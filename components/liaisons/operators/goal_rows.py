@@ -10,9 +10,9 @@ import casadi as ca
 import numpy as np
 
 from liaisons.arguments import shown
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, PlanError
 from liaisons.expressions.formulas import FormulaError, formula
-from liaisons.operators.goals import PlanError, elements, is_expression, limits, motion_names, unit_quaternion
+from liaisons.operators.goals import elements, is_expression, limits, motion_names, unit_quaternion
 from liaisons.operators.symbols import GoalSymbols
 
 

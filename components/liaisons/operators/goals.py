@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.arguments import finite, listed, named, shown
-from liaisons.errors import LiaisonsError, suggestion
+from liaisons.errors import PlanError, suggestion
 from liaisons.language import Chain
 from liaisons.library import Target, component
 
@@ -22,10 +22,6 @@ Expression: TypeAlias = "Callable[[Readings], Any] | str"
 Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] | None"
 """A number; a range; four numbers for an orientation; None: free."""
 Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
-
-
-class PlanError(LiaisonsError):
-    """A goal that cannot be planned, or was not reached."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from liaisons.errors import PlanError
 from liaisons.language import Orientation
-from liaisons.operators.goals import Array, PlanError
+from liaisons.operators.goals import Array
 from liaisons.operators.problems import Problem
 from liaisons.operators.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import svd
 
 from liaisons.arguments import finite, merged, named, numbers, shown
+from liaisons.errors import PlanError
 from liaisons.library import Target, component
 from liaisons.operators.controllers import After, Controller, ReferenceTrajectory
 from liaisons.operators.feedback import (
@@ -32,7 +33,7 @@ from liaisons.operators.feedback import (
     steady,
     through,
 )
-from liaisons.operators.goals import PlanError, bare_goal, is_expression, motion_names, move_names
+from liaisons.operators.goals import bare_goal, is_expression, motion_names, move_names
 from liaisons.operators.plans import Plan
 from liaisons.operators.sampling import SampledMechanism, reduced
 from liaisons.operators.symbols import goal_symbols

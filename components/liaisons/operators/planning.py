@@ -13,9 +13,9 @@ import numpy as np
 
 from liaisons.arguments import as_path, finite, merged, named, settings_beside, shown, whole
 from liaisons.cosim.running.interrupts import deferred_interrupts
-from liaisons.errors import suggestion
+from liaisons.errors import PlanError, suggestion
 from liaisons.library import Target, component
-from liaisons.operators.goals import Cost, Expression, Goal, PlanError, Value, closed_names, move_names
+from liaisons.operators.goals import Cost, Expression, Goal, Value, closed_names, move_names
 from liaisons.operators.guesses import guesses, refuse_invariants
 from liaisons.operators.plans import Plan
 from liaisons.operators.problems import Problem, problem_of

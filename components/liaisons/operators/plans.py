@@ -19,11 +19,11 @@ from liaisons.arguments import as_path, finite, listed, named, shown
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, PlanError
 from liaisons.files import replacing
 from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, catalogue, fmu_path
-from liaisons.operators.goals import Goal, PlanError, chain_size, motion_names
+from liaisons.operators.goals import Goal, chain_size, motion_names
 from liaisons.operators.problems import Problem, problem_of
 from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, CollocatedTrajectory, Solution, relative
 from liaisons.operators.verifying import verdicts

@@ -23,10 +23,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from liaisons.errors import suggestion
+from liaisons.errors import PlanError, suggestion
 from liaisons.language import Orientation
 from liaisons.operators.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, sized
-from liaisons.operators.goals import Array, Goal, PlanError, is_expression, motion_names, unit_quaternion
+from liaisons.operators.goals import Array, Goal, is_expression, motion_names, unit_quaternion
 from liaisons.operators.scaling import Scales
 from liaisons.operators.symbols import ROUNDING, GoalSymbols, goal_symbols, middle
 

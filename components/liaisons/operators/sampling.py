@@ -17,10 +17,11 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import svd
 
+from liaisons.errors import PlanError
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
 from liaisons.operators.feedback import Step
-from liaisons.operators.goals import Array, Goal, PlanError, motion_names, unit_quaternion
+from liaisons.operators.goals import Array, Goal, motion_names, unit_quaternion
 from liaisons.operators.symbols import column, goal_symbols
 
 _POWERS = np.arange(6)

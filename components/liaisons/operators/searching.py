@@ -15,7 +15,8 @@ from itertools import groupby, islice, pairwise
 import casadi as ca
 import numpy as np
 
-from liaisons.operators.goals import Array, PlanError
+from liaisons.errors import PlanError
+from liaisons.operators.goals import Array
 from liaisons.operators.problems import Problem
 from liaisons.operators.transcription import (
     DEGREE,

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liaisons.arguments import finite, shown
-from liaisons.errors import suggestion
+from liaisons.errors import PlanError, suggestion
 from liaisons.language import Chain, Mechanism, Orientation
 from liaisons.library import component, model
 from liaisons.mechanics import Model
 from liaisons.operators.goals import (
     Array,
     Goal,
-    PlanError,
+    ,
     Readings,
     chain_size,
     elements,
