@@ -20,7 +20,6 @@ from liaisons.mechanics import Model
 from liaisons.operators.goals import (
     Array,
     Goal,
-    ,
     Readings,
     chain_size,
     elements,
