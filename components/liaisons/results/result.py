@@ -45,6 +45,7 @@ class Result(LabelledSignals):
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param texts: name of a signal of strings -> its texts, which its values index from 0.
     :param jumping: names of signals that change in jumps only.
+    :param ports: value -> names of its port, where an FMU calls them otherwise than ours do; none from a file.
     :param scene: picture of what was simulated; None after reading from a file, a sweep or an ensemble.
     :param warnings: of a simulation, what was logged as a warning, each text once; of a sweep, with the number of the
         case, a hundred of them.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import finite, listed, named, numbers
+from liaisons.array_names import split
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.model_description import SAME, Conversion
 from liaisons.cosim.structure import checks
@@ -23,6 +24,7 @@ from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
 from liaisons.errors import InvalidValueError, SimulationError, suggestion
 from liaisons.logs import collected_warnings
+from liaisons.port_names import PortNames
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""
@@ -93,6 +95,17 @@ class Simulation:
     def jumping(self) -> frozenset[str]:
         """Names in the result of what changes in jumps only."""
         return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
+
+    @property
+    def ports(self) -> dict[str, PortNames]:
+        """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
+        found: dict[str, PortNames] = {}
+        for recorded, (part, variable) in self.recorded.items():
+            for name, value in ((recorded, variable), (split(recorded)[0], split(variable)[0])):
+                if names := self.parts[part].fmu.terminals.renamed.get(value):
+                    prefix = name.removesuffix(value)
+                    found[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
+        return found
 
     @property
     def scene(self) -> FmuScene:
