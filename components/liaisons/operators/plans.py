@@ -135,7 +135,7 @@ class Plan:
         They hold of the motion near which they are taken: that there is no better one far away is not proved.
 
         :param time_limit: [s]; a claim for which no time is left fails.
-        :returns: verdicts; ``liaisons.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
+        :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """
         finite("time_limit", time_limit, PlanError)
         clock = Clock(time_limit)
