@@ -20,11 +20,13 @@ from liaisons.operators.goals import Array
 from liaisons.operators.problems import Problem
 from liaisons.operators.transcription import (
     DEGREE,
-    POINTS,
+    POWERS,
+    TO_POWERS,
     Arc,
     Clock,
     CollocatedTrajectory,
     Solution,
+    interval_count,
     path_rates,
     solve,
 )
@@ -189,7 +191,7 @@ def _is_believed(problem: Problem, solution: Solution, settings: Settings) -> bo
 def _tried(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
     """What comes of a start: the solution, or where IPOPT stood, nearest to the end."""
     found = _brought(problem, trajectory, clock)
-    coarse = sum(arc.intervals for arc in trajectory.arcs)
+    coarse = interval_count(trajectory.arcs)
     if found.succeeded or not found.finished or coarse >= intervals or missed(problem, found) > _BLURRED:
         return found
     return _brought(problem, trajectory.on((Arc(intervals),), trajectory.durations), clock)
@@ -223,18 +225,13 @@ def _brought(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -
 
 def missed(problem: Problem, solution: Solution) -> float:
     """By how much the end is missed."""
-    return float(np.linalg.norm(_beyond_end(problem, solution)))
-
-
-def _beyond_end(problem: Problem, solution: Solution) -> Array:
-    end = np.array(problem.end.function(solution.trajectory.knots[:, -1])).ravel()
-    return np.maximum(problem.end.low - end, end - problem.end.high).clip(0)
+    return float(np.linalg.norm(problem.end.violation(problem.end_values(solution.trajectory.knots[:, -1]))))
 
 
 def _is_motion(problem: Problem, solution: Solution, settings: Settings) -> bool:
-    """Whether what was stopped on the way is a motion to the end."""
-    is_one = solution.residual < _FEASIBLE and missed(problem, solution) < _FEASIBLE
-    return is_one and _is_believed(problem, solution, settings)
+    """Whether a solution that was stopped is a motion to the end."""
+    is_feasible = solution.residual < _FEASIBLE and missed(problem, solution) < _FEASIBLE
+    return is_feasible and _is_believed(problem, solution, settings)
 
 
 def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock: Clock) -> Solution:
@@ -265,7 +262,7 @@ def _refined(problem: Problem, solution: Solution, accuracy: float, clock: Clock
         arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.trajectory.arcs)
         is_law = np.ptp(solution.hamiltonian) <= max(accuracy * hamiltonian_scale(problem, solution), NOTHING)
         is_done = is_law and (np.isinf(accuracy) or _is_led(problem, solution))
-        if not solution.finished or is_done or sum(arc.intervals for arc in arcs) > _MOST_INTERVALS:
+        if not solution.finished or is_done or interval_count(arcs) > _MOST_INTERVALS:
             return
         finer = solve(problem, solution.trajectory.on(arcs, solution.trajectory.durations), clock, near=True)
         solution = finer if finer.succeeded else replace(solution, finished=finer.finished)
@@ -315,7 +312,7 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
 def _joined(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Array]:
     """Arcs and their durations, neighbours of one kind as one."""
     groups = [list(group) for _, group in groupby(pieces, key=lambda piece: piece[0].active_bounds)]
-    arcs = tuple(replace(group[0][0], intervals=sum(arc.intervals for arc, _ in group)) for group in groups)
+    arcs = tuple(replace(group[0][0], intervals=interval_count([arc for arc, _ in group])) for group in groups)
     return arcs, np.array([sum(T for _, T in group) for group in groups])
 
 
@@ -324,9 +321,9 @@ def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
     if len(arcs) == 1 and not arcs[0].active_bounds:
         return True
     unknown = len(arcs) - (problem.duration[0] == problem.duration[1])
-    asked = int(np.sum(problem.end.low == problem.end.high)) + len(problem.closed)
-    free = len(problem.states) - int(np.sum(problem.start.low == problem.start.high))
-    return all(len(arc.active_bounds) == len(problem.controls) for arc in arcs) and unknown + free < asked
+    required = len(problem.end.equalities) + len(problem.closed)
+    free = len(problem.states) - len(problem.start.equalities)
+    return all(len(arc.active_bounds) == len(problem.controls) for arc in arcs) and unknown + free < required
 
 
 def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
@@ -340,13 +337,10 @@ def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
 def _switched(problem: Problem, solution: Solution) -> list[_Pattern] | None:
     """What should be held at each point by Pontryagin's principle: the bound where H is less; None: it is."""
     trajectory, path = solution.trajectory, problem.path
-    points = trajectory.inner.shape[1]
 
     def hamiltonian(controls: Array) -> Array:
-        rates = np.array(problem.rates.map(points)(trajectory.inner, controls))
-        return np.array(problem.cost.map(points)(trajectory.inner, controls)).ravel() + (solution.adjoints * rates).sum(
-            axis=0
-        )
+        other = replace(trajectory, controls=controls)
+        return other.evaluate(problem.cost).ravel() + (solution.adjoints * other.evaluate(problem.rates)).sum(axis=0)
 
     held = [arc.active_bounds for arc in trajectory.arcs for _ in range(arc.intervals * DEGREE)]
     better = [dict(now) for now in held]
@@ -382,19 +376,20 @@ def _patterns(problem: Problem, solution: Solution) -> list[_Pattern]:
         return tuple(rows[: len(problem.controls)])
 
     patterns = [held(column) for column in solution.path.T]
-    runs = [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
-    least = min(3, max(length for _, length in runs))
-    found: list[_Pattern | None] = []
-    for pattern, length in runs:
-        found += [pattern if length >= least else None] * length
-    known = [i for i, pattern in enumerate(found) if pattern is not None]
-    nearest = np.abs(np.arange(len(found))[:, None] - np.array(known)).argmin(axis=1)
-    return [patterns[known[i]] for i in nearest]
+    lengths = np.array([length for _, length in _runs(patterns)])
+    lasting = np.flatnonzero(np.repeat(lengths >= min(3, lengths.max()), lengths))
+    nearest = np.abs(np.arange(len(patterns))[:, None] - lasting).argmin(axis=1)
+    return [patterns[lasting[i]] for i in nearest]
+
+
+def _runs(patterns: list[_Pattern]) -> list[tuple[_Pattern, int]]:
+    """Each pattern with the number of points in a row at which it is the same."""
+    return [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
 
 
 def _arcs(patterns: list[_Pattern], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
     """Arcs on which the same rows are at their bounds, and their durations."""
-    runs = [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
+    runs = _runs(patterns)
     cuts = np.cumsum([length for _, length in runs])[:-1]
     instants, total = trajectory.instants, trajectory.breaks[-1]
     edges = np.array([0.0, *((instants[cuts - 1] + instants[cuts]) / 2), total])
@@ -403,7 +398,7 @@ def _arcs(patterns: list[_Pattern], trajectory: CollocatedTrajectory) -> tuple[t
     return tuple(Arc(max(3, round(m * u)), p) for (p, _), u in zip(runs, shares, strict=True)), np.diff(edges)
 
 
-# ---- what stands in the way ---------------------------------------------------------------------------------------
+# ---- refusals -----------------------------------------------------------------------------------------------------
 
 
 def refuse_singularity(problem: Problem, solution: Solution) -> None:
@@ -411,8 +406,7 @@ def refuse_singularity(problem: Problem, solution: Solution) -> None:
     trajectory, count = solution.trajectory, len(problem.moves)
     if np.ptp(solution.hamiltonian) <= _LAW * hamiltonian_scale(problem, solution):
         return
-    points = trajectory.inner.shape[1]
-    masses = np.array(problem.mass.map(points)(trajectory.inner, trajectory.controls)).reshape(count, points, count)
+    masses = trajectory.evaluate(problem.mass).reshape(count, -1, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
     worst = int(np.argmin(sizes[:, 0]))
     if sizes[worst, 0] > _SINGULAR * sizes.max():
@@ -431,8 +425,8 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
     end, X, path = problem.end, problem.end.sizes, problem.path
     if not failures:
         nearest = astray[0]
-        reached = np.array(end.function(_led(problem, nearest, through=True)[:, -1])).ravel()
-        off = np.abs(reached - np.clip(reached, end.low, end.high))
+        reached = problem.end_values(_led(problem, nearest, through=True)[:, -1])
+        off = end.violation(reached)
         rows = np.flatnonzero(off > _LED) if (off > _LED).any() else np.arange(off.size)
         names = ", ".join(end.labels[i] for i in rows) or "what has to close"
         return (
@@ -440,12 +434,10 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
             f"and what meshes say of {names} the equations do not follow"
         )
     nearest = min(failures, key=lambda one: missed(problem, one))
-    off = _beyond_end(problem, nearest)
-    reached = np.array(end.function(nearest.trajectory.knots[:, -1])).ravel()
-    wanted = np.clip(reached, end.low, end.high) * X
-    wrong = [
-        f"{end.labels[i]} = {reached[i] * X[i]:.6g} instead of {wanted[i]:.6g}" for i in np.flatnonzero(off > _REACHED)
-    ]
+    reached = problem.end_values(nearest.trajectory.knots[:, -1])
+    required = np.clip(reached, end.low, end.high) * X
+    missed_rows = np.flatnonzero(end.violation(reached) > _REACHED)
+    wrong = [f"{end.labels[i]} = {reached[i] * X[i]:.6g} instead of {required[i]:.6g}" for i in missed_rows]
     if not wrong:
         return (
             f"{problem.name}: not solved ({nearest.status}); the end can be reached: try other intervals or more tries"
@@ -463,7 +455,7 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
     return f"{problem.name}: the end was not reached, nearest {', '.join(wrong)}{bounds}"
 
 
-# ---- what the equations say ---------------------------------------------------------------------------------------
+# ---- integration of the equations ----------------------------------------------------------------------------------
 
 
 def _is_led(problem: Problem, solution: Solution, tolerance: float = _LED) -> bool:
@@ -492,8 +484,7 @@ def _interval(problem: Problem) -> ca.Function:
     k3 = problem.rates(X + h / 2 * k2, middle)
     after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + problem.rates(X + h * k3, last))
     substep = ca.Function("substep", [X, *controls, h], [after])
-    to_powers = np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))
     U, j = ca.MX.sym("U", c, DEGREE), np.arange(_SUBSTEPS)
-    at = (U @ ca.DM((((j + u) / _SUBSTEPS)[:, None] ** np.arange(DEGREE) @ to_powers).T) for u in (0.0, 0.5, 1.0))
+    at = (U @ ca.DM((((j + u) / _SUBSTEPS)[:, None] ** POWERS @ TO_POWERS).T) for u in (0.0, 0.5, 1.0))
     end = substep.mapaccum(_SUBSTEPS)(X, *at, ca.repmat(h / _SUBSTEPS, 1, _SUBSTEPS))
     return ca.Function("interval", [X, U, h], [end[:, -1]])
