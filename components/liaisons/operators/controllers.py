@@ -366,31 +366,32 @@ class Controller:
         And whether what nobody disturbs stays with its motion: for two rounds, or until well after the end of the plan.
         """
         measured = self.measured()
-        what = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
+        subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
         error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
         far = np.abs(self.floquet_multipliers[:, None] - self.prediction.multipliers(measured))
         apart = float(np.max(far[linear_sum_assignment(far)]))
         why = "differences of 1e-5, solver tolerance 1e-11"
-        found = [
-            verdict(f"{what} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
+        claims = [
+            verdict(f"{subject} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
             verdict("so are its multipliers", error=apart, tolerance=1e-3, reason="a root of it where they coincide"),
         ]
         if self.returns:
             radius = float(np.max(np.abs(self.controlled)))
-            found.append(verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9))
+            claims.append(verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9))
         after = 0.0 if self.trajectory.after == "ends" else max(self._settling, self.duration)
         stop = self.duration + after
         with _unwarned():
             off = np.abs(self.deviation(self.simulate(stop))) / self.sizes[:, None]
         why = "ten times by how much a motion that returns may miss its begin"
         words = f"undisturbed it stays with its motion for {stop:.3g} s, relative to sizes"
-        return [*found, verdict(words, error=float(np.max(off)), tolerance=1e-5, reason=why)]
+        return [*claims, verdict(words, error=float(np.max(off)), tolerance=1e-5, reason=why)]
 
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))
-        what = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
-        kept = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        return f"<{self.name} held by {', '.join(self.moves)} every {self.step_size:g} s: {what}{radius:.6f}{kept}>"
+        subject = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
+        moves, names = ", ".join(self.moves), ", ".join(self.conserved)
+        conserved = f"; conserved: {names}" if names else ""
+        return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
 
 
 def _positive(label: str, value: object) -> None:

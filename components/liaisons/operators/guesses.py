@@ -63,10 +63,10 @@ def refuse_invariants(problem: Problem) -> None:
             return
     for i in np.flatnonzero((spread < _ALIKE) & (off > _OFF)):
         size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
-        wanted = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
+        required = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
         how = " and comes back" if problem.is_loop else ""
         raise PlanError(
-            f"{problem.name}: end: {end.labels[i]} = {wanted:.6g} cannot be reached: "
+            f"{problem.name}: end: {end.labels[i]} = {required:.6g} cannot be reached: "
             f"however {', '.join(problem.moves)} moves{how}, it ends at {stays * size:.6g}"
         )
 
@@ -245,11 +245,13 @@ class _Way:
     """σ from start to end, at rest there; the k-th with waves on it."""
 
     def __init__(self, problem: Problem, T: float, k: int) -> None:
-        at = {
+        ends_of = {
             name: (x, problem.terminal_state.get(name, x))
             for name, x in zip(problem.states, problem.initial_state, strict=True)
         }
-        ends = [at.get(name, (value, value)) for name, value in zip(problem.moves, problem.initial_sigma, strict=True)]
+        ends = [
+            ends_of.get(name, (value, value)) for name, value in zip(problem.moves, problem.initial_sigma, strict=True)
+        ]
         self.begin, self.way, self.T = np.array([a for a, _ in ends]), np.array([b - a for a, b in ends]), T
         size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(self.way).max())
         self.waves = size * np.random.default_rng(k).normal(size=(len(ends), 3)) / np.arange(1, 4) ** 2

@@ -199,8 +199,7 @@ def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Cont
         raise PlanError(f"{sampled.name} cannot be held there: {what}; Riccati's equation has no solution in 16 digits")
     if U.size:
         fixed = np.eye(len(A))[:, still_ones]
-        others = svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]
-        U = np.hstack([fixed, others])
+        U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]])
         stays = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
         target, missed = steady(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
         for j in range(U.shape[1]):
@@ -236,18 +235,18 @@ def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Cont
         _refuse_growth(sampled, D[-1], U, A)
         end = periodic(lasting, costs[-1:], R)
         after = end and end[0][0]
-        found = end and backward(steps, costs[:-1], R, end[1])
+        solution = end and backward(steps, costs[:-1], R, end[1])
     elif returns:
         V, U = reachable(whole - np.eye(len(whole)), pushes(steps))
         _refuse_growth(sampled, D[-1], U, whole)
-        found = periodic(steps, costs[:-1], R)
+        solution = periodic(steps, costs[:-1], R)
     else:
         V, U = reachable(np.zeros_like(whole), pushes(steps))
-        found = backward(steps, costs[:-1], R, costs[-1])
-    if found is None or after is None:
+        solution = backward(steps, costs[:-1], R, costs[-1])
+    if solution is None or after is None:
         raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
-    loop = through(steps, [*found[0], after])
-    gains, still = [*found[0], after], unmoved(steps)
+    gains, still = [*solution[0], after], unmoved(steps)
+    loop = through(steps, gains)
     fixed = np.eye(len(whole))[:, still]
     left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _named(sampled, D[0], still)
@@ -353,20 +352,19 @@ def _perturbations(
     sampled: SampledMechanism, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
     """Start values that lead into all directions."""
-    of, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
+    parameters, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
         rates = sampled.rates_off(reference, sigma, directions)
         names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
-        known = [(i, of.get(name, name)) for i, name in enumerate(names) if of.get(name, name) in starts]
+        pairs = [(i, parameters.get(name, name)) for i, name in enumerate(names)]
         columns = np.vstack([sizes * directions, rates]).T
-        return tuple({name: float(column[i]) for i, name in known} for column in columns)
-    turned = [axis for axes in sampled.quaternions.values() for axis in axes]
-    turns = [{i: column[i] for i in np.flatnonzero(column)} for column in (sizes * directions).T]
-    turns = [turn for turn in turns if any(sampled.states[i] in turned for i in turn)]
-    name_of = {parameter: name for name, parameter in of.items()}
-    singles = [name for name in starts if name not in {of[axis] for axis in turned}]
-    moved = ({of[sampled.states[i]]: float(x) for i, x in turn.items()} for turn in turns)
-    return (*moved, *({name: sampled.start_sizes[name_of.get(name, name)]} for name in singles))
+        return tuple({name: float(column[i]) for i, name in pairs if name in starts} for column in columns)
+    axes = {axis for axes in sampled.quaternions.values() for axis in axes}
+    columns = [{sampled.states[i]: float(x[i]) for i in np.flatnonzero(x)} for x in (sizes * directions).T]
+    rotations = ({parameters[name]: x for name, x in column.items()} for column in columns if axes & column.keys())
+    names = {parameter: name for name, parameter in parameters.items()}
+    singles = [names.get(start, start) for start in starts]
+    return (*rotations, *({parameters.get(n, n): sampled.start_sizes[n]} for n in singles if n not in axes))
 
 
 def _correction_limits(
@@ -375,8 +373,8 @@ def _correction_limits(
     """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
     shape = len(sampled.moves), trajectory.times.size
     y = trajectory.states[: len(sampled.names)].T
-    found = [sampled.forces(x, sigma) for x, sigma in zip(y, trajectory.motion.transpose(2, 0, 1), strict=True)]
-    forces, masses = (np.array(column) for column in zip(*found, strict=True))
+    pairs = [sampled.forces(x, sigma) for x, sigma in zip(y, trajectory.motion.transpose(2, 0, 1), strict=True)]
+    forces, masses = (np.array(column) for column in zip(*pairs, strict=True))
     limits = {name: np.full(shape, far) for low, high in _PAIRS for name, far in ((low, -_FAR), (high, _FAR))}
     for i, m in enumerate(sampled.moves):
         domain = next(v for v in sampled.symbols.model.inputs if v.name == m)

@@ -313,7 +313,8 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     for name in ("moves", "closed"):
         listed(f"goal.{name}", document[name], PlanError)
     arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
-    goal = Goal(**arguments | {"component": component})
+    arguments["component"] = component
+    goal = Goal(**arguments)
     low, high = goal.duration
     for value in (low, high):
         finite("goal.duration", value, PlanError)

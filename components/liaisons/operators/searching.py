@@ -108,16 +108,16 @@ def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Cloc
     low, high = problem.duration
     enough = _AGREED + (2 if problem.is_loop else int(low < high))
     for trajectory in islice(starts, settings.tries or STARTS):
-        found = _tried(problem, trajectory, settings.intervals, clock)
-        if found.succeeded:
-            rough += [] if any(_is_alike(found, one, _SAME) for one in rough) else [found]
-            optima += [] if any(_differ(found.cost, cost) <= _ALIKE for cost in optima) else [found.cost]
-        elif found.finished:
-            failures.append(found)
-        elif not rough and _is_motion(problem, found, settings):
-            best = found
-        count += found.finished
-        agreed, stopped = len(optima) == 1 and not failures, not found.finished
+        candidate = _tried(problem, trajectory, settings.intervals, clock)
+        if candidate.succeeded:
+            rough += [] if any(_is_alike(candidate, one, _SAME) for one in rough) else [candidate]
+            optima += [] if any(_differ(candidate.cost, cost) <= _ALIKE for cost in optima) else [candidate.cost]
+        elif candidate.finished:
+            failures.append(candidate)
+        elif not rough and _is_motion(problem, candidate, settings):
+            best = candidate
+        count += candidate.finished
+        agreed, stopped = len(optima) == 1 and not failures, not candidate.finished
         if clock.is_over or stopped or (settings.tries is None and count == enough and agreed):
             break
     if stopped:
@@ -153,14 +153,17 @@ def _compared(
         if any(_is_alike(first, other, _SAME) for other in refined) or (best and first.cost > best.cost + margin):
             continue
         refined.append(first)
-        found = first
+        candidate = first
         if first.finished:
             for finer in _refined(problem, first, np.inf if settings.accuracy is None else settings.accuracy, clock):
-                found = finer
-        if not _is_believed(problem, found, settings):
-            astray.append(found)
-        elif best is None or _rank(problem, found) < _rank(problem, best):
-            best, margin = found, max(_MARGIN * abs(found.cost - first.cost), _LEAST_MARGIN * abs(found.cost))
+                candidate = finer
+        if not _is_believed(problem, candidate, settings):
+            astray.append(candidate)
+        elif best is None or _rank(problem, candidate) < _rank(problem, best):
+            best, margin = (
+                candidate,
+                max(_MARGIN * abs(candidate.cost - first.cost), _LEAST_MARGIN * abs(candidate.cost)),
+            )
     return best, astray
 
 
@@ -190,37 +193,37 @@ def _is_believed(problem: Problem, solution: Solution, settings: Settings) -> bo
 
 def _tried(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
     """What comes of a start: the solution, or where IPOPT stood, nearest to the end."""
-    found = _brought(problem, trajectory, clock)
+    candidate = _brought(problem, trajectory, clock)
     coarse = interval_count(trajectory.arcs)
-    if found.succeeded or not found.finished or coarse >= intervals or missed(problem, found) > _BLURRED:
-        return found
+    if candidate.succeeded or not candidate.finished or coarse >= intervals or missed(problem, candidate) > _BLURRED:
+        return candidate
     return _brought(problem, trajectory.on((Arc(intervals),), trajectory.durations), clock)
 
 
 def _brought(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -> Solution:
     """From a start to the end, if need be by way of the nearest end."""
-    found = solve(problem, trajectory, clock)
-    if found.succeeded or not found.finished:
-        return found
+    candidate = solve(problem, trajectory, clock)
+    if candidate.succeeded or not candidate.finished:
+        return candidate
     low, high = problem.duration
     T = float(trajectory.durations.sum())
     rules = [problem] if low == high else [replace(problem, duration=(T, T)), problem]
-    nearest = found
+    nearest = candidate
     for rule in rules:
         nearest = solve(rule, trajectory, clock, soft=True)
         trajectory = nearest.trajectory
         if not nearest.finished:
             return nearest
     if missed(problem, nearest) < _REACHED:
-        found = solve(problem, trajectory, clock)
-        if found.succeeded or not found.finished:
-            return found
+        candidate = solve(problem, trajectory, clock)
+        if candidate.succeeded or not candidate.finished:
+            return candidate
     arcs, durations = _arcs(_patterns(problem, nearest), nearest.trajectory)
     if low < high and len(arcs) > 1 and missed(problem, nearest) < _BLURRED:
-        found = solve(problem, trajectory.on(arcs, durations), clock)
-        if found.succeeded or not found.finished:
-            return found
-    return replace(nearest, status=found.status if not found.succeeded else "Infeasible_Problem_Detected")
+        candidate = solve(problem, trajectory.on(arcs, durations), clock)
+        if candidate.succeeded or not candidate.finished:
+            return candidate
+    return replace(nearest, status=candidate.status if not candidate.succeeded else "Infeasible_Problem_Detected")
 
 
 def missed(problem: Problem, solution: Solution) -> float:
@@ -240,11 +243,11 @@ def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock:
     if len(trajectory.arcs) == 1 and trajectory.arcs[0].intervals < settings.intervals:
         finer = trajectory.on((Arc(settings.intervals),), trajectory.durations)
         for near in (True, False):
-            found = solve(problem, finer, clock, near=near)
-            if not found.finished:
+            candidate = solve(problem, finer, clock, near=near)
+            if not candidate.finished:
                 return replace(rough, finished=False)
-            if found.succeeded:
-                return found
+            if candidate.succeeded:
+                return candidate
     return rough
 
 
@@ -286,23 +289,23 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
     for _ in range(_CORRECTIONS):
         if _is_determined(problem, arcs) or not _is_passable(problem, arcs):
             break
-        found = solve(problem, trajectory.on(arcs, durations), clock, near=True)
-        if not found.finished:
+        candidate = solve(problem, trajectory.on(arcs, durations), clock, near=True)
+        if not candidate.finished:
             return replace(best, finished=False)
-        trajectory, lengths = found.trajectory, found.trajectory.durations
+        trajectory, lengths = candidate.trajectory, candidate.trajectory.durations
         vanishing = lengths < 1e-5 * lengths.sum()
         if vanishing.any() and not vanishing.all():
-            kept = [(arc, T) for arc, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone]
-            arcs, durations = _joined(kept)
+            lasting_arcs = [(arc, T) for arc, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone]
+            arcs, durations = _joined(lasting_arcs)
             continue
-        if not found.succeeded:
+        if not candidate.succeeded:
             break
         undercut = 0.0
         if len(best.trajectory.arcs) == 1:
-            undercut = _WORSE if _rank(problem, found) < _rank(problem, best) else _ALIKE
-        if found.cost <= best.cost + undercut * max(abs(best.cost), NOTHING):
-            best = found
-        patterns = _switched(problem, found)
+            undercut = _WORSE if _rank(problem, candidate) < _rank(problem, best) else _ALIKE
+        if candidate.cost <= best.cost + undercut * max(abs(best.cost), NOTHING):
+            best = candidate
+        patterns = _switched(problem, candidate)
         if patterns is None:
             break
         arcs, durations = _arcs(patterns, trajectory)
@@ -348,14 +351,14 @@ def _switched(problem: Problem, solution: Solution) -> list[_Pattern] | None:
         ends = (float(path.low[i]), float(path.high[i]))
         if label not in problem.controls or not np.isfinite(ends).all():
             continue
-        place = np.arange(len(problem.controls))[:, None] == problem.controls.index(label)
-        low, high = (hamiltonian(np.where(place, bound, trajectory.controls)) for bound in ends)
+        is_controlled = np.arange(len(problem.controls))[:, None] == problem.controls.index(label)
+        low, high = (hamiltonian(np.where(is_controlled, bound, trajectory.controls)) for bound in ends)
         least = _LAW * np.abs(high - low).max()
         for now, more in zip(better, high - low, strict=True):
             if i in now and abs(more) > least:
                 now[i] = ends[0] if more > 0 else ends[1]
-    wanted = [tuple(now.items()) for now in better]
-    return wanted if wanted != held else None
+    required = [tuple(now.items()) for now in better]
+    return required if required != held else None
 
 
 _Pattern = tuple[tuple[int, float], ...]
@@ -485,6 +488,6 @@ def _interval(problem: Problem) -> ca.Function:
     after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + problem.rates(X + h * k3, last))
     substep = ca.Function("substep", [X, *controls, h], [after])
     U, j = ca.MX.sym("U", c, DEGREE), np.arange(_SUBSTEPS)
-    at = (U @ ca.DM((((j + u) / _SUBSTEPS)[:, None] ** POWERS @ TO_POWERS).T) for u in (0.0, 0.5, 1.0))
-    end = substep.mapaccum(_SUBSTEPS)(X, *at, ca.repmat(h / _SUBSTEPS, 1, _SUBSTEPS))
+    stages = (U @ ca.DM((((j + u) / _SUBSTEPS)[:, None] ** POWERS @ TO_POWERS).T) for u in (0.0, 0.5, 1.0))
+    end = substep.mapaccum(_SUBSTEPS)(X, *stages, ca.repmat(h / _SUBSTEPS, 1, _SUBSTEPS))
     return ca.Function("interval", [X, U, h], [end[:, -1]])
