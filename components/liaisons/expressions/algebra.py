@@ -31,8 +31,8 @@ class Factors:
     def solve(self, right: ca.SX) -> ca.SX:
         """matrix⁻¹ right, for a column or a matrix."""
         n = len(self.order)
-        back = sorted(range(n), key=self.order.__getitem__)
-        return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[back, :]
+        inverse = sorted(range(n), key=self.order.__getitem__)
+        return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[inverse, :]
 
 
 def factorise(matrix: ca.SX, order: list[int] | None = None) -> Factors:

@@ -52,7 +52,7 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
             warnings.simplefilter("ignore")  # of the parser, on what is refused below
             return _Reader(names, functions).read(ast.parse(text, mode="eval").body, 0)
     except _RefusedError as refused:
-        raise _unclear(text, len(text.encode()[: refused.place].decode()), str(refused)) from None
+        raise _unclear(text, len(text.encode()[: refused.column].decode()), str(refused)) from None
     except SyntaxError as error:
         words = "a number runs into a name; write 5*t, not 5t" if "decimal literal" in error.msg else error.msg
         raise _unclear(text, (error.offset or 1) - 1, words if text else "there is nothing") from None
@@ -65,11 +65,11 @@ class _RefusedError(Exception):
 
     def __init__(self, node: ast.expr, words: str) -> None:
         super().__init__(words)
-        self.place = node.col_offset
+        self.column = node.col_offset
 
 
-def _unclear(text: str, place: int, words: str) -> FormulaError:
-    return FormulaError(f"{quoted(text)}, at character {place + 1}: {words}")
+def _unclear(text: str, column: int, words: str) -> FormulaError:
+    return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
 
 
 def quoted(text: str) -> str:
@@ -121,10 +121,10 @@ class _Reader:
             )
         return self.names[name]
 
-    def _function(self, node: ast.expr, name: str, given: int) -> Callable[..., ca.SX]:
+    def _function(self, node: ast.expr, name: str, count: int) -> Callable[..., ca.SX]:
         if name not in self.functions:
             raise _RefusedError(node, f"there is no function {name!r}{suggestion(name, self.functions)}")
         expected = 2 if name in ("atan2", "pow") else 1
-        if given != expected:
-            raise _RefusedError(node, f"{name} takes {expected} argument{'s' * (expected > 1)}, not {given}")
+        if count != expected:
+            raise _RefusedError(node, f"{name} takes {expected} argument{'s' * (expected > 1)}, not {count}")
         return self.functions[name]

@@ -63,7 +63,7 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
     parts, kept = c_parts(
         [(argument, f"arguments[{i}][{{}}]") for i, argument in enumerate(arguments)],
         written,
-        kept="reals[{}]",
+        spill="reals[{}]",
         most=_LONGEST,
         late=_STATES,
     )

@@ -25,7 +25,7 @@ from liaisons.language.declarations import (
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.variables import Dimension
 
-_OF_MECHANISMS = (Orientation, InternalState, constraint, non_holonomic, rheonomic_constraint, output, assertion)
+_MECHANISM_ONLY = (Orientation, InternalState, constraint, non_holonomic, rheonomic_constraint, output, assertion)
 
 
 class Chain(MechanicalComponent, abstract=True):
@@ -90,12 +90,12 @@ class Chain(MechanicalComponent, abstract=True):
 
     # ---- what the package makes of it -------------------------------------------------------------------------
 
-    def place(self, components: Mapping[str, ca.SX]) -> ca.SX:
+    def joint_column(self, components: Mapping[str, ca.SX]) -> ca.SX:
         """A tip or base as a column, (d, 1)."""
         return stack(ca.SX(components[axis]) for axis in type(self).joint.axes)
 
     def _check(self) -> None:
-        for item in declared(type(self), _OF_MECHANISMS):
+        for item in declared(type(self), _MECHANISM_ONLY):
             what = type(item).__name__
             raise ComponentError(f"{type(self).__name__}.{item.name}: a Chain has no {what}; write a Mechanism")
         parameters, axes = self._named(self.parameter_column), type(self).joint.unit_of
@@ -119,7 +119,7 @@ class Chain(MechanicalComponent, abstract=True):
         self._check_inertia()
 
     def _check_inertia(self) -> None:
-        name, kinetic, tip = type(self).__name__, ca.SX(self.kinetic_energy()), self.place(self.tip())
+        name, kinetic, tip = type(self).__name__, ca.SX(self.kinetic_energy()), self.joint_column(self.tip())
         rates = ca.vertcat(self.q_dot, self.w_dot)
         if ca.depends_on(ca.hessian(kinetic, rates)[0], rates):
             raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates")

@@ -25,13 +25,13 @@ _OURS = "liaisons.language"
 
 def declared(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
     """Declarations of one kind, base classes first, each in the order of the file."""
-    found: dict[str, D] = {}
+    declarations: dict[str, D] = {}
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
-            found.pop(name, None)  # what a subclass overrides takes its place
+            declarations.pop(name, None)  # what a subclass overrides takes its place
             if isinstance(value, kind):
-                found[name] = value
-    return tuple(found.values())
+                declarations[name] = value
+    return tuple(declarations.values())
 
 
 # ---- what the methods return --------------------------------------------------------------------------------------
@@ -64,8 +64,8 @@ def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> 
         raise ComponentError(f"{label} returns {value!r}; return a CasADi expression or a number") from None
     if expression.shape != (1, 1):
         raise ComponentError(f"{label} has shape {expression.shape}; return a scalar, (1, 1)")
-    known = {symbol.__hash__() for symbol in symbols.values()}
-    strangers = [str(symbol) for symbol in ca.symvar(expression) if symbol.__hash__() not in known]
+    allowed = {symbol.__hash__() for symbol in symbols.values()}
+    strangers = [str(symbol) for symbol in ca.symvar(expression) if symbol.__hash__() not in allowed]
     if strangers:
         raise ComponentError(f"{label} contains the unknown symbol {strangers[0]!r}{suggestion(strangers[0], symbols)}")
     return expression
@@ -103,11 +103,11 @@ class Formulas:
 
     def each(self, name: str, symbols: Mapping[str, ca.SX], unit: Mapping[str, str]) -> None:
         """Evaluate one that returns scalars by name, which have these units."""
-        given = call(self._picture, name)
-        if not isinstance(given, Mapping) or given.keys() != unit.keys():
-            what = list(given) if isinstance(given, Mapping) else given
+        returned = call(self._picture, name)
+        if not isinstance(returned, Mapping) or returned.keys() != unit.keys():
+            what = list(returned) if isinstance(returned, Mapping) else returned
             raise ComponentError(f"{self._owner.__name__}.{name} returns {what}; it must give {list(unit)}")
-        for key, value in given.items():
+        for key, value in returned.items():
             self.take(f"{name}[{key!r}]", value, symbols, unit[key])
 
     def internal_rates(self, states: Iterable[InternalState], symbols: Mapping[str, ca.SX]) -> None:
@@ -165,9 +165,9 @@ def reject_misspelt_methods(cls: type) -> None:
         return {name for name, value in vars(base).items() if isinstance(value, FunctionType) and name[0] != "_"}
 
     inherited = {name for base in cls.__mro__[1:] for name in vars(base)}
-    known = {name for base in cls.__mro__ if base.__module__.startswith(_OURS) for name in methods(base)}
+    allowed = {name for base in cls.__mro__ if base.__module__.startswith(_OURS) for name in methods(base)}
     for name in sorted(methods(cls) - inherited):
-        near = get_close_matches(name, known | {"exact", "picture"}, n=1, cutoff=0.85)
+        near = get_close_matches(name, allowed | {"exact", "picture"}, n=1, cutoff=0.85)
         if near and near[0] not in name and name not in _called(cls):
             raise ComponentError(f"{cls.__name__}.{name}: nothing calls this method; did you mean {near[0]!r}?")
 
@@ -176,12 +176,12 @@ def _called(cls: type) -> set[str]:
     """Names that occur in the methods and formulas of a component."""
     methods = (getattr(value, "method", value) for base in cls.__mro__ for value in vars(base).values())
     waiting: list[Any] = [method.__code__ for method in methods if isinstance(method, FunctionType)]
-    found: set[str] = set()
+    names: set[str] = set()
     while waiting:
         code = waiting.pop()
-        found.update(code.co_names)
+        names.update(code.co_names)
         waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
-    return found
+    return names
 
 
 def reject_reserved_names(cls: type) -> None:

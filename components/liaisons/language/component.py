@@ -24,24 +24,24 @@ from liaisons.language.variables import Experiment, Variable
 D = TypeVar("D", bound=Declaration)
 
 
-class Every(Generic[D]):
-    """All declarations of one kind that a class has, base classes first."""
+class DeclarationsOf(Generic[D]):
+    """Descriptor: all declarations of one kind of a class, base classes first."""
 
     def __init__(self, kind: type[D]) -> None:
         self._kind = kind
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self._kept = f"_{name}"
+        self._cached = f"_{name}"
 
     def __get__(self, instance: object, owner: type) -> tuple[D, ...]:
-        found = vars(owner).get(self._kept)
-        if found is None:
-            found = self.find(owner)
-            setattr(owner, self._kept, found)
-        return found
+        declarations = vars(owner).get(self._cached)
+        if declarations is None:
+            declarations = self.find(owner)
+            setattr(owner, self._cached, declarations)
+        return declarations
 
     def find(self, owner: type) -> tuple[D, ...]:
-        """Look for them."""
+        """Collect the declarations."""
         return declared(owner, self._kind)
 
 
@@ -55,7 +55,7 @@ class Component(ABC):
 
     experiment: ClassVar[Experiment] = Experiment()
     is_abstract: ClassVar[bool] = True
-    parameters = Every(Parameter)
+    parameters = DeclarationsOf(Parameter)
     symbols: dict[str, ca.SX]
     formulas: dict[str, Any]
     parameter_column: ca.SX
@@ -99,8 +99,8 @@ class Component(ABC):
         # Only reached for names that do not exist: a misspelt symbol in one of the component's methods.
         if name.startswith("__") or "symbols" not in self.__dict__:
             raise AttributeError(name)
-        known = [*self.symbols, *(n for n in dir(type(self)) if not n.startswith("_"))]
-        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{suggestion(name, known)}")
+        names = [*self.symbols, *(n for n in dir(type(self)) if not n.startswith("_"))]
+        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{suggestion(name, names)}")
 
     def _symbols(self, names: Iterable[str]) -> ca.SX:
         column = [ca.SX.sym(name) for name in names]

@@ -18,7 +18,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import is_smooth
 from liaisons.language.checks import Formulas, call
-from liaisons.language.component import Component, Every
+from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import Input, InternalState, ParameterArray
 from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
 from liaisons.language.variables import State, Terminal, TerminalMember
@@ -54,8 +54,8 @@ class Operator(Component, abstract=True):
         derivatives jumps with an input.
     """
 
-    inputs = Every(Input)
-    internal_states = Every(InternalState)
+    inputs = DeclarationsOf(Input)
+    internal_states = DeclarationsOf(InternalState)
     lookups: list[Lookup] | None
     clock: ca.SX
     internal: ca.SX
@@ -86,14 +86,14 @@ class Operator(Component, abstract=True):
         """
         if self.lookups is None:
             return self._chosen(t, columns, rests=rests)
-        for found in self.lookups:
-            if (found.columns, found.rests) == (columns, rests) and ca.is_equal(found.time, t, 100):
+        for lookup in self.lookups:
+            if (lookup.columns, lookup.rests) == (columns, rests) and ca.is_equal(lookup.time, t, 100):
                 break
         else:
             begin, end = (ca.vertcat(*(ca.SX.sym(f"{c}[{row}]") for c in columns)) for row in ("k", "k+1"))
-            found = Lookup(t, columns, rests, begin, end)
-            self.lookups.append(found)
-        return ca.vertsplit(found.begin), ca.vertsplit(found.end)
+            lookup = Lookup(t, columns, rests, begin, end)
+            self.lookups.append(lookup)
+        return ca.vertsplit(lookup.begin), ca.vertsplit(lookup.end)
 
     def _chosen(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
         """The same as expressions of all rows."""

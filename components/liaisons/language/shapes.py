@@ -122,15 +122,15 @@ def circle(centre: VariableReference, radius: Number, across: tuple[ca.SX, ca.SX
     """A circle about a point, spanned by two unit vectors (3,)."""
     a, b = across
 
-    def place(angle: float) -> VariableReference:
+    def position(angle: float) -> VariableReference:
         offset = radius * (cos(angle) * a + sin(angle) * b)
         return {axis: centre.get(axis, 0) + offset[i] for i, axis in enumerate(_AXES)}
 
-    return Wire([place(2 * pi * i / count) for i in range(count)], closed=True)
+    return Wire([position(2 * pi * i / count) for i in range(count)], closed=True)
 
 
-def _point(place: VariableReference, named: Named) -> list[float | str]:
-    return [named(place.get(axis, 0.0)) for axis in _AXES]
+def _point(position: VariableReference, named: Named) -> list[float | str]:
+    return [named(position.get(axis, 0.0)) for axis in _AXES]
 
 
 def _radius(shape: Rod | Ball, named: Named) -> dict[str, float | str]:

@@ -136,7 +136,7 @@ class _Joined:
         self.v = kind.sym("v", len(self.inner))
         self.u = kind.sym("u", len(inputs) - len(self.inner))
         inner, outer = iter(range(self.v.shape[0])), iter(range(self.u.shape[0]))
-        place = {v: self.v[next(inner)] if v in connections else self.u[next(outer)] for v in inputs}
+        symbol_of = {v: self.v[next(inner)] if v in connections else self.u[next(outer)] for v in inputs}
         counts = [[len(getattr(m, group)) for m in models] for group in ("states", "parameters", "memory")]
         self.y, self.k, self.m = (kind.sym(letter, sum(count)) for letter, count in zip("ykm", counts, strict=True))
         split = [
@@ -144,7 +144,7 @@ class _Joined:
             for vector, count in zip((self.y, self.k, self.m), counts, strict=True)
         ]
         self.parts = [
-            _Part(model, self.t, y, self._stack(place[v.name] for v in model.inputs), k, m)
+            _Part(model, self.t, y, self._stack(symbol_of[v.name] for v in model.inputs), k, m)
             for model, y, k, m in zip(models, *split, strict=True)
         ]
         outputs = [v.name for v in _all(models, "outputs")]
@@ -185,9 +185,9 @@ class _Joined:
         lasting, at_start = [*self._domains()], []
         for part in self.parts:
             texts = part.model.condition_texts
-            found = list(zip(texts, ca.vertsplit(part.at("conditions")[0]) if texts else [], strict=True))
-            count = len(found) - part.model.start_only
-            lasting, at_start = lasting + found[:count], at_start + found[count:]
+            conditions_of_part = list(zip(texts, ca.vertsplit(part.at("conditions")[0]) if texts else [], strict=True))
+            count = len(conditions_of_part) - part.model.start_only
+            lasting, at_start = lasting + conditions_of_part[:count], at_start + conditions_of_part[count:]
         return lasting + at_start
 
     def _domains(self) -> Iterator[tuple[str, Any]]:
@@ -255,11 +255,11 @@ def _documentation(models: Mapping[str, Model], connections: Mapping[str, str]) 
 
 def _check(name: str, parts: Sequence[Model], connections: Mapping[str, str], starts: Mapping[str, float]) -> None:
     inputs, outputs, parameters = ([v.name for v in _all(parts, of)] for of in ("inputs", "outputs", "parameters"))
-    for kind, wanted, known in (
+    for kind, names, declared in (
         ("input", connections.keys(), inputs),
         ("output", connections.values(), outputs),
         ("parameter or input", starts.keys(), [*inputs, *parameters]),
     ):
-        for variable in wanted:
-            if variable not in known:
-                raise ComponentError(f"{name}: no {kind} is called {variable!r}{suggestion(variable, known)}")
+        for variable in names:
+            if variable not in declared:
+                raise ComponentError(f"{name}: no {kind} is called {variable!r}{suggestion(variable, declared)}")

@@ -19,7 +19,7 @@ def memory_of(layout: Layout) -> tuple[str, ...]:
 
 
 def definitions(
-    at: Sequence[Any],
+    vectors: Sequence[Any],
     layout: Layout,
     *,
     initial: Any,
@@ -42,10 +42,10 @@ def definitions(
     :param energy_at_start: T + V of (t, u, k); None: what the energy is at the initial state.
     :returns: by the names of the members of Model; None for one that is not needed.
     """
-    t, y, u, k = at
+    t, y, u, k = vectors
     remembered = memory_of(layout)
     memory = type(y).sym("m", len(remembered))
-    energy_start, energy_booked, found = memory[0], memory[1], memory[len(MEMORY) :]
+    energy_start, energy_booked, mismatches = memory[0], memory[1], memory[len(MEMORY) :]
     moving, work, dissipated = y[:-2], y[-2], y[-1]
     if energy_at_start is None:
         energy_at_start = ca.substitute(energy, y, initial)
@@ -58,15 +58,15 @@ def definitions(
         "dissipated": dissipated,
         "energy_balance": energy - energy_start - (work + impulse) + dissipated,
     }
-    booked |= {name: found[i] for i, name in enumerate(remembered[len(MEMORY) :])}
+    booked |= {name: mismatches[i] for i, name in enumerate(remembered[len(MEMORY) :])}
     z = [booked.get(variable.name, value) for variable, value in zip(layout.outputs, outputs, strict=True)]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)
     return {
-        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * found.shape[0])),
+        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * mismatches.shape[0])),
         "derivatives": ([t, y, u, k], rates),
         "outputs_function": ([t, y, u, k, memory], ca.vertcat(*z)),
         "jump": ([t, y, u, k, memory], after),
-        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy, found)),
+        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy, mismatches)),
         "project": None if landed is None else ([t, y, u, k], landed),
         "nominals": ([t, y, u, k], nominals),
     }

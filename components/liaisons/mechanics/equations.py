@@ -32,8 +32,14 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics import constraints
-from liaisons.mechanics.constraints import Constraints
+from liaisons.mechanics.constraints import (
+    STABILISATION,
+    Constraints,
+    constrained_velocities,
+    differentiated_constraints,
+    multipliers,
+    projection,
+)
 from liaisons.mechanics.friction import Dissipation
 from liaisons.mechanics.inertia import inertia_of
 
@@ -184,17 +190,17 @@ def derive(component: type[Mechanism]) -> Equations:
     # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     force = K.T @ gradient(L, q) + Q
     f = force + _gyroscopic(component, m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
-    kept = constraints.upheld(m)
-    C = kept.matrix
-    velocities, mu = constraints.kept_velocities(m, metric, loose, kept)
-    lambdas = constraints.multipliers(metric, f, kept)
+    constraints = differentiated_constraints(m)
+    C = constraints.matrix
+    velocities, mu = constrained_velocities(m, metric, loose, constraints)
+    lambdas = multipliers(metric, f, constraints)
     accelerations = metric.solve(f + C.T @ lambdas)
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
     passive = len(component.constraints) + len(component.non_holonomic)
-    rigid = list(kept.of_position)
-    Q_s += ca.jacobian(kept.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
+    rigid = list(constraints.holonomic)
+    Q_s += ca.jacobian(constraints.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
     p_s = gradient(L, s_dot)
     resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))  # what f knows of the points, too
     lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - Q_s
@@ -225,23 +231,23 @@ def derive(component: type[Mechanism]) -> Equations:
         velocities=velocities,
         unconstrained_velocities=loose,
         momentum_rates=p_dot,
-        constraint_stabilization=m.free.frame @ (2 * constraints.STABILISATION * mu),
+        constraint_stabilization=m.free.frame @ (2 * STABILISATION * mu),
         accelerations=accelerations,
         operator_forces=operator_forces,
         effective_mass=Theta,
         forces=f,
-        constraints=kept,
+        constraints=constraints,
         multipliers=lambdas[:passive, 0],
         power=power,
         friction=rubbing,
         dissipation=dissipation - constraint_power,
         internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
-        projection=constraints.projection(m, metric, loose, kept),
+        projection=projection(m, metric, loose, constraints),
     )
 
 
 def _gyroscopic(component: type[Mechanism], m: Mechanism, p: ca.SX) -> ca.SX:
     """∂L/∂ω × ω for an orientation: the body frame turns under the momentum."""
     count = len(component.coordinates)
-    turning = [ca.cross(p[count:], getattr(m, turn.name).rate) for turn in component.orientations]
+    turning = [ca.cross(p[count:], getattr(m, orientation.name).rate) for orientation in component.orientations]
     return ca.vertcat(ca.SX.zeros(count, 1), *turning)

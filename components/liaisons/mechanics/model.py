@@ -159,10 +159,10 @@ class Model:
             return self
         sized = {v.name: v.count for v in self.variables if v.dimension is not None}
 
-        def names(of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+        def names(group: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
             """Names that belong together, element by element; those of scalars as they are."""
-            count = sized.get(of[0], 1)
-            return (tuple(element(n, i) if n in sized else n for n in of) for i in range(1, count + 1))
+            count = sized.get(group[0], 1)
+            return (tuple(element(n, i) if n in sized else n for n in group) for i in range(1, count + 1))
 
         def terminal(p: Terminal) -> Iterator[Terminal]:
             members = names(tuple(member.variable for member in p.members))

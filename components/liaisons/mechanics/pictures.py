@@ -75,19 +75,19 @@ class Drawing:
         return tuple(Variable(name, units.ANY, text, "local", "continuous") for name in names)
 
 
-def mechanism_picture(m: Component, known: Mapping[str, ca.SX]) -> Drawing:
+def mechanism_picture(m: Component, variables: Mapping[str, ca.SX]) -> Drawing:
     """What the method ``picture`` of a mechanism draws.
 
     :param known: expressions of variables, by name.
     :raises ComponentError: if it returns anything but shapes, or a shape holds what is no scalar.
     """
-    drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in known.items()})
+    drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in variables.items()})
     drawing.add(m, _shapes(m), drawing.named)
     return drawing
 
 
 def chain_picture(
-    m: Chain, known: Mapping[str, ca.SX], vectors: Mapping[str, Vector]
+    m: Chain, variables: Mapping[str, ca.SX], vectors: Mapping[str, Vector]
 ) -> tuple[Drawing, ca.Function | None]:
     """What is drawn, and the function (t, y, u, k) → d of what only the picture needs.
 
@@ -98,7 +98,7 @@ def chain_picture(
     whole = {name: ca.SX.sym(name, vector.offsets(n)[-1]) for name, vector in vectors.items()}
     flagged = (pair for v in vectors.values() for pair in zip(ca.vertsplit(v.entries), v.each, strict=True))
     of_links = keys(ca.vertcat(m.w, *(symbol for symbol, each in flagged if each)))
-    names = {ca.SX(x).element_hash(): (name, bool(keys(x) & of_links)) for name, x in known.items()}
+    names = {ca.SX(x).element_hash(): (name, bool(keys(x) & of_links)) for name, x in variables.items()}
     joint: list[tuple[float | str, ca.SX]] = []
     for number in range(1, min(n, MOST_LINKS) + 1):
         link = _Link(number, names, drawing, [(m.number, ca.SX(number))])
@@ -162,4 +162,4 @@ def _shapes(m: Component) -> Sequence[Shape]:
 def _hangs(shape: Shape, m: Chain) -> bool:
     """Whether a shape begins at the joint, which the first link of a free end has not."""
     places = (shape.start, shape.end) if isinstance(shape, Rod | Spring) else ()
-    return any(ca.depends_on(ca.SX(component), m.w) for place in places for component in place.values())
+    return any(ca.depends_on(ca.SX(component), m.w) for position in places for component in position.values())

@@ -24,10 +24,10 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     names = [q.name for q in m.coordinates]
     rates = [f"{name}_dot" for name in names]
     momenta, momentum_rates = [f"p_{name}" for name in names], [f"p_{name}_dot" for name in names]
-    for turn in m.orientations:
-        names, rates = [*names, *turn.quaternion], [*rates, *turn.rates]
-        momenta = [*momenta, *turn.momenta]
-        momentum_rates += [f"{name}_dot" for name in turn.momenta]
+    for orientation in m.orientations:
+        names, rates = [*names, *orientation.quaternion], [*rates, *orientation.rates]
+        momenta = [*momenta, *orientation.momenta]
+        momentum_rates += [f"{name}_dot" for name in orientation.momenta]
     actives = [s.name for s in m.actives]
     adapted = actives[: len(actives) - len(m.rheonomic_constraints)]
     turning = m.free.kinematics @ m.free.q_dot
@@ -67,8 +67,8 @@ def of_chain(picture: Chain) -> tuple[Equation, ...]:
         Equation("link", "kinetic_energy", ca.SX(picture.kinetic_energy())),
         Equation("link", "potential_energy", ca.SX(picture.potential_energy()) + ca.SX(picture.bond_energy())),
         *_friction("link", "D", dissipated),
-        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(place)) for axis, place in picture.tip().items()),
-        *(Equation("joints", f"joint_{axis}[1]", ca.SX(place)) for axis, place in base.items()),
+        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in picture.tip().items()),
+        *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
         *_rows("points", points, stack(points.values())),
     )
 
@@ -81,7 +81,7 @@ def _friction(section: str, name: str, function: ca.SX) -> Iterator[Equation]:
 def _balances(equations: Equations) -> ca.SX:
     """∂L/∂x + Q + Cᵀ λ, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
     m, L = equations.mechanism, equations.lagrangian
-    free, active, kept = m.free, m.active, equations.constraints
+    free, active, constraints = m.free, m.active, equations.constraints
     adapted = len(m.actives) - len(m.rheonomic_constraints)
     s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
     points = stack(equations.points.values())
@@ -89,12 +89,12 @@ def _balances(equations: Equations) -> ca.SX:
     multipliers = ca.vertcat(m.multipliers, active.force[adapted:, 0])
 
     drives = ca.vertcat(equations.drives - equations.loads, ca.SX.zeros(free.q_dot.shape[0] - len(m.coordinates), 1))
-    force = drives + kept.matrix.T @ multipliers + free.kinematics.T @ _pulled(L, points, equations, free.q)
+    force = drives + constraints.matrix.T @ multipliers + free.kinematics.T @ _pulled(L, points, equations, free.q)
     force -= equations.friction.against(free.q_dot)
     on_operator = m.dot(gradient(L, s_dot)) - _pulled(L, points, equations, s)
     on_operator += equations.friction.against(s_dot)
-    rigid = [i for i in kept.of_position if i < passive or i >= passive + len(m.non_holonomic)]
-    on_operator -= ca.jacobian(kept.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
+    rigid = [i for i in constraints.holonomic if i < passive or i >= passive + len(m.non_holonomic)]
+    on_operator -= ca.jacobian(constraints.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
     return ca.vertcat(force, on_operator)
 
 
