@@ -1,7 +1,6 @@
-"""Formulas, ``1 + 0.1*sin(5*t)``, as expressions of CasADi.
+"""Formulas, ``1 + 0.1*sin(5*t)``, as CasADi expressions.
 
-They are parsed, never run: Python's own parser makes a tree of them, and what is no number, name, sign or function of
-those that are allowed is refused.
+They are parsed by Python's ``ast``, never run; only numbers, the allowed names and functions, and signs are accepted.
 """
 
 from __future__ import annotations
@@ -39,10 +38,10 @@ _SIGNS: Mapping[type[ast.AST], Callable[..., Any]] = {
 
 
 def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Callable[..., ca.SX]] = FUNCTIONS) -> ca.SX:
-    """The expression that a text stands for.
+    """Expression of a formula.
 
     :param text: numbers, ``pi``, ``e``, brackets, ``+ - * / **``, the names and the functions.
-    :raises FormulaError: if it is none; names the place, and the nearest name.
+    :raises FormulaError: for an error in it; with its position, and the nearest name.
     """
     if len(text) > _LONGEST:
         raise FormulaError(f"{quoted(text)}: {len(text)} characters, {_LONGEST} at most")
@@ -61,7 +60,7 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
 
 
 class _RefusedError(Exception):
-    """A part of a formula that will not do."""
+    """A part of a formula is not allowed."""
 
     def __init__(self, node: ast.expr, words: str) -> None:
         super().__init__(words)
@@ -73,19 +72,19 @@ def _unclear(text: str, column: int, words: str) -> FormulaError:
 
 
 def quoted(text: str) -> str:
-    """The text, or its beginning."""
+    """Text in quotation marks, shortened."""
     return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
 @dataclass(frozen=True)
 class _Reader:
-    """What is allowed in a formula."""
+    """Evaluation of a syntax tree with the allowed names and functions."""
 
     names: Mapping[str, ca.SX]
     functions: Mapping[str, Callable[..., ca.SX]]
 
     def read(self, node: ast.expr, depth: int) -> ca.SX:
-        """What a node of the tree stands for."""
+        """Expression of a node of the tree."""
         if depth > _DEEPEST:
             raise _RefusedError(node, f"more than {_DEEPEST} levels; write it with fewer brackets")
         match node:

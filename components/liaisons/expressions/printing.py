@@ -1,4 +1,4 @@
-"""Operations as statements of C."""
+"""Programs as statements of C."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from liaisons.expressions.programs import Program, program
 def c_statements(
     inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]], *, temporary: str = "a"
 ) -> list[str]:
-    """C99 statements that calculate expressions; they need ``math.h``.
+    """C99 statements that evaluate expressions; they need ``math.h``.
 
     :param inputs: columns of symbols, and how their entries are read: ``"y[{}][i]"`` for ``y[0][i]``, ``y[1][i]``, ...
     :param outputs: columns of expressions, and how their entries are written.
@@ -35,10 +35,10 @@ def c_parts(
     late: int | None = None,
     temporary: str = "a",
 ) -> tuple[list[list[str]], int]:
-    """The same in parts that can be functions of their own: compilers take more than twice the time for twice as many.
+    """C99 statements in parts for functions of their own, as compile time is superlinear in their number.
 
     :param spill: where a number is stored that a later part needs: ``"w[{}]"``.
-    :param most: operations in a part.
+    :param most: operations in a part, at most.
     :param late: as in :func:`program`.
     :returns: lines of each part, at least one, and the count of stored numbers.  An output is written by the part that
         knows it, so with several parts it must lie elsewhere than the inputs.
@@ -99,7 +99,7 @@ def _part(
 
 
 def literal(value: float) -> str:
-    """A number in C, as an operand."""
+    """Number as an operand in C."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):

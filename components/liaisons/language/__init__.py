@@ -1,6 +1,6 @@
-"""What one writes: a component's parameters, coordinates, energies, points, constraints and closed forms.
+"""Declaration of components: parameters, coordinates, energies, points, constraints and closed forms.
 
-A declaration does not know what becomes of it: :mod:`liaisons.mechanics` derives equations, :mod:`liaisons.fmu` builds.
+:mod:`liaisons.mechanics` derives equations from them, :mod:`liaisons.fmu` builds FMUs.
 """
 
 import warnings

@@ -1,4 +1,4 @@
-"""What mechanisms, chains and operators have in common: a class of declarations, an instance of symbols."""
+"""Base of mechanisms, chains and operators: the class holds declarations, an instance symbols."""
 
 from __future__ import annotations
 
@@ -46,11 +46,10 @@ class DeclarationsOf(Generic[D]):
 
 
 class Component(ABC):
-    """A model with declared parameters, on its way to an FMU; abstract.
+    """A model with declared parameters; abstract.
 
-    On the class, ``Pendulum.mass`` is the declaration.  An instance is the symbolic picture of the component:
-    ``self.mass`` is a CasADi symbol.  Subclasses are checked when they are defined: what is wrong is reported by
-    name, before any derivation.
+    On the class, ``Pendulum.mass`` is the declaration; on an instance, ``self.mass`` is a CasADi symbol.  Subclasses
+    are checked when they are defined, before any derivation: errors name the declaration.
     """
 
     experiment: ClassVar[Experiment] = Experiment()
@@ -79,11 +78,11 @@ class Component(ABC):
 
     @abstractmethod
     def _check(self) -> None:
-        """Raise a ComponentError for what can be found wrong without deriving anything."""
+        """Raise a ComponentError for errors that show without a derivation."""
 
     @abstractmethod
     def layout(self) -> Layout:
-        """The variables of its FMU."""
+        """Variables of the FMU."""
 
     @classmethod
     def summary(cls) -> str:
@@ -96,7 +95,7 @@ class Component(ABC):
         return sum((self.symbols[p.name] for p in self.parameters if isinstance(p, Friction)), ca.SX(0))
 
     def __getattr__(self, name: str) -> Any:
-        # Only reached for names that do not exist: a misspelt symbol in one of the component's methods.
+        # Only called for names that do not exist: a misspelt symbol in a method of the component.
         if name.startswith("__") or "symbols" not in self.__dict__:
             raise AttributeError(name)
         names = [*self.symbols, *(n for n in dir(type(self)) if not n.startswith("_"))]
@@ -108,7 +107,7 @@ class Component(ABC):
         return ca.vertcat(*column) if column else ca.SX(0, 1)
 
     def _named(self, *columns: ca.SX) -> dict[str, ca.SX]:
-        """The symbols of columns, by name."""
+        """Symbols of columns, by name."""
         names = (str(symbol) for column in columns for symbol in ca.vertsplit(column))
         return {name: self.symbols[name] for name in names}
 

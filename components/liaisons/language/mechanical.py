@@ -1,4 +1,4 @@
-"""What mechanisms and chains have in common: coordinates, energies, friction, named points, and the FMU's variables."""
+"""Base of mechanisms and chains: coordinates, energies, friction, named points, and the FMU's variables."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class _Actives(DeclarationsOf[ActiveCoordinate]):
 
 
 class MechanicalComponent(Component, abstract=True):
-    """What is described by its energies: a mechanism, or one link of a chain; abstract."""
+    """A component described by its energies: a mechanism, or one link of a chain; abstract."""
 
     coordinates = DeclarationsOf(Coordinate)
     actives = _Actives(ActiveCoordinate)
@@ -50,14 +50,14 @@ class MechanicalComponent(Component, abstract=True):
     points = DeclarationsOf(point)
     outputs = DeclarationsOf(output)
     calculated_parameters = DeclarationsOf(calculated)
-    dimension: Dimension | None = None  # of what there is one of at each link
+    dimension: Dimension | None = None  # of the variables of links
 
     @abstractmethod
     def kinetic_energy(self) -> ca.SX:
         """T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
 
     def potential_energy(self) -> ca.SX:
-        """V of the configuration; zero unless the component says otherwise."""
+        """V of the configuration; zero by default."""
         return ca.SX(0)
 
     def friction_coefficient(self) -> ca.SX:
@@ -65,9 +65,9 @@ class MechanicalComponent(Component, abstract=True):
         return self._declared_friction
 
     def dissipation_function(self) -> ca.SX:
-        """Rayleigh's D [W] of further friction, Q = −∂D/∂q̇; zero unless the component says otherwise.
+        """Rayleigh's D [W] of further friction, Q = −∂D/∂q̇; zero by default.
 
-        A damper c between two parts, with the rate v of one relative to the other: D = c v²/2.
+        That of a damper c at the relative velocity v is D = c v²/2.
         """
         return ca.SX(0)
 
@@ -80,7 +80,7 @@ class MechanicalComponent(Component, abstract=True):
         return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
 
     def picture(self) -> Shapes:
-        """What it looks like: shapes between its points; of a chain one link, the ``self.number``-th."""
+        """Shapes between its points; of a chain those of the ``self.number``-th link."""
         return [Ball(getattr(self, item.name)) for item in self.points]
 
     def point_components(self) -> dict[str, ca.SX]:
@@ -119,7 +119,7 @@ class MechanicalComponent(Component, abstract=True):
         )
 
     def _start_parameters(self) -> Iterator[Variable]:
-        """Configuration, and rates or momenta, at the start."""
+        """Start values of configuration, and rates or momenta."""
         size = self.dimension
         for q in self.coordinates:
             position = q.variable("parameter", "fixed", f"{q.name}_0")

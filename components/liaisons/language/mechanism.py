@@ -47,7 +47,7 @@ class ActiveColumns:
 
 @dataclass(frozen=True, eq=False)
 class PlaceholderColumns:
-    """Symbols in the place of some points, as if these were coordinates; none in an ordinary picture."""
+    """Symbols in place of some points, as if these were coordinates; none in an ordinary instance."""
 
     names: tuple[str, ...]  # of the points
     w: ca.SX  # (w, 1)
@@ -107,7 +107,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
-    # ---- what a component defines -----------------------------------------------------------------------------
+    # ---- defined by components -----------------------------------------------------------------------------
 
     def lagrangian(self) -> ca.SX:
         """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24)."""
@@ -117,7 +117,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         """Rates of the internal states, by name."""
         return {}
 
-    # ---- what it may use --------------------------------------------------------------------------------------
+    # ---- for use in methods --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
         """Total time derivative along the motion of an expression of coordinates and rates; of any shape."""
@@ -143,7 +143,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         return self._symbol(f"{coordinate}_force", "operator_force", self.actives)
 
     def with_placeholders(self, names: Sequence[str]) -> Self:
-        """The same picture with symbols for these points, so that expressions show how they depend on them."""
+        """Copy with symbols for these points, so that expressions show how they depend on them."""
         twin = copy(self)
         places = {name: {axis: ca.SX.sym(f"{name}_{axis}") for axis in getattr(self, name)} for name in names}
         w = ca.vertcat(*(symbol for axes in places.values() for symbol in axes.values()))
@@ -160,10 +160,10 @@ class Mechanism(MechanicalComponent, abstract=True):
             )
         return self.symbols[name]
 
-    # ---- what the package makes of it -------------------------------------------------------------------------
+    # ---- derived -------------------------------------------------------------------------
 
     def start_values(self) -> dict[str, float]:
-        """Defaults of parameters, coordinates, rates and inputs; what is not declared starts at 0."""
+        """Start values of all symbols by name: as declared, else 0."""
         declared = (*self.parameters, *self.coordinates, *self.actives, *self.internal_states)
         values = dict.fromkeys(self.symbols, 0.0) | {item.name: item.start for item in declared}
         values |= {orientation.quaternion[0]: 1.0 for orientation in self.orientations}
@@ -183,7 +183,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         kinetic = formulas("kinetic_energy", motion, "J")
         formulas("potential_energy", configuration, "J")
         lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
-        if type(self).lagrangian is not Mechanism.lagrangian:  # T - V has been looked at
+        if type(self).lagrangian is not Mechanism.lagrangian:  # T - V is checked already
             formulas.take("lagrangian", lagrangian, motion, "J")
         formulas("friction_coefficient", parameters | internal, "1/s")
         formulas("dissipation_function", motion | internal, "W")
@@ -256,7 +256,7 @@ def _is_inertia(matrix: np.ndarray) -> bool:
 
 
 def _other_values(picture: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
-    """What could make a mass matrix singular, one at a time, with a value at which it might not do so."""
+    """Declarations that could make a mass matrix singular, each with another value."""
     yield from ((item, 1.0) for item in picture.parameters if item.start <= 0)
     for item in (*picture.coordinates, *picture.actives):
         size = item.nominal if isinstance(item, Coordinate) else 1.0

@@ -1,4 +1,4 @@
-"""Constraints in accelerations, C ẍ = c: their multipliers, and the way back onto them.
+"""Constraints in accelerations, C ẍ = c: their multipliers, stabilisation and projection.
 
 Passive constraints σ(x) = 0 (K eq. 2), rheonomic ones π(x) = σ(t) (M eq. 20) and non-holonomic constraints ρ(x, ẋ) = 0
 (K eq. 107) differ in how often they are differentiated; after that they are rows of one linear system.
@@ -15,7 +15,7 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia
 
 STABILISATION = 10.0
-"""How fast the residual of a constraint decays [1/s] (Baumgarte): it keeps model exchange on the constraints."""
+"""Decay rate of residuals [1/s] (Baumgarte), which keeps model exchange on the constraints."""
 
 ROUNDS = 3
 """Newton steps of a projection: from the error of one integration step to rounding."""
@@ -26,11 +26,11 @@ class Constraints:
     """All constraints of a mechanism: passive, non-holonomic, rheonomic, in this order."""
 
     matrix: ca.SX  # C (c, f)
-    squares: ca.SX  # of the entries that C has somewhere near, also where C itself vanishes (c, f)
+    squares: ca.SX  # of the entries of C nearby, also where C itself vanishes (c, f)
     targets: ca.SX  # c (c,)
-    residuals: ca.SX  # what is not kept of them (c,)
-    rate_residuals: ca.SX  # the same of their derivatives; of the non-holonomic ones themselves (c,)
-    holonomic: tuple[int, ...]  # rows that restrict the configuration
+    residuals: ca.SX  # violations (c,)
+    rate_residuals: ca.SX  # violations of the derivatives; of non-holonomic constraints, the violations (c,)
+    holonomic: tuple[int, ...]  # rows, passive or rheonomic
 
 
 def differentiated_constraints(m: Mechanism) -> Constraints:
@@ -83,14 +83,14 @@ def _squares(m: Mechanism, C: ca.SX) -> ca.SX:
 def constrained_velocities(
     m: Mechanism, metric: Inertia, loose: ca.SX, constraints: Constraints
 ) -> tuple[ca.SX, ca.SX]:
-    """Velocities that keep the constraints of position: A (ẋ - loose) = Cᵀ μ, C ẋ = σ̇.
+    """Velocities that fulfil the holonomic constraints: A (ẋ - loose) = Cᵀ μ, C ẋ = σ̇.
 
     Between two projections the stages of a solver leave the constraints.  Where these come close to a singular
-    configuration (the rods of a parallelogram in line), what the velocities are off by would be divided by the distance
-    to it.  The remedy is that of Gear, Gupta and Leimkuhler (J. Comp. Appl. Math. 12, 1985).
+    configuration (the rods of a parallelogram in line), the error of the velocities would be divided by the distance to
+    it.  The remedy is that of Gear, Gupta and Leimkuhler (J. Comp. Appl. Math. 12, 1985).
 
-    :param loose: A⁻¹ (p - b), which may break the constraints (f,).
-    :returns: ẋ (f,), and the momenta Cᵀ μ that p lacks (f,).
+    :param loose: A⁻¹ (p - b), which may violate the constraints (f,).
+    :returns: ẋ (f,), and the correction Cᵀ μ of the momenta (f,).
     """
     rows, q_dot = list(constraints.holonomic), m.free.q_dot
     if not rows:
@@ -106,7 +106,7 @@ def constrained_velocities(
 
 
 def multipliers(metric: Inertia, f: ca.SX, constraints: Constraints) -> ca.SX:
-    """λ of the forces Cᵀ λ that keep C ẍ = c where A ẍ = f + Cᵀ λ, by d'Alembert (K eq. 7, 9); (c,)."""
+    """Multipliers λ with C ẍ = c and A ẍ = f + Cᵀ λ, by d'Alembert (K eq. 7, 9); (c,)."""
     C = constraints.matrix
     if C.shape[0] == 0:
         return ca.SX(0, 1)
@@ -129,16 +129,16 @@ def gauss(A: ca.SX, f: ca.SX, constraints: Constraints) -> tuple[ca.SX, ca.SX]:
 
 
 def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Constraints) -> ca.SX | None:
-    """(x, p) moved onto the constraints by Newton's method in the metric A, quaternions to unit length.
+    """Projection of (x, p) onto the constraints by Newton's method in the metric A, and onto unit quaternions.
 
-    :returns: column of configuration and momenta; None where nothing can be left.
+    :returns: column of configuration and momenta; None without constraints and orientations.
     """
     if constraints.matrix.shape[0] == 0 and not m.orientations:
         return None
     q, p = m.free.q, m.free.p
     on_constraints = _positions(m, metric, constraints)
     momenta, C, zero = p, constraints.matrix, ca.SX.zeros(*p.shape)
-    # Of positions the rates are linear: one step is enough, if it is a whole one.
+    # Holonomic constraints are linear in the rates: one full step is enough.
     rounds = ROUNDS if m.non_holonomic else min(C.shape[0], 1)
     for _ in range(rounds):
         _, push = metric.under(C, zero, constraints.rate_residuals, constraints.squares, iterated=rounds == 1)

@@ -1,4 +1,4 @@
-"""Functions of a model whose energy is accounted for: what came in through the ports, what friction took away."""
+"""Energy accounting of a model: work done through the ports, energy dissipated by friction."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import casadi as ca
 from liaisons.language.layout import Layout
 
 MEMORY = ("energy_start", "energy_booked")
-"""What is always remembered; behind it follows what an FMU finds of each prescribed coordinate, its mismatch."""
+"""Memory of every model; the mismatch of each prescribed coordinate, which an FMU finds, follows."""
 
 
 def memory_of(layout: Layout) -> tuple[str, ...]:
-    """Names of what is remembered."""
+    """Names of the numbers in the memory."""
     return (*MEMORY, *(v.name for v in layout.outputs if v.variability == "discrete"))
 
 
@@ -30,16 +30,16 @@ def definitions(
     landed: Any = None,
     energy_at_start: Any = None,
 ) -> dict[str, Any]:
-    """What defines memory, start, motion, outputs and the booking of impulses: (arguments, result, ...) of functions.
+    """Definitions of memory, start, motion, outputs and the work of impulses: (arguments, result, ...) of functions.
 
     :param at: the vectors t, y, u, k of :class:`Model`, all SX or all MX; y ends in ``work`` and ``dissipated``.
     :param initial: state at the start, of (t, u, k).
     :param rates: rates of the states.
     :param energy: T + V.
-    :param outputs: one expression an output; those of the balance and of what is found are filled in here.
+    :param outputs: one expression an output; those of the energy balance and the mismatches are replaced.
     :param nominals: sizes of the states.
-    :param landed: state after the inputs have jumped, the last two states left out of account; None: as it was.
-    :param energy_at_start: T + V of (t, u, k); None: what the energy is at the initial state.
+    :param landed: state after the inputs have jumped; its last two entries are ignored; None: unchanged.
+    :param energy_at_start: T + V of (t, u, k); None: ``energy`` at the initial state.
     :returns: by the names of the members of Model; None for one that is not needed.
     """
     t, y, u, k = vectors
@@ -50,7 +50,7 @@ def definitions(
     if energy_at_start is None:
         energy_at_start = ca.substitute(energy, y, initial)
 
-    # When an operator makes σ̇ jump, p stays and the energy jumps with it: that much work came in as an impulse.
+    # When an operator makes σ̇ jump, p is continuous; the jump of the energy is the work of an impulse.
     impulse = energy - energy_booked
     landing = impulse if landed is None else ca.substitute(energy, y, landed) - energy_booked
     booked = {
@@ -73,7 +73,7 @@ def definitions(
 
 
 def function(name: str, arguments: Sequence[Any], *results: Any) -> ca.Function:
-    """A function with dense results; scalar code without repeated sub-expressions."""
+    """CasADi function with dense results, without repeated subexpressions if it is scalar code."""
     dense: Any = [ca.densify(result) for result in results]
     if all(isinstance(result, ca.SX) for result in dense):
         dense = ca.cse(dense)

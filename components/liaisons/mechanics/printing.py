@@ -1,7 +1,7 @@
-"""The equations of a component as a textbook has them, for the documentation inside the FMU.
+"""Equations of a component in the form of the textbooks, for the documentation inside the FMU.
 
-They follow from the Lagrangian anew, on the way of the texts: generalised forces and multipliers stay symbols where
-:mod:`liaisons.mechanics.equations` has solved for them.
+A second derivation from the Lagrangian: generalised forces and multipliers stay symbols, where
+:mod:`liaisons.mechanics.equations` solves for them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from liaisons.mechanics.model import Equation
 
 
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
-    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, and what the component adds."""
+    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs."""
     m = equations.mechanism
     names = [q.name for q in m.coordinates]
     rates = [f"{name}_dot" for name in names]
@@ -50,7 +50,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
 
 
 def of_operator(picture: Operator, signal: ca.SX) -> tuple[Equation, ...]:
-    """The signal, and the rates of the internal states that it depends on."""
+    """Signal and rates of the internal states."""
     rates = picture.internal_rates()
     internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in picture.internal_states)
     arrays = any(isinstance(p, ParameterArray) for p in picture.parameters)  # a choice among many is no formula
@@ -58,7 +58,7 @@ def of_operator(picture: Operator, signal: ca.SX) -> tuple[Equation, ...]:
 
 
 def of_chain(picture: Chain) -> tuple[Equation, ...]:
-    """What one link is: its energies, and where the next one begins."""
+    """Energies of a link, and the joint of the next one."""
     base = picture.base() or {}
     dissipated = ca.SX(picture.friction_coefficient()) * ca.SX(picture.kinetic_energy())
     dissipated += ca.SX(picture.dissipation_function()) + ca.SX(picture.bond_dissipation())
@@ -99,7 +99,7 @@ def _balances(equations: Equations) -> ca.SX:
 
 
 def _pulled(L: ca.SX, points: ca.SX, equations: Equations, where: ca.SX) -> ca.SX:
-    """∂L/∂x less what the loads at the points do along x (K eq. 14)."""
+    """∂L/∂x less the generalised force of the loads at the points (K eq. 14)."""
     return gradient(L, where) - ca.jacobian(points, where).T @ equations.point_loads
 
 
