@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 
 from liaisons.arguments import chosen
+from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
@@ -19,6 +20,7 @@ from liaisons.errors import SimulationError
 
 ITERATING = {"implicit", "waveform"}
 """Couplings that repeat steps."""
+_NO_COMPILER = "no C compiler is found: pip install ziglang"
 
 
 def coupling(
@@ -32,7 +34,8 @@ def coupling(
     That is where a cycle has a port that goes two ways, and where something that moves feeds, outside of cycles, an FMU
     that can be told how.
 
-    :raises SimulationError: if there is no such coupling, or an FMU that would have to repeat steps cannot.
+    :raises SimulationError: if there is no such coupling, an FMU that would have to repeat steps cannot, or there is no
+        C compiler for a coupling that repeats steps.
     """
     if asked is not None:
         chosen("coupling", asked, get_args(Coupling))
@@ -47,21 +50,25 @@ def coupling(
                 f"coupling = {asked!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
                 "back: its canGetAndSetFMUstate is false; choose coupling='gauss-seidel'"
             )
+        if compiled.steps() is None:
+            raise SimulationError(
+                f"coupling = {asked!r} is made by compiled code, and {_NO_COMPILER}; or choose coupling='gauss-seidel'"
+            )
         return asked
     two_ways = [connection for connection in connections if connection.back]
     hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
     hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
-    if asked is None and two_ways and not hurdles:
-        return "implicit"
-    if asked is None and two_ways:
+    if asked is None and (two_ways or (not cyclic and _gains(parts, connections, driven))):
+        if compiled.steps() is None:
+            hurdles.append(_NO_COMPILER)
+        if not hurdles:
+            return "implicit"
         logger.warning(
-            "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order, unstable "
-            "where effective masses are large",
-            two_ways[0].source,
+            "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order%s",
+            two_ways[0].source if two_ways else "a signal",
             hurdles[0],
+            ", unstable where effective masses are large" if two_ways else "",
         )
-    if asked is None and not cyclic and _gains(parts, connections, driven):
-        return "implicit"
     for group in cycles:
         logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
     for loop in _loops(parts, feeds):
