@@ -96,7 +96,7 @@ def _timed(problem: Problem) -> tuple[Plan, float]:
 
 
 def _count(motion: Plan) -> int:
-    return sum(arc.intervals for arc in motion.solution.track.arcs)
+    return sum(arc.intervals for arc in motion.solution.trajectory.arcs)
 
 
 def _draw_orders(path: Path) -> None:

@@ -26,7 +26,7 @@ def main(claim: Claims) -> None:
     far_side = {"xi": np.pi, "beta_dot": RATE}
     efforts = 10.0 ** np.arange(1, 5)
     found = [hold("CircularHoop", far_side, step_size=STEP, effort=effort) for effort in efforts]
-    pairs = np.array([np.sort(np.log(np.abs(one.multipliers)) / STEP)[1:3].mean() for one in found]) + GROWTH
+    pairs = np.array([np.sort(np.log(np.abs(one.floquet_multipliers)) / STEP)[1:3].mean() for one in found]) + GROWTH
     first = within(0.02, because="the next order is smaller by the weight")
     claim.order("two multipliers are exp(-λH), but for 1/effort", 1 / efforts, np.abs(pairs), 1, first)
     mirror.loglog(efforts, np.abs(pairs), "o-", label="of the pair")

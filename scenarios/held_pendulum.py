@@ -30,7 +30,7 @@ def main(claim: Claims) -> None:
     regulator = hold("Pendulum", upright, "pivot_x", step_size=STEP, bounds=bounds)
     differences = within(1e-5, because="differences of 1e-5 about the equilibrium")
     claim("one step of the FMUs is the matrix that was predicted", regulator.measured(), regulator.loop, differences)
-    radius = np.max(np.abs(regulator.multipliers))
+    radius = np.max(np.abs(regulator.floquet_multipliers))
     inside = within(1 - 1e-3, because="inside the unit circle; without feedback exp(√(g/l) H) = 1.065 is outside")
     claim("the greatest multiplier", radius, 0.0, inside)
 

@@ -41,7 +41,7 @@ def main(claim: Claims) -> None:
     end = {"attitude": (0, 0, 0, 1)} | {f"{wheel}_dot": 0 for wheel in WHEELS}
     regulator = hold(plan(PushedSatellite, WHEELS, end=end, duration=10.0, minimize="effort"))
     claim.verdicts += regulator.verify()
-    one = np.abs(regulator.multipliers[:3])
+    one = np.abs(regulator.floquet_multipliers[:3])
     claim(f"{', '.join(regulator.conserved)} have the multiplier 1", one, 1.0, within(1e-8, because="integrated so"))
 
     held = regulator.simulate(STOP, inputs={"push": push})

@@ -37,6 +37,7 @@ def test_import_alone_is_light() -> None:
     assert python("import sys, liaisons; print({'numpy', 'casadi', 'fmpy'} & set(sys.modules))") == "set()\n"
 
 
+@pytest.mark.filterwarnings("ignore:.* is called:DeprecationWarning")
 def test_every_public_name_is_there() -> None:
     assert {name for name in dir(liaisons) if getattr(liaisons, name, None) is None} == set()
     with pytest.raises(AttributeError, match="no_such_name"):

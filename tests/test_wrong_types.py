@@ -39,7 +39,7 @@ from liaisons.models import Constant, Pendulum
 
 WRONG: list[Any] = [None, 5, b"x", ["x", 1], {"a": None}, {1: 2.0}, object(), np.zeros((2, 2)), lambda: 0, "x y"]
 SPAN: dict[str, Any] = {"stop_time": 0.02, "step_size": 0.01}
-MEMBERS: dict[str, Any] = {"values": {"theta_0": [0.1, 0.2]}, "backend": "numpy", "estimate": False, **SPAN}
+MEMBERS: dict[str, Any] = {"start_values": {"theta_0": [0.1, 0.2]}, "backend": "numpy", "estimate": False, **SPAN}
 CASES: dict[str, Any] = {"cases": {"theta_0": [0.1]}, "keep": "theta", **SPAN}
 
 
@@ -80,7 +80,7 @@ CALLS: dict[str, tuple[Call, Any]] = {
     "simulate": (lambda _, w: simulate(w), ()),
     **keywords(
         "simulate", lambda x, **w: simulate(x.fmu, **SPAN | w), stop_time=NONE, step_size=NONE, start_time=NONE,
-        tolerance=NONE, record=NOTHING, inputs=NOTHING, theta_0=NUMBER,
+        tolerance=NONE, record=NOTHING, inputs=NOTHING, theta_0=NUMBER, start_values=NOTHING,
     ),
     "simulate times": (lambda x, w: simulate(x.fmu, times=w), NOTHING),
     "simulate record=[]": (lambda x, w: simulate(x.fmu, **SPAN, record=[w]), ()),
@@ -115,17 +115,19 @@ CALLS: dict[str, tuple[Call, Any]] = {
     "sample distribution": (lambda _, w: sample(2, {"a": w}, seed=1), ()),
     "show": (lambda _, w: show(w), ()),
     "show path": (lambda x, w: show(x.fmu, w), PATH),
+    "show start_values": (lambda x, w: show(x.fmu, "x.html", start_values=w), NOTHING),
     "show theta_0": (lambda x, w: show(x.fmu, "x.html", theta_0=w), NUMBER),
     "sweep": (lambda _, w: sweep(w, {"theta_0": [0.1]}, "theta"), ()),
     **keywords(
         "sweep", lambda x, **w: sweep(x.fmu, **CASES | w), cases=(), keep=(), stop_time=NONE, step_size=NONE,
-        start_time=NONE, tolerance=NONE, coupling=NOTHING, starts=NOTHING, record=NOTHING, journal=PATH, workers=NONE,
-        client=PATH,
+        start_time=NONE, tolerance=NONE, coupling=NOTHING, start_values=NOTHING, record=NOTHING, journal=PATH,
+        workers=NONE, client=PATH,
     ),
     "ensemble": (lambda _, w: ensemble(w, **MEMBERS), ()),
     **keywords(
-        "ensemble", lambda _, **w: ensemble("Pendulum", **MEMBERS | w), values=(), stop_time=NUMBER, step_size=NUMBER,
-        samples=NUMBER, start_time=int, method=(), operators=NOTHING, record=NOTHING, threads=NONE, backend=(),
+        "ensemble", lambda _, **w: ensemble("Pendulum", **MEMBERS | w), start_values=(), stop_time=NUMBER,
+        step_size=NUMBER, samples=NUMBER, start_time=int, method=(), operators=NOTHING, record=NOTHING,
+        threads=NONE, backend=(),
     ),
     "ensemble operator": (lambda _, w: ensemble("Pendulum", **MEMBERS, operators={"length": w}), ()),
     "compare": (lambda x, w: compare(x.result, w), ()),

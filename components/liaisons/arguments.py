@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+import re
+import warnings
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from liaisons.errors import LiaisonsError, SimulationError
 
@@ -19,6 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Error = type[LiaisonsError]
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 def shown(value: object) -> str:
@@ -42,6 +48,44 @@ def named(label: str, given: object, error: Error = SimulationError) -> Mapping[
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         raise error(f"{label} = {shown(given)}: give a dictionary with names as keys")
     return given
+
+
+def merged(label: str, start_values: object, keywords: Mapping[str, T], error: Error = SimulationError) -> dict[str, T]:
+    """Start values from a dictionary, None for none, and from keywords; a name that is in both is an error."""
+    values = dict(named(f"{label}: start_values", {} if start_values is None else start_values, error))
+    for name in keywords:
+        if name in values:
+            raise error(f"{label}: {name} is given in start_values and as a keyword; leave one out")
+    return values | keywords
+
+
+@contextmanager
+def settings_beside(variables: Collection[str]) -> Iterator[None]:
+    """Let errors about a setting say where the value of a variable of the same name is given."""
+    try:
+        yield
+    except LiaisonsError as error:
+        setting = re.match(r"(?:[^:=]*: )?(\w+) = ", str(error))
+        if setting is None or setting[1] not in variables:
+            raise
+        raise type(error)(f"{error}; {setting[1]} is a variable, too: give it in start_values") from None
+
+
+def renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Take keywords by their former names, too, with a DeprecationWarning: former=present."""
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def call(*arguments: P.args, **keywords: P.kwargs) -> T:
+            for former in names.keys() & keywords.keys():
+                text = f"{function.__name__}: {former} is now called {names[former]}"
+                warnings.warn(text, DeprecationWarning, stacklevel=2)
+                keywords[names[former]] = keywords.pop(former)
+            return function(*arguments, **keywords)
+
+        return call
+
+    return decorate
 
 
 def as_path(label: str, path: object, error: Error = SimulationError) -> Path:

@@ -12,7 +12,7 @@ class LiaisonsError(Exception):
     """Base class of every error that this package raises on purpose; its message is one line, whatever it quotes."""
 
     def __str__(self) -> str:
-        return one_line(super().__str__())
+        return one_line(Exception.__str__(self))  # that of a KeyError would quote it
 
 
 def one_line(text: str) -> str:
@@ -38,6 +38,10 @@ class ConnectError(LiaisonsError):
 
 class SimulationError(LiaisonsError):
     """An FMU refused a value or a step; the message carries the FMU's own words."""
+
+
+class UnknownSignalError(SimulationError, KeyError):
+    """A result has no signal of this name; the message has the nearest one."""
 
 
 class RefusedError(SimulationError):

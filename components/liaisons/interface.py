@@ -8,7 +8,7 @@ from __future__ import annotations
 import atexit
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import lru_cache, wraps
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons import cache, cosim, live, ssp, sweeps
+from liaisons.arguments import merged, renamed
 from liaisons.cosim.structure.components import Solver
 from liaisons.cosim.structure.knots import knots
 from liaisons.flattening import flatten
@@ -53,17 +54,21 @@ def _by_name(
 
 simulate = _by_name(cosim.simulate)
 show = _by_name(live.show, cosim.System)
-sweep = _by_name(sweeps.sweep, cosim.System)
+sweep = renamed(starts="start_values")(_by_name(sweeps.sweep, cosim.System))
 
 
-def operator(fmu: Target, /, **starts: ArrayLike) -> cosim.OperatorFmu:
+def operator(
+    fmu: Target, /, *, start_values: Mapping[str, ArrayLike] | None = None, **keywords: ArrayLike
+) -> cosim.OperatorFmu:
     """An operator as the value of a coordinate: ``simulate("Pendulum", length=operator("Sinusoid", offset=1.0))``.
 
     :param fmu: path of an FMU with the port ``y``; or a component by its name, file or class.
-    :param starts: its parameters, where they differ from the FMU's.
+    :param start_values: its parameters by name, where they differ from the FMU's; ``keywords`` are further ones.
     :raises ProjectError: if there is no such file or component.
+    :raises SimulationError: for a name that is given twice.
     """
-    return cosim.OperatorFmu(fmu_file(fmu), starts)
+    path = fmu_file(fmu)
+    return cosim.OperatorFmu(path, merged(path.stem, start_values, keywords))
 
 
 def tabulated(
@@ -137,15 +142,17 @@ class System(cosim.System):
         /,
         *,
         isolated: bool | float = False,
-        solver: Solver | float | None = None,
-        **starts: ArrayLike | cosim.OperatorFmu,
+        solver: Solver | None = None,
+        start_values: Mapping[str, ArrayLike | cosim.OperatorFmu] | None = None,
+        **keywords: ArrayLike | cosim.OperatorFmu,
     ) -> cosim.SystemComponent:
         """Put an FMU into the system, as :meth:`liaisons.cosim.System.add`.
 
         :param fmu: path of an FMU; or a component by its name (``"Pendulum"``), file or class.
         :raises ProjectError: if there is no such file or component.
         """
-        return super().add(name, fmu_file(fmu), isolated=isolated, solver=solver, **starts)
+        path = fmu_file(fmu)
+        return super().add(name, path, isolated=isolated, solver=solver, start_values=start_values, **keywords)
 
     @classmethod
     def from_ssp(cls, path: Path | str) -> Self:

@@ -55,7 +55,8 @@ def test_hamiltonian_of_a_charge() -> None:
 INDEPENDENT = [
     c
     for c in CATALOGUE
-    if issubclass(c, Mechanism) and not (c.constraints or c.non_holonomic or c.submersions or c.internal_states)
+    if issubclass(c, Mechanism)
+    and not (c.constraints or c.non_holonomic or c.rheonomic_constraints or c.internal_states)
 ]
 
 

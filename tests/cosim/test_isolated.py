@@ -97,7 +97,7 @@ def test_crash_while_steps_are_repeated(fmu: FmuPaths) -> None:
 
 @pytest.mark.parametrize("how", [0, 2])
 def test_crash_in_a_sweep(fmu: FmuPaths, how: int) -> None:
-    table = sweep(fmu("Fragile"), {"last": [0, 5, 50]}, ["x"], starts={"how": how}, stop_time=1.0, step_size=0.1)
+    table = sweep(fmu("Fragile"), {"last": [0, 5, 50]}, ["x"], start_values={"how": how}, stop_time=1.0, step_size=0.1)
     reason = {0: "SIGSEGV", 2: "exit status 3"}[how]
     assert table.failures == {1: f"Fragile: fmi2DoStep from t = 0.4 s to t = 0.5 s crashed ({reason})"}
     assert table.unfinished == (1,)

@@ -3,13 +3,15 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
+import liaisons
+from liaisons import language
 from liaisons.errors import ComponentError
 from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Mechanism, Operator, Parameter, output, point
 from liaisons.mechanics import assemble
@@ -24,6 +26,13 @@ class _Bead(Mechanism, abstract=True):
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.x) ** 2
+
+
+@pytest.mark.parametrize("module", [liaisons, language])
+@pytest.mark.parametrize(("old", "new"), [("condition", "assertion"), ("submersion", "rheonomic_constraint")])
+def test_old_names_are_the_new_declarations_with_a_warning(module: ModuleType, old: str, new: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"^{old} is now called {new}$"):
+        assert getattr(module, old) is getattr(module, new)
 
 
 def test_class_gives_declarations_and_instance_gives_symbols() -> None:

@@ -22,7 +22,7 @@ from liaisons.language import (
     Parameter,
     constraint,
     non_holonomic,
-    submersion,
+    rheonomic_constraint,
     unchecked,
 )
 from liaisons.mechanics import assemble, constraints, derive, gauss
@@ -53,7 +53,7 @@ class Guided(Mechanism):
     def steering(self) -> ca.SX:
         return self.dot(self.f) * (1 + 0.2 * self.dot(self.b)) - self.a * self.dot(self.c) + 0.3 * self.b
 
-    @submersion("m", "distance", start=1.0, above=0, unchecked=NUMBERS)
+    @rheonomic_constraint("m", "distance", start=1.0, above=0, unchecked=NUMBERS)
     def reach(self) -> ca.SX:
         return ca.sqrt(self.b**2 + self.c**2 + self.d**2) + 0.1 * self.slide
 

@@ -19,7 +19,7 @@ HOLD = 0  # input_reconstruction
 MECHANISMS = [  # those whose coordinates may take any values; the others have tests of their own
     c
     for c in CATALOGUE
-    if issubclass(c, Mechanism) and not (c.orientations or c.constraints or c.non_holonomic or c.submersions)
+    if issubclass(c, Mechanism) and not (c.orientations or c.constraints or c.non_holonomic or c.rheonomic_constraints)
 ]
 OPERATORS = [c for c in CATALOGUE if issubclass(c, Operator) and not c.inputs]  # functions of time alone
 

@@ -13,7 +13,7 @@ from liaisons.models import CATALOGUE
 MECHANISMS = [  # those whose coordinates may take any values; the others have tests of their own
     c
     for c in CATALOGUE
-    if issubclass(c, Mechanism) and not (c.orientations or c.constraints or c.non_holonomic or c.submersions)
+    if issubclass(c, Mechanism) and not (c.orientations or c.constraints or c.non_holonomic or c.rheonomic_constraints)
 ]
 
 

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from liaisons import Plan, hold, plan
+import liaisons
+from liaisons import Controller, Plan, hold, plan
 from liaisons.fmu.code import model_code
 from liaisons.library import component
 from liaisons.library import model as component_model
 from liaisons.models.regulator import KNOTS
 from liaisons.operators import PlanError
+from liaisons.operators.controllers import ReferenceTrajectory
 from liaisons.operators.feedback import backward, periodic, reachable, riccati
-from liaisons.operators.held import Course
 from liaisons.operators.problems import problem_of
 from liaisons.units import ANY, parse
 
@@ -78,14 +79,23 @@ def test_the_staircase_ends_where_control_does() -> None:
     np.testing.assert_allclose(np.hstack([V, U]) @ np.hstack([V, U]).T, np.eye(4), atol=1e-15)
 
 
+def test_old_names_are_deprecated() -> None:
+    with pytest.deprecated_call(match=r"liaisons\.Held is called liaisons\.Controller"):
+        held = liaisons.Held
+    assert held is Controller
+    regulator = hold("Pendulum", **HELD["Pendulum"])
+    with pytest.deprecated_call(match="multipliers is called floquet_multipliers"):
+        np.testing.assert_array_equal(regulator.multipliers, regulator.floquet_multipliers)
+
+
 @pytest.mark.parametrize("name", HELD)
 def test_the_fmus_have_the_multipliers_that_were_predicted(name: str) -> None:
     regulator = hold(name, **HELD[name])
     verdicts = regulator.verify()
     assert all(verdict.passed for verdict in verdicts), "\n".join(map(str, verdicts))
     assert regulator.conserved == CONSERVED[name]
-    assert regulator.reached == regulator.multipliers.size - len(regulator.conserved)
-    np.testing.assert_allclose(regulator.multipliers[: len(regulator.conserved)], 1, atol=1e-9)
+    assert regulator.reached == regulator.floquet_multipliers.size - len(regulator.conserved)
+    np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-9)
     # Solver tolerance 1e-11 over a difference of 1e-5.
     np.testing.assert_allclose(regulator.measured(), regulator.loop, rtol=0, atol=2e-6 * np.abs(regulator.loop).max())
 
@@ -242,7 +252,7 @@ def test_the_fmus_have_the_monodromy_that_was_predicted(name: str) -> None:
     assert regulator.returns == (name not in ("crane", "constraints"))
     assert regulator.reached == len(regulator.loop) - len(regulator.conserved)
     if regulator.returns:
-        np.testing.assert_allclose(regulator.multipliers[: len(regulator.conserved)], 1, atol=1e-8)
+        np.testing.assert_allclose(regulator.floquet_multipliers[: len(regulator.conserved)], 1, atol=1e-8)
         assert np.abs(regulator.controlled).max() < 0.99
 
 
@@ -362,7 +372,7 @@ def test_equilibria_are_held_alike_in_all_units(name: str) -> None:
         regulator = hold(name, at, moves, **options)
         # Of a double multiplier half the digits are left.
         np.testing.assert_allclose(
-            np.sort(np.abs(regulator.multipliers)), np.sort(np.abs(expected.multipliers)), atol=1e-5
+            np.sort(np.abs(regulator.floquet_multipliers)), np.sort(np.abs(expected.floquet_multipliers)), atol=1e-5
         )
         np.testing.assert_allclose(regulator.loop, expected.loop, atol=1e-6 * np.abs(expected.loop).max())
         assert (regulator.conserved, regulator.reached) == (expected.conserved, expected.reached)
@@ -381,13 +391,13 @@ def in_units(name: str, scale: tuple[float, float, float]) -> Plan:
     rows, controls = (
         np.array([of[n] for n in names])[:, None] for names in (motion.problem.states, motion.problem.controls)
     )
-    track = solution.track
-    track = replace(
-        track,
-        durations=track.durations * scale[2],
-        knots=track.knots * rows,
-        inner=track.inner * rows,
-        controls=track.controls * controls,
+    trajectory = solution.trajectory
+    trajectory = replace(
+        trajectory,
+        durations=trajectory.durations * scale[2],
+        knots=trajectory.knots * rows,
+        inner=trajectory.inner * rows,
+        controls=trajectory.controls * controls,
     )
     low, high = goal.duration
     goal = replace(
@@ -397,7 +407,7 @@ def in_units(name: str, scale: tuple[float, float, float]) -> Plan:
         duration=(low * scale[2], high * scale[2]),
         values=parameters(goal.component, of, dict(goal.values), goal.moves),
     )
-    return Plan(goal, problem_of(goal), replace(solution, track=track))
+    return Plan(goal, problem_of(goal), replace(solution, trajectory=trajectory))
 
 
 @pytest.mark.slow
@@ -405,7 +415,7 @@ def in_units(name: str, scale: tuple[float, float, float]) -> Plan:
 @pytest.mark.parametrize("scale", SCALES)
 def test_plans_are_held_alike_in_all_units(name: str, scale: tuple[float, float, float]) -> None:
     expected, regulator = hold(planned(name)), hold(in_units(name, scale))
-    mine, theirs = (np.sort(np.abs(one.multipliers)) for one in (regulator, expected))  # whatever the basis
+    mine, theirs = (np.sort(np.abs(one.floquet_multipliers)) for one in (regulator, expected))  # whatever the basis
     np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.max(theirs))
     assert (regulator.course.after, regulator.conserved) == (expected.course.after, expected.conserved)
     verdicts = regulator.verify()
@@ -450,7 +460,7 @@ def test_a_plan_of_more_steps_than_parameters_is_held_by_a_table_in_a_file() -> 
 def test_the_next_jump_is_the_first_pair_that_differs_and_is_still_to_come() -> None:
     times = np.array([0.0, 1.0, 1 + 1e-9, 2.0, 2 + 1e-9, 3.0, 3 + 1e-9])
     planned_values = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0])[None, None]  # the last pair does not differ
-    course = Course(times, planned_values, planned_values[0], "ends")
+    course = ReferenceTrajectory(times, planned_values, planned_values[0], "ends")
     np.testing.assert_array_equal(course.next_jump(1e-6), [times[2], times[2], times[4], times[4], *[1e30] * 3])
 
 

@@ -129,7 +129,7 @@ def test_a_motion_whose_cost_knows_no_accelerations_is_smooth_and_replayed_to_th
     motion = plan("PlanarCat", end={"phi": -1.047}, bounds=bounds, tries=1, **CAT)
     found = motion.verify()
     assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
-    breaks, gap = motion.solution.track.breaks[1:-1], 1e-9  # at the ends of intervals accelerations may jump
+    breaks, gap = motion.solution.trajectory.breaks[1:-1], 1e-9  # at the ends of intervals accelerations may jump
     inside = breaks[np.abs(breaks[:, None] - motion.switches).min(axis=1) > gap]
     before, after = (motion.sigma(inside + shift)["psi_1_ddot"] for shift in (-gap, gap))
     assert np.max(np.abs(after - before)) < 1e-4 * np.ptp(after)
@@ -176,7 +176,7 @@ class Cart(Mechanism):
 
 
 def test_a_pendulum_on_paper_and_one_in_space_are_pulled_alike() -> None:
-    """A rod by its own coordinate, and by a submersion of Cartesian ones, whose constraints a guess must obey."""
+    """A rod by its own coordinate, and by a rheonomic constraint on Cartesian ones, which a guess must obey."""
     goal: dict[str, Any] = {"duration": 3.0, "intervals": 10, "accuracy": 1e-6, "tries": 1}
     polar = plan(
         "Pendulum",
@@ -275,7 +275,7 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
         {"moves": "pivot_x", "end": {"theta": 1, "pivot_x_dot": 0}, "duration": 1.0},
         "pivot_x_dot may jump at no cost, so that no motion is the best: bound or weigh pivot_x_ddot",
     ),
-    "a submersion's rate": (
+    "the rate of a rheonomic constraint": (
         "CartesianPendulum",
         {"end": {"rod": 1.2}, "duration": 1.0},
         "rod_dot may jump at no cost, so that no motion is the best: bound or weigh rod_ddot, or bound rod_force",
@@ -403,7 +403,12 @@ def test_a_bound_that_the_start_lies_on_is_held_without_saying_it_twice() -> Non
         bounds={"length": (1.0, 1.1), "length_ddot": (-30, 30)},
         intervals=15,
     )
-    assert [arc.held for arc in motion.solution.track.arcs] == [((0, 1.1),), ((1, -30),), ((1, 30),), ((0, 1.0),)]
+    assert [arc.active_bounds for arc in motion.solution.trajectory.arcs] == [
+        ((0, 1.1),),
+        ((1, -30),),
+        ((1, 30),),
+        ((0, 1.0),),
+    ]
     rise = motion.switches[2] - motion.switches[0]
     assert rise == pytest.approx(2 * np.sqrt(0.1 / 30), rel=1e-9)
 

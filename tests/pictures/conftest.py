@@ -23,7 +23,7 @@ def moved(fmu: Callable[..., Path]) -> Callable[[str], Result]:
     @cache
     def of(name: str) -> Result:
         component = getattr(liaisons.models, name)
-        pace = 0.0 if component.submersions else 0.3  # a submersion's rate has to agree with the start
+        pace = 0.0 if component.rheonomic_constraints else 0.3  # its rate has to agree with the start
         rates = {s.name: (lambda t, s=s: (s.start + pace * t, pace, 0.0)) for s in component.actives}
         return simulate(fmu(component), stop_time=0.6, step_size=0.05, inputs=rates)
 

@@ -72,6 +72,16 @@ def test_signals_by_name(result: Result) -> None:
     assert result.units["arm.x[1,2]"] == "m"
     with pytest.raises(SimulationError, match=r"a swing has no signal 'swing\.tetha'; did you mean 'swing\.theta'"):
         result["swing.tetha"]
+    with pytest.raises(KeyError, match=r"^the result of a swing has no signal"):
+        result["no"]
+    assert result.get("no") is None
+    assert result.get(3, default=1) == 1  # type: ignore[arg-type]
+    np.testing.assert_array_equal(result.get("swing.phi"), result["swing.phi"])
+
+
+def test_axes_tell_a_simulation_a_sweep_and_an_ensemble_apart(result: Result, cases: Result, both: Result) -> None:
+    assert [one.kind for one in (result, cases, both)] == ["simulation", "sweep", "ensemble"]
+    assert [list(one.index) for one in (result, cases, both)] == [["time"], ["case"], ["time", "case"]]
 
 
 def test_nothing_can_be_changed(result: Result) -> None:

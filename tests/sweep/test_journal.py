@@ -74,7 +74,7 @@ def test_finished_cases_are_not_done_again(pendulum, tmp_path, counted) -> None:
 def test_damaged_lines_say_nothing_and_are_done_again(pendulum, tmp_path, counted, caplog) -> None:
     journal, other = tmp_path / "journal", tmp_path / "other"
     whole = sweep(pendulum, CASES, {"theta": counted}, journal=journal, workers=1, **SPAN)
-    sweep(pendulum, CASES, {"theta": counted}, starts={"gravity": 9.8}, journal=other, workers=1, **SPAN)
+    sweep(pendulum, CASES, {"theta": counted}, start_values={"gravity": 9.8}, journal=other, workers=1, **SPAN)
     counted.calls()
     header, *lines = journal.read_bytes().splitlines()
     text = {number: line.decode() for number, line in enumerate(lines)}

@@ -70,7 +70,9 @@ def test_what_cases_are_warned_of_is_in_the_table(swing, where, tmp_path) -> Non
 
 def test_functions_of_the_result_and_settings_in_common(pendulum) -> None:
     keep = {"swing": lambda result: np.ptp(result["theta"]), "end": "theta"}
-    table = sweep(pendulum, {"input_reconstruction": [0, 1]}, keep, starts={"theta_0": 0.7, "length_dot": 0.1}, **SPAN)
+    table = sweep(
+        pendulum, {"input_reconstruction": [0, 1]}, keep, start_values={"theta_0": 0.7, "length_dot": 0.1}, **SPAN
+    )
     for number in range(2):
         alone = simulate(pendulum, **SPAN, theta_0=0.7, length_dot=0.1, input_reconstruction=number)
         assert (table["swing"][number], table["end"][number]) == (np.ptp(alone["theta"]), alone["theta"][-1])

@@ -105,7 +105,7 @@ def require_coordinates(equations: Equations, purpose: str) -> None:
 def require_independent(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError for constraints; an orientation is as good as three coordinates."""
     m = equations.mechanism
-    if kept := [item.name for item in (*m.constraints, *m.non_holonomic, *m.submersions)]:
+    if kept := [item.name for item in (*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)]:
         raise ComponentError(
             f"{equations.name}: {purpose} needs independent coordinates; describe the mechanism without "
             f"the constraint {', '.join(kept)}"

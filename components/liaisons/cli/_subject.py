@@ -12,7 +12,7 @@ from liaisons.cli._inputs import Given, drives
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.simulation import Simulation, checked, owned
+from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, owned
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
 
@@ -51,7 +51,7 @@ def simulation(
     subject, rest = resolved(word, starts)
     if single := not isinstance(subject, System):
         system = System(subject.stem)
-        system.experiment = system.add(subject.stem.replace(".", "_"), subject, **rest).fmu.experiment
+        system.experiment = system.add(subject.stem.replace(".", "_"), subject, start_values=rest).fmu.experiment
     elif rest:
         raise ProjectError(f"{word}: start values of a system are given where its FMUs are added")
     else:
@@ -77,19 +77,15 @@ def simulation(
         system.prescribe(owner, operators)
     parts = {name: part.apart(isolated) if isolated else part for name, part in system.parts.items()}
     watched = [name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatches(part.fmu)]
-    asked = checked(
-        system.name,
-        parts,
-        system.connections,
-        single=single,
+    settings = SimulationSettings(
         start_time=begin,
         stop_time=end,
         step_size=size,
         tolerance=own.tolerance if tolerance is None else tolerance,
         record=record,
-        also=watched,
         inputs=driven.functions,
     )
+    asked = checked(system.name, parts, system.connections, settings, single=single, also=watched)
     return system, asked
 
 

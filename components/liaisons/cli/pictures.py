@@ -94,7 +94,7 @@ def show(
     found, rest = resolved(fmu, starts)
     page = output or default_path(found)
     if zig_compiler():
-        written(found, page, **rest)
+        written(found, page, start_values=rest)
         print(f"page: {page}")
     else:
         _system, asked = simulation(fmu, starts, None, None, None, None, given=())

@@ -230,7 +230,7 @@ def _subject(
     given = {"start_time": start, "stop_time": stop, "step_size": step}
     if isinstance(found, System):  # an archive says from when to when
         given |= {name: getattr(found.experiment, name) for name, value in given.items() if value is None}
-    return {"subject": found, **given, "starts": rest}
+    return {"subject": found, **given, "start_values": rest}
 
 
 def _cases(

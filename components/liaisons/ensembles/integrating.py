@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liaisons.arguments import chosen, finite, listed, named, numbers, whole
+from liaisons.arguments import chosen, finite, listed, named, numbers, renamed, whole
 from liaisons.compiler import system_compiler, zig_compiler
 from liaisons.ensembles.methods import METHODS
 from liaisons.ensembles.right_hand_sides import INTEGRALS, flat_model, operator_model, right_hand_side, settable
@@ -37,9 +37,10 @@ _ROUNDINGS = 1e-12
 """Differences that are less, of the largest value, are roundings of thousands of steps, and do not shrink."""
 
 
+@renamed(values="start_values")
 def ensemble(
     component: Target,
-    values: Mapping[str, ArrayLike],
+    start_values: Mapping[str, ArrayLike],
     *,
     stop_time: float,
     step_size: float,
@@ -60,8 +61,8 @@ def ensemble(
         ensemble(Pendulum, {"theta_0": angles, "length.amplitude": 0.1}, operators={"length": Sinusoid}, ...)
 
     :param component: its name, file or class.
-    :param values: parameters and inputs by name: a number for all cases, or an array with one for each; what is not
-        given has its default.
+    :param start_values: parameters and inputs by name: a number for all cases, or an array with one for each; the
+        others have their defaults.
     :param stop_time: end [s].
     :param step_size: largest step [s]; made smaller so that the recorded times, evenly spaced, are met.
     :param samples: how many times are recorded after the start.
@@ -85,7 +86,7 @@ def ensemble(
     moving = named("operators", {} if operators is None else operators)
     moving = {name: operator_model(model, name, found_component(operator)) for name, operator in moving.items()}
     variables = settable(model, moving)
-    for name in named("values", values):
+    for name in named("start_values", start_values):
         if name not in variables:
             raise ComponentError(f"{model.name} has no value {name!r} to set{suggestion(name, variables)}")
     chosen("method", method, tuple(METHODS))
@@ -93,7 +94,7 @@ def ensemble(
     if threads is not None:
         whole("threads", threads)
     _check_times(start_time, stop_time, step_size, samples)
-    given = {name: _array(f"{model.name}: {name}", value) for name, value in values.items()}
+    given = {name: _array(f"{model.name}: {name}", value) for name, value in start_values.items()}
     lanes = {name: array for name, array in given.items() if array.ndim}
     shared = {name: array for name, array in given.items() if not array.ndim}
     count = _count(model.name, lanes)

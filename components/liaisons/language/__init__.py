@@ -3,6 +3,9 @@
 A declaration does not know what becomes of it: :mod:`liaisons.mechanics` derives equations, :mod:`liaisons.fmu` builds.
 """
 
+import warnings
+from typing import TYPE_CHECKING
+
 from liaisons.language.chain import Chain
 from liaisons.language.closed_forms import Values, closed_form
 from liaisons.language.component import Component
@@ -18,13 +21,13 @@ from liaisons.language.declarations import (
     Parameter,
     ParameterArray,
     Size,
+    assertion,
     calculated,
-    condition,
     constraint,
     non_holonomic,
     output,
     point,
-    submersion,
+    rheonomic_constraint,
     unchecked,
 )
 from liaisons.language.mechanism import Mechanism
@@ -61,15 +64,26 @@ __all__ = [
     "Values",
     "Variable",
     "Wire",
+    "assertion",
     "calculated",
     "circle",
     "closed_form",
-    "condition",
     "constraint",
     "non_holonomic",
     "output",
     "point",
-    "submersion",
+    "rheonomic_constraint",
     "turned",
     "unchecked",
 ]
+
+if not TYPE_CHECKING:
+    _RENAMED = {"condition": assertion, "submersion": rheonomic_constraint}
+
+    def __getattr__(name: str) -> type:
+        """Declaration of an old name, for one version."""
+        if name not in _RENAMED:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        new = _RENAMED[name]
+        warnings.warn(f"{name} is now called {new.__name__}", DeprecationWarning, stacklevel=2)
+        return new

@@ -16,16 +16,16 @@ from liaisons.language.declarations import (
     Joint,
     Orientation,
     Size,
-    condition,
+    assertion,
     constraint,
     non_holonomic,
     output,
-    submersion,
+    rheonomic_constraint,
 )
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.variables import Dimension
 
-_OF_MECHANISMS = (Orientation, InternalState, constraint, non_holonomic, submersion, output, condition)
+_OF_MECHANISMS = (Orientation, InternalState, constraint, non_holonomic, rheonomic_constraint, output, assertion)
 
 
 class Chain(MechanicalComponent, abstract=True):

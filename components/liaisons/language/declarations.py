@@ -443,26 +443,26 @@ class non_holonomic(DeclaredFormula[ca.SX]):
     example = '@non_holonomic("m/s", "the wheel does not slip")'
 
 
-class condition(DeclaredFormula[ca.SX]):
-    """An expression that must stay positive; a singularity lies where it vanishes.
+class assertion(DeclaredFormula[ca.SX]):
+    """An expression that must stay positive, as of Modelica's ``assert``; a singularity lies where it vanishes.
 
     :param text: the message when it does not, for example ``"r must stay > 0"``.
     """
 
-    example = '@condition("r must stay > 0")'
+    example = '@assertion("r must stay > 0")'
 
     def __init__(self, text: str, *, unchecked: str | None = None) -> None:
         super().__init__("1", text, unchecked=unchecked)
 
 
-class submersion(DeclaredFormula[ca.SX]):
-    """An active constraint π(x) = σ(t) on coordinates that are not adapted to it (M eq. 20); σ is an FMU input.
+class rheonomic_constraint(DeclaredFormula[ca.SX]):
+    """An active constraint π(x) = σ(t), a submersion on coordinates not adapted to it (M eq. 20); σ is an FMU input.
 
     :param start: value of σ until the operator gives another; the start of the motion has to fit it.
     :param above: excluded lower bound of σ, ``below`` the upper one.
     """
 
-    example = '@submersion("m", "length of the rope", start=1.0)'
+    example = '@rheonomic_constraint("m", "length of the rope", start=1.0)'
 
     def __init__(
         self,

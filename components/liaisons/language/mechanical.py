@@ -23,7 +23,7 @@ from liaisons.language.declarations import (
     non_holonomic,
     output,
     point,
-    submersion,
+    rheonomic_constraint,
 )
 from liaisons.language.layout import Layout
 from liaisons.language.shapes import Ball, Shapes
@@ -31,10 +31,10 @@ from liaisons.language.variables import ActiveInput, Dimension, State, Variable
 
 
 class _Actives(Every[ActiveCoordinate]):
-    """The active coordinates, those that belong to submersions last."""
+    """The active coordinates, those of rheonomic constraints last."""
 
     def find(self, owner: type) -> tuple[ActiveCoordinate, ...]:
-        return (*super().find(owner), *(item.active for item in declared(owner, submersion)))
+        return (*super().find(owner), *(item.active for item in declared(owner, rheonomic_constraint)))
 
 
 class MechanicalComponent(Component, abstract=True):
@@ -44,7 +44,7 @@ class MechanicalComponent(Component, abstract=True):
     actives = _Actives(ActiveCoordinate)
     orientations = Every(Orientation)
     internal_states = Every(InternalState)
-    submersions = Every(submersion)
+    rheonomic_constraints = Every(rheonomic_constraint)
     constraints = Every(constraint)
     non_holonomic = Every(non_holonomic)
     points = Every(point)
@@ -176,7 +176,7 @@ class MechanicalComponent(Component, abstract=True):
     def _read(self) -> Iterator[Variable]:
         """Constraints, operators, points, energies, and what is declared beside them."""
         readable, size = layout.readable, self.dimension
-        for item in (*self.constraints, *self.non_holonomic, *self.submersions):
+        for item in (*self.constraints, *self.non_holonomic, *self.rheonomic_constraints):
             yield readable(f"{item.name}_residual", item.unit, f"what is not kept of: {item.description}")
         for item in (*self.constraints, *self.non_holonomic):
             unit = units.force(item.unit) if isinstance(item, constraint) else units.multiplier(item.unit)

@@ -15,7 +15,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient
 from liaisons.language.checks import Formulas, call, scalar
 from liaisons.language.component import Every
-from liaisons.language.declarations import ActiveCoordinate, Coordinate, Declaration, Parameter, condition
+from liaisons.language.declarations import ActiveCoordinate, Coordinate, Declaration, Parameter, assertion
 from liaisons.language.mechanical import MechanicalComponent
 
 
@@ -65,7 +65,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         clash, or the mass matrix at the start is not positive definite.
     """
 
-    conditions = Every(condition)
+    assertions = Every(assertion)
     free: FreeColumns
     active: ActiveColumns
     internal: ca.SX
@@ -138,7 +138,7 @@ class Mechanism(MechanicalComponent, abstract=True):
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
 
-        :param coordinate: the coordinate, or its name; the name for a submersion.
+        :param coordinate: the coordinate, or its name; the name for a rheonomic constraint.
         """
         return self._of(f"{coordinate}_force", "operator_force", self.actives)
 
@@ -188,14 +188,14 @@ class Mechanism(MechanicalComponent, abstract=True):
         formulas("friction_coefficient", parameters | internal, "1/s")
         formulas("dissipation_function", motion | internal, "W")
         known: dict[tuple[Declaration, ...], dict[str, ca.SX]] = {
-            (*self.constraints, *self.submersions): configuration,
-            (*self.non_holonomic, *self.conditions): motion,
+            (*self.constraints, *self.rheonomic_constraints): configuration,
+            (*self.non_holonomic, *self.assertions): motion,
             self.outputs: self.symbols,
             self.calculated_parameters: parameters,
         }
         for items, symbols in known.items():
             for item in items:
-                formulas(item.name, symbols, units.ANY if isinstance(item, condition) else item.unit)
+                formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
         formulas.internal_rates(self.internal_states, motion | internal)
         formulas.check_units(self.layout().variables, self.symbols)
         _check_mass_matrix(self, lagrangian, kinetic, motion)
@@ -237,7 +237,7 @@ def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, mo
             raise ComponentError(f"{name}: {what} while {value}; let its default be > 0")
         raise ComponentError(
             f"{name}: {what} at {value}, where the start lies on a singularity; "
-            "give another start, and exclude the singularity by above=, below= or a @condition"
+            "give another start, and exclude the singularity by above=, below= or an @assertion"
         )
     if still:
         raise ComponentError(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
-from liaisons.arguments import as_path
+from liaisons.arguments import as_path, merged
 from liaisons.cosim import System
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
@@ -44,18 +45,26 @@ def default_path(subject: Path | System) -> Path:
     return Path(re.sub(r"[^\w .=-]", "_", name) + ".html")
 
 
-def show(subject: Path | str | System, /, path: Path | str | None = None, **starts: object) -> LivePage:
+def show(
+    subject: Path | str | System,
+    /,
+    path: Path | str | None = None,
+    *,
+    start_values: Mapping[str, object] | None = None,
+    **keywords: object,
+) -> LivePage:
     """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
 
     :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system.
     :param path: where the page goes; ``NAME.html`` here unless given.
-    :param starts: values of an FMU's parameters and inputs at the start, where they differ from its own; a system has
-        its own.
+    :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own;
+        ``keywords`` are further ones.  A system has its own.
     :returns: the page, which stands for its path, ``webbrowser.open(f"file://{page}")``; in a notebook it is shown.
     :raises ProjectError: if there is no such file or component.
     :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
     :raises BuildError: if there is no compiler for WebAssembly; ``pip install ziglang`` is one.
     """
+    starts = merged("show", start_values, keywords)
     if isinstance(subject, System) and starts:
         raise SimulationError(f"{subject.name}: start values of a system are given where its FMUs are added")
     fmu = subject if isinstance(subject, System) else Path(subject)

@@ -1,6 +1,6 @@
 """Constraints in accelerations, C ẍ = c: their multipliers, and the way back onto them.
 
-Passive constraints σ(x) = 0 (K eq. 2), submersions π(x) = σ(t) (M eq. 20) and non-holonomic constraints ρ(x, ẋ) = 0
+Passive constraints σ(x) = 0 (K eq. 2), rheonomic ones π(x) = σ(t) (M eq. 20) and non-holonomic constraints ρ(x, ẋ) = 0
 (K eq. 107) differ in how often they are differentiated; after that they are rows of one linear system.
 """
 
@@ -23,7 +23,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """All constraints of a mechanism: passive ones, non-holonomic ones, submersions, in this order."""
+    """All constraints of a mechanism: passive, non-holonomic, rheonomic, in this order."""
 
     matrix: ca.SX  # C (c, f)
     squares: ca.SX  # of the entries that C has somewhere near, also where C itself vanishes (c, f)
@@ -56,7 +56,7 @@ def upheld(m: Mechanism) -> Constraints:
         residuals.append(rho)
         rate_residuals.append(rho)
         accelerated.append(m.dot(rho) + alpha * rho)
-    for item in m.submersions:
+    for item in m.rheonomic_constraints:
         keep(getattr(m, item.name), *(m.symbols[f"{item.name}{end}"] for end in ("", "_dot", "_ddot")))
 
     rows = stack(accelerated)

@@ -1,7 +1,7 @@
 """The derivation: from one Lagrangian to the equations of motion.
 
 K = Kneller, M = Marle.  Free coordinates x (here ``q``), active coordinates s = σ(t), adapted (M 3.5) or prescribed
-through a submersion π(x) = σ(t) (M eq. 20).  State (x, p):
+by a rheonomic constraint π(x) = σ(t) (M eq. 20).  State (x, p):
 
 ======================  ============================================================  ==================
 p = ∂L/∂ẋ               = A(x, s) ẋ + b(x, s, σ̇)                                      K eq. 79, M eq. 10
@@ -157,7 +157,7 @@ def derive(component: type[Mechanism]) -> Equations:
     """
     m = component()
     q, q_dot, q_ddot, K = m.free.q, m.free.q_dot, m.free.q_ddot, m.free.kinematics
-    adapted = len(component.actives) - len(component.submersions)
+    adapted = len(component.actives) - len(component.rheonomic_constraints)
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
     # Without repetitions, so that derivatives cost as much as what they are derivatives of.
     kinetic, potential, L = ca.cse([ca.SX(e) for e in (m.kinetic_energy(), m.potential_energy(), m.lagrangian())])
@@ -191,7 +191,7 @@ def derive(component: type[Mechanism]) -> Equations:
     accelerations = metric.solve(f + C.T @ lambdas)
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
-    # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; for a submersion it is the multiplier itself.
+    # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
     passive = len(component.constraints) + len(component.non_holonomic)
     rigid = list(kept.of_position)
     Q_s += ca.jacobian(kept.residuals[rigid, 0], s).T @ lambdas[rigid, 0]

@@ -38,7 +38,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
 
     rates = ca.vertcat(equations.state_rates, equations.internal_rates, equations.power, equations.dissipation)
-    # A jump of σ̇ through a submersion changes the state.
+    # A jump of σ̇ through a rheonomic constraint changes the state.
     projection = equations.projection
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(m), _start_conditions(equations)
@@ -84,7 +84,7 @@ def _readable(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, c
     m, kept = equations.mechanism, equations.constraints
     found = dict(zip((state.derivative for state in layout.states), ca.vertsplit(rates), strict=True)) | m.symbols
     passive = [item.name for item in (*m.constraints, *m.non_holonomic)]
-    names = [*passive, *(item.name for item in m.submersions)]
+    names = [*passive, *(item.name for item in m.rheonomic_constraints)]
     found |= {f"{name}_residual": kept.residuals[i] for i, name in enumerate(names)}
     found |= {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
     for i, s in enumerate(m.actives):
@@ -131,7 +131,7 @@ def _nominals(equations: Equations) -> ca.SX:
 
 def _conditions(m: Mechanism) -> dict[str, ca.SX]:
     """What must stay positive, by the message to give when it does not."""
-    found = {condition.description: ca.SX(getattr(m, condition.name)) for condition in m.conditions}
+    found = {item.description: ca.SX(getattr(m, item.name)) for item in m.assertions}
     for q in m.coordinates:
         if q.minimum is not None:
             found[f"{q.name} must stay > {q.minimum:g} {q.unit}"] = m.symbols[q.name] - q.minimum
@@ -145,7 +145,7 @@ def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
     found: dict[str, ca.SX] = {}
     m, kept = equations.mechanism, equations.constraints
     rates = ca.substitute(kept.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)
-    for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.submersions)):
+    for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         found[text] = CONSISTENT - ca.fabs(kept.residuals[i])
         if i not in kept.of_position:

@@ -29,7 +29,7 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         momenta = [*momenta, *turn.momenta]
         momentum_rates += [f"{name}_dot" for name in turn.momenta]
     actives = [s.name for s in m.actives]
-    adapted = actives[: len(actives) - len(m.submersions)]
+    adapted = actives[: len(actives) - len(m.rheonomic_constraints)]
     turning = m.free.kinematics @ m.free.q_dot
     balances = _balances(equations)
     return (
@@ -82,7 +82,7 @@ def _balances(equations: Equations) -> ca.SX:
     """∂L/∂x + Q + Cᵀ λ, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
     m, L = equations.mechanism, equations.lagrangian
     free, active, kept = m.free, m.active, equations.constraints
-    adapted = len(m.actives) - len(m.submersions)
+    adapted = len(m.actives) - len(m.rheonomic_constraints)
     s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
     points = stack(equations.points.values())
     passive = len(m.constraints)
@@ -115,7 +115,7 @@ def _constraints(equations: Equations) -> Iterator[Equation]:
     m = equations.mechanism
     for item in (*m.constraints, *m.non_holonomic):
         yield Equation("constraints", "0", ca.SX(getattr(m, item.name)))
-    for item in m.submersions:
+    for item in m.rheonomic_constraints:
         yield Equation("constraints", item.name, ca.SX(getattr(m, item.name)))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, submersion
+from liaisons.language import Coordinate, Gravity, Mechanism, Parameter, constraint, output, rheonomic_constraint
 from liaisons.language.shapes import Ball, Rod, Shapes, Trail
 from liaisons.models.solutions import pendulum
 
@@ -36,7 +36,7 @@ class CartesianPendulum(Mechanism):
     y = Coordinate("m", "distance from the plane of the motion")
     z = Coordinate("m", "height", start=float(1 - np.cos(_START)))
 
-    @submersion("m", "distance from the pivot to the bob", start=1.0, above=0)
+    @rheonomic_constraint("m", "distance from the pivot to the bob", start=1.0, above=0)
     def rod(self) -> ca.SX:
         return ca.norm_2(ca.vertcat(self.x, self.y, self.z - self.height))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons.language import Coordinate, Parameter, calculated, condition, output
+from liaisons.language import Coordinate, Parameter, assertion, calculated, output
 from liaisons.models.hoop import Hoop
 from liaisons.models.solutions import hoops, slow_turn
 
@@ -27,7 +27,7 @@ class CircularHoop(Hoop):
     offset = Parameter(0.5, "m", "distance from O to the centre of the hoop", minimum=0, symbol="d")
     xi = Coordinate("m", "arc length of the bead from A, counter-clockwise", start_rate=1.0)
 
-    @condition("O must lie inside the hoop: offset < radius")
+    @assertion("O must lie inside the hoop: offset < radius")
     def inside(self) -> ca.SX:
         return self.radius - self.offset
 

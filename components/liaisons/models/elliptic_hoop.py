@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons.language import Coordinate, Parameter, calculated, condition, output
+from liaisons.language import Coordinate, Parameter, assertion, calculated, output
 from liaisons.models.parametrised_hoop import ParametrisedHoop
 from liaisons.models.solutions import hoops, slow_turn
 
@@ -36,7 +36,7 @@ class EllipticHoop(ParametrisedHoop):
     centre_y = Parameter(0.0, "m", "position of the centre to the left of OA", symbol="c_y")
     u = Coordinate("rad", "eccentric anomaly of the bead, counter-clockwise from OA", start_rate=1.0)
 
-    @condition("O must lie inside the hoop: (centre_x/semi_axis_a)² + (centre_y/semi_axis_b)² < 1")
+    @assertion("O must lie inside the hoop: (centre_x/semi_axis_a)² + (centre_y/semi_axis_b)² < 1")
     def star_shaped(self) -> ca.SX:
         """An ellipse is convex, so that it is star-shaped about every point inside."""
         return 1 - (self.centre_x / self.semi_axis_a) ** 2 - (self.centre_y / self.semi_axis_b) ** 2

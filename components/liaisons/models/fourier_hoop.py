@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons.language import Coordinate, Parameter, calculated, condition
+from liaisons.language import Coordinate, Parameter, assertion, calculated
 from liaisons.models.parametrised_hoop import SAMPLES, ParametrisedHoop
 from liaisons.models.solutions import hoops, slow_turn
 
@@ -47,7 +47,7 @@ class FourierHoop(ParametrisedHoop):
         sines = self.sin_1, self.sin_2, self.sin_3, self.sin_4
         return tuple(zip(range(1, 5), cosines, sines, strict=True))
 
-    @condition("r must be > 0 all around: reduce cos_k, sin_k until O lies well inside the hoop")
+    @assertion("r must be > 0 all around: reduce cos_k, sin_k until O lies well inside the hoop")
     def star_shaped(self) -> ca.SX:
         """Lower bound of r/radius: between two samples r falls by at most h²/8 max |d²r/dθ²| below the lesser one."""
         least = ca.mmin(ca.vertcat(*(self._radius(ca.SX(theta))[0] for theta in SAMPLES))) / self.radius

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import casadi as ca
 
 from liaisons.errors import ComponentError
-from liaisons.language import Coordinate, Mechanism, condition, output, unchecked
+from liaisons.language import Coordinate, Mechanism, assertion, output, unchecked
 from liaisons.language.shapes import Ball, Rod, Shapes
 from liaisons.models.solutions import swing
 
@@ -79,11 +79,11 @@ class GeneralSwing(Mechanism, abstract=True):
     def D(self) -> ca.SX:  # noqa: N802
         return self._matrix("D")
 
-    @condition("the centre of mass must stay off the axis: D > 0", unchecked=_NUMBERS)
+    @assertion("the centre of mass must stay off the axis: D > 0", unchecked=_NUMBERS)
     def com_off_the_axis(self) -> ca.SX:
         return self.D
 
-    @condition("the metric of I, J and g must stay positive definite", unchecked=_NUMBERS)
+    @assertion("the metric of I, J and g must stay positive definite", unchecked=_NUMBERS)
     def definite(self) -> ca.SX:
         pivots, _, _ = ca.ldl(ca.densify(self._metric), False)
         return ca.mmin(pivots)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, condition, output
+from liaisons.language import Coordinate, Experiment, Mechanism, Parameter, assertion, output
 from liaisons.language.shapes import Ball, Shapes, Trail
 from liaisons.models.solutions import kepler
 
@@ -56,7 +56,7 @@ class KeplerOrbit(Mechanism):
     def eccentricity_y(self) -> ca.SX:
         return -self.dot(self.x) * self._moment / self.mu - self.y / self._r
 
-    @condition("r must stay > 0: without angular momentum the planet falls into the star")
+    @assertion("r must stay > 0: without angular momentum the planet falls into the star")
     def apart(self) -> ca.SX:
         return self._r
 

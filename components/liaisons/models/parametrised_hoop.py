@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons.language import calculated, condition, output
+from liaisons.language import assertion, calculated, output
 from liaisons.models.hoop import Hoop
 
 # Quadrature of the arc length, nodes and weights on [-1, 1]: Gauss and Legendre's over half a turn at most, the
@@ -24,7 +24,7 @@ class ParametrisedHoop(Hoop, abstract=True):
 
     once_round = ca.SX(2 * np.pi)
 
-    @condition("the hoop must be star-shaped about O, which lies inside it")
+    @assertion("the hoop must be star-shaped about O, which lies inside it")
     def star_shaped(self) -> ca.SX:
         """Least moment of the samples."""
         return ca.mmin(ca.vertcat(*(self._moment(ca.SX(u)) for u in SAMPLES)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, condition
+from liaisons.language import ActiveCoordinate, Experiment, Mechanism, Orientation, Parameter, assertion
 from liaisons.language.shapes import Box, Rod, Shapes, circle
 from liaisons.models.solutions import attitudes
 
@@ -74,15 +74,15 @@ class Satellite(Mechanism):
         turn = ca.dot(omega, self._inertia @ omega) / 2
         return turn + self.J_wheel * (ca.dot(omega, wheels) + ca.sumsqr(wheels) / 2)
 
-    @condition("J must be positive definite", unchecked=_SIGNS)
+    @assertion("J must be positive definite", unchecked=_SIGNS)
     def inertia_is_positive(self) -> ca.SX:
         return _least_minor(self._inertia)
 
-    @condition("J must be positive definite without the wheels: J - J_wheel", unchecked=_SIGNS)
+    @assertion("J must be positive definite without the wheels: J - J_wheel", unchecked=_SIGNS)
     def body_is_positive(self) -> ca.SX:
         return _least_minor(self._inertia - self.J_wheel * ca.SX.eye(3))
 
-    @condition(
+    @assertion(
         "each principal moment of J must be less than the sum of the other two (triangle inequality)", unchecked=_SIGNS
     )
     def inertia_is_of_masses(self) -> ca.SX:

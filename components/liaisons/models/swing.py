@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, condition, output, point
+from liaisons.language import ActiveCoordinate, Coordinate, Gravity, Mechanism, Parameter, assertion, output, point
 from liaisons.language.shapes import Ball, Box, Rod, Shapes, turned
 from liaisons.models.solutions import swing
 
@@ -89,7 +89,7 @@ class Swing(Mechanism):
     def J_lean(self) -> ca.SX:  # noqa: N802
         return self.mass_torso * self.torso_length * (self.torso_length + self.rope * ca.cos(self.lean))
 
-    @condition("the centre of mass must stay off the pivot")
+    @assertion("the centre of mass must stay off the pivot")
     def com_off_the_pivot(self) -> ca.SX:
         return ca.hypot(*self._moment())
 

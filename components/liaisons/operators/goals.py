@@ -37,7 +37,7 @@ def planned(path: Path | str, **options: Any) -> Plan:
         asked = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise PlanError(f"{path}: {error}") from None
-    known = {*inspect.signature(plan).parameters} - {"guess", "progress"}
+    known = {*inspect.signature(plan).parameters} - {"guess", "progress", "keywords"} | {"values"}
     for key in asked:
         if key not in known:
             raise PlanError(f"{path}: unknown key {key!r}{suggestion(key, known)}")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from liaisons.language import Orientation
 from liaisons.operators.problems import PlanError, Problem
-from liaisons.operators.transcription import DEGREE, Arc, Track, mixture
+from liaisons.operators.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 
 Array = NDArray[np.float64]
 _FINE = 30
@@ -29,7 +29,7 @@ _SHAKES = (0.02, 0.5, 0.1, 1.5)
 """Of waves on the straight way, in turn."""
 
 
-def guesses(problem: Problem, intervals: int) -> Iterator[Track]:
+def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Motions to start from, without end: loops where σ is closed, else ways from start to end.
 
     Of loops the states follow from the rates; on ways they are joined by straight lines, unless constraints forbid it.
@@ -55,8 +55,8 @@ def refuse_invariants(problem: Problem) -> None:
         return
     values, spread, off = np.empty((len(end.labels), 0)), np.zeros(0), np.zeros(0)
     for k in range(1, 6):
-        track = _ellipse(problem, _FINE, k) if problem.is_loop else _drift(problem, k)
-        values = np.hstack([values, np.array(end.function(track.knots[:, -1]))])
+        trajectory = _ellipse(problem, _FINE, k) if problem.is_loop else _drift(problem, k)
+        values = np.hstack([values, np.array(end.function(trajectory.knots[:, -1]))])
         spread = np.ptp(values, axis=1)
         off = np.maximum(end.low - values.max(axis=1), values.min(axis=1) - end.high)
         if k > 1 and not ((spread < _ALIKE) & (off > _OFF)).any():
@@ -82,47 +82,51 @@ def _spread(k: int, dimension: int) -> float:
     base, found, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
     while k > 0:
         digit /= base
-        k, rest = divmod(k, base)
-        found += digit * rest
+        k, remainder = divmod(k, base)
+        found += digit * remainder
     return found
 
 
-def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[Track, Array, Array]:
+def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[CollocatedTrajectory, Array, Array]:
     """A motion that rests at the start, and where the knots and collocation points lie between 0 and 1."""
     m, n, c = intervals, len(problem.states), len(problem.moves)
     durations = np.array([duration_of(problem, k)])
-    rest = np.repeat(problem.at_start[:, None], m * DEGREE + m + 1, axis=1)
-    track = Track((Arc(m),), durations, rest[:, : m + 1], rest[:, m + 1 :], np.zeros((c, m * DEGREE)))
-    assert track.knots.shape == (n, m + 1)
-    return track, track.breaks / durations[0], track.instants / durations[0]
+    resting = np.repeat(problem.initial_state[:, None], m * DEGREE + m + 1, axis=1)
+    trajectory = CollocatedTrajectory(
+        (Arc(m),), durations, resting[:, : m + 1], resting[:, m + 1 :], np.zeros((c, m * DEGREE))
+    )
+    assert trajectory.knots.shape == (n, m + 1)
+    return trajectory, trajectory.breaks / durations[0], trajectory.instants / durations[0]
 
 
-def _constrained_ways(problem: Problem, intervals: int) -> Iterator[Track]:
+def _constrained_ways(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     return (_constrained_way(problem, intervals, k) for k in count())
 
 
-def _constrained_way(problem: Problem, intervals: int, k: int) -> Track:
-    track, _, _ = _blank(problem, intervals, k)
-    return _followed(problem, track, _Way(problem, track.durations[0], k))
+def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    trajectory, _, _ = _blank(problem, intervals, k)
+    return _followed(problem, trajectory, _Way(problem, trajectory.durations[0], k))
 
 
-def _ways(problem: Problem, intervals: int) -> Iterator[Track]:
+def _ways(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """From start to end; the later ones are shaken."""
     return (_way(problem, intervals, k) for k in count())
 
 
-def _way(problem: Problem, intervals: int, k: int) -> Track:
-    track, knots, points = _blank(problem, intervals, k)
-    T = track.durations[0]
+def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    trajectory, knots, points = _blank(problem, intervals, k)
+    T = trajectory.durations[0]
     turned = [i for i, name in enumerate(problem.states) if name in Orientation.quaternion]
-    way = np.array([problem.aims.get(name, x) - x for name, x in zip(problem.states, problem.at_start, strict=True)])
+    way = np.array(
+        [problem.terminal_state.get(name, x) - x for name, x in zip(problem.states, problem.initial_state, strict=True)]
+    )
 
     def smooth(u: Array) -> tuple[Array, Array, Array]:
         return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2
 
     def states(u: Array) -> Array:
         rise, rate, _ = smooth(u)
-        found = problem.at_start[:, None] + way[:, None] * rise
+        found = problem.initial_state[:, None] + way[:, None] * rise
         if len(turned) == 4:  # all of them 0 where w alone is given as 0
             found[turned] /= np.maximum(np.linalg.norm(found[turned], axis=0), 1e-9)
         for name in problem.moves:
@@ -135,11 +139,11 @@ def _way(problem: Problem, intervals: int, k: int) -> Track:
         if name in problem.states:
             controls[i] = way[problem.states.index(name)] * smooth(points)[problem.order]
         elif problem.order == 0:
-            controls[i] = problem.rest[i]
+            controls[i] = problem.initial_sigma[i]
     rng = np.random.default_rng(k)
     size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(way).max()) / T**problem.order
     shake = size * np.array([_wave(rng, points) for _ in problem.moves])
-    return Track(track.arcs, track.durations, states(knots), states(points), controls + shake)
+    return CollocatedTrajectory(trajectory.arcs, trajectory.durations, states(knots), states(points), controls + shake)
 
 
 def _wave(rng: np.random.Generator, u: Array) -> Array:
@@ -148,19 +152,19 @@ def _wave(rng: np.random.Generator, u: Array) -> Array:
     return (a / k.ravel()) @ np.sin(k * u) + (b / k.ravel()) @ np.cos(k * u)
 
 
-def _loops(problem: Problem, intervals: int) -> Iterator[Track]:
+def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Circles and ellipses, with states that follow them: of some simple ones the best, then all over the ranges."""
-    yield min(_circles(problem, intervals), key=lambda track: _miss(problem, track))
+    yield min(_circles(problem, intervals), key=lambda trajectory: _miss(problem, trajectory))
     if not _is_begun(problem):
         yield from _far_circles(problem, intervals)
     for k in count(1):
         several = (_ellipse(problem, intervals, _EACH * k + i) for i in range(_EACH))
-        yield min(several, key=lambda track: _miss(problem, track))
+        yield min(several, key=lambda trajectory: _miss(problem, trajectory))
 
 
 def _ranges(problem: Problem) -> tuple[Array, Array]:
     """Where what is moved may be: middles and half widths, of its bounds, else a half turn or so round the start."""
-    start = problem.at_start[[problem.states.index(name) for name in problem.moves]]
+    start = problem.initial_state[[problem.states.index(name) for name in problem.moves]]
     bounds = dict(zip(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True), strict=True))
     low, high = np.array([bounds.get(name, (-np.inf, np.inf)) for name in problem.moves]).T
     low = np.where(np.isfinite(low), low, np.minimum(start - np.pi, high - 2 * np.pi))
@@ -173,8 +177,8 @@ def _is_begun(problem: Problem) -> bool:
     return set(problem.moves) <= set(problem.start.labels)
 
 
-def _ellipse(problem: Problem, intervals: int, k: int) -> Track:
-    track, _, _ = _blank(problem, intervals, k)
+def _ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    trajectory, _, _ = _blank(problem, intervals, k)
     c = len(problem.moves)
     u = np.array([[_spread(k, 1 + 3 * i + j) for j in range(3)] for i in range(c)])
     middles, widths = _ranges(problem)
@@ -184,13 +188,13 @@ def _ellipse(problem: Problem, intervals: int, k: int) -> Track:
     if not _is_begun(problem):
         phases -= np.angle(mixture(c) @ (radii * np.exp(1j * phases)))
     else:
-        centres = problem.at_start[[problem.states.index(name) for name in problem.moves]]
-    return _followed(problem, track, _Loop(centres, radii, phases, _is_begun(problem), track.durations[0]))
+        centres = problem.initial_state[[problem.states.index(name) for name in problem.moves]]
+    return _followed(problem, trajectory, _Loop(centres, radii, phases, _is_begun(problem), trajectory.durations[0]))
 
 
-def _far_circles(problem: Problem, intervals: int) -> Iterator[Track]:
+def _far_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Small and large ones, about what is opposite to the start and between, where joints may turn as they like."""
-    track, _, _ = _blank(problem, intervals)
+    trajectory, _, _ = _blank(problem, intervals)
     middles, widths = _ranges(problem)
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
@@ -198,14 +202,14 @@ def _far_circles(problem: Problem, intervals: int) -> Iterator[Track]:
         phases = way * np.pi / 2 * np.arange(len(widths))
         phases = phases - np.angle(mixture(len(widths)) @ np.exp(1j * phases))
         centre = middles + np.where(widths < np.pi, 0, offset)
-        yield _followed(problem, track, _Loop(centre, radius * widths, phases, False, track.durations[0]))
+        yield _followed(problem, trajectory, _Loop(centre, radius * widths, phases, False, trajectory.durations[0]))
 
 
-def _circles(problem: Problem, intervals: int) -> Iterator[Track]:
+def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Of several sizes and centres, round both ways."""
-    track, _, _ = _blank(problem, intervals)
-    T = track.durations[0]
-    start = problem.at_start[[problem.states.index(name) for name in problem.moves]]
+    trajectory, _, _ = _blank(problem, intervals)
+    T = trajectory.durations[0]
+    start = problem.initial_state[[problem.states.index(name) for name in problem.moves]]
     middles, _ = _ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
     is_begun = _is_begun(problem)
@@ -216,15 +220,15 @@ def _circles(problem: Problem, intervals: int) -> Iterator[Track]:
                 extremal = np.angle(mixture(len(start)) @ np.exp(1j * phases))
                 for first in (0.0, np.pi / 2, np.pi, -np.pi / 2) if is_begun else (extremal,):
                     shape = _Loop(centre, np.full(len(start), radius), phases - first, is_begun, T)
-                    yield _followed(problem, track, shape)
+                    yield _followed(problem, trajectory, shape)
 
 
-def _drift(problem: Problem, k: int) -> Track:
+def _drift(problem: Problem, k: int) -> CollocatedTrajectory:
     """Some motion from the start, small or large, that ends anywhere, at any rate."""
-    track, _, _ = _blank(problem, _FINE, k)
-    motion = _Way(problem, _BEYOND * track.durations[0], 1 + k)
+    trajectory, _, _ = _blank(problem, _FINE, k)
+    motion = _Way(problem, _BEYOND * trajectory.durations[0], 1 + k)
     motion.way = 10.0 ** (k % 3) * np.random.default_rng(k).normal(size=motion.way.size)
-    return _followed(problem, track, motion)
+    return _followed(problem, trajectory, motion)
 
 
 class _Loop:
@@ -244,8 +248,11 @@ class _Way:
     """σ from start to end, at rest there; the k-th with waves on it."""
 
     def __init__(self, problem: Problem, T: float, k: int) -> None:
-        at = {name: (x, problem.aims.get(name, x)) for name, x in zip(problem.states, problem.at_start, strict=True)}
-        ends = [at.get(name, (rest, rest)) for name, rest in zip(problem.moves, problem.rest, strict=True)]
+        at = {
+            name: (x, problem.terminal_state.get(name, x))
+            for name, x in zip(problem.states, problem.initial_state, strict=True)
+        }
+        ends = [at.get(name, (value, value)) for name, value in zip(problem.moves, problem.initial_sigma, strict=True)]
         self.begin, self.way, self.T = np.array([a for a, _ in ends]), np.array([b - a for a, b in ends]), T
         size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(self.way).max())
         self.waves = size * np.random.default_rng(k).normal(size=(len(ends), 3)) / np.arange(1, 4) ** 2
@@ -257,9 +264,9 @@ class _Way:
         return value, rate, self.way * 60 * u * (1 - u) * (1 - 2 * u) / self.T**2 + self.waves @ (w**2 * np.cos(w * t))
 
 
-def _followed(problem: Problem, track: Track, motion: _Loop | _Way) -> Track:
+def _followed(problem: Problem, trajectory: CollocatedTrajectory, motion: _Loop | _Way) -> CollocatedTrajectory:
     """States along a motion of σ, by Runge and Kutta's method through all points."""
-    times = np.unique(np.concatenate([track.breaks, track.instants]))
+    times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
     given = [(f"{name}{end}", n, i) for i, name in enumerate(problem.moves) for n, end in enumerate(("", "_dot"))]
     places = [(problem.states.index(name), n, i) for name, n, i in given if name in problem.states]
 
@@ -273,25 +280,25 @@ def _followed(problem: Problem, track: Track, motion: _Loop | _Way) -> Track:
     def slope(x: Array, t: float) -> Array:
         return np.array(problem.rates(*put(x, t))).ravel()
 
-    x, found = put(problem.at_start, 0.0)[0], {0.0: put(problem.at_start, 0.0)[0]}
+    x, found = put(problem.initial_state, 0.0)[0], {0.0: put(problem.initial_state, 0.0)[0]}
     for t, after in pairwise(times):
         h = after - t
         k1 = slope(x, t)
         k2 = slope(x + h / 2 * k1, t + h / 2)
         x = put(x + h * slope(x + h / 2 * k2, t + h / 2), after)[0]
         found[after] = x
-    knots = np.array([found[t] for t in track.breaks]).T
-    inner = np.array([found[t] for t in track.instants]).T
-    controls = np.array([put(x, t)[1] for t, x in zip(track.instants, inner.T, strict=True)]).T
-    return Track(track.arcs, track.durations, knots, inner, controls)
+    knots = np.array([found[t] for t in trajectory.breaks]).T
+    inner = np.array([found[t] for t in trajectory.instants]).T
+    controls = np.array([put(x, t)[1] for t, x in zip(trajectory.instants, inner.T, strict=True)]).T
+    return CollocatedTrajectory(trajectory.arcs, trajectory.durations, knots, inner, controls)
 
 
-def _miss(problem: Problem, track: Track) -> float:
+def _miss(problem: Problem, trajectory: CollocatedTrajectory) -> float:
     """By how much a motion misses the end, and its bounds."""
-    end = np.array(problem.end.function(track.knots[:, -1])).ravel()
+    end = np.array(problem.end.function(trajectory.knots[:, -1])).ravel()
     missed = np.maximum(problem.end.low - end, end - problem.end.high).clip(0)
     if not problem.path.labels:
         return float(np.linalg.norm(missed))
-    way = np.array(problem.path.function.map(track.inner.shape[1])(track.inner, track.controls))
+    way = np.array(problem.path.function.map(trajectory.inner.shape[1])(trajectory.inner, trajectory.controls))
     beyond = np.maximum(problem.path.low[:, None] - way, way - problem.path.high[:, None]).clip(0)
     return float(np.linalg.norm(missed) + np.max(beyond, initial=0.0))

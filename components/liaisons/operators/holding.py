@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import svd
 
-from liaisons.arguments import finite, named, numbers, shown
+from liaisons.arguments import finite, merged, named, numbers, shown
 from liaisons.library import Target, component
+from liaisons.operators.controllers import After, Controller, ReferenceTrajectory
 from liaisons.operators.feedback import (
     RANK,
     Array,
@@ -31,9 +32,8 @@ from liaisons.operators.feedback import (
     steady,
     through,
 )
-from liaisons.operators.held import After, Course, Held
 from liaisons.operators.plans import Plan
-from liaisons.operators.problems import Goal, PlanError, Reader, move_names
+from liaisons.operators.problems import Goal, GoalSymbols, PlanError, move_names
 from liaisons.operators.sampling import Sampled, reduced
 
 _SUFFIXES = ("", "_dot", "_ddot", "_force")
@@ -77,8 +77,9 @@ def hold(
     weights: Mapping[str, float] | None = None,
     effort: float = 1.0,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    **values: float,
-) -> Held:
+    start_values: Mapping[str, float] | None = None,
+    **keywords: float,
+) -> Controller:
     """Find the feedback that keeps a mechanism at an equilibrium, or at a motion that was planned.
 
     ::
@@ -105,9 +106,10 @@ def hold(
         sizes that they may have.
     :param bounds: (low, high) of σ, σ̇, σ̈ and forces of what moves, ``{"pivot_x_ddot": (-5, 5)}``, beside those of the
         plan: there the feedback saturates.  Of forces it knows what they are along the motion.
-    :param values: parameters.
+    :param start_values: parameters by name; ``keywords`` are further ones, where they are no settings.
     :raises PlanError: if it is no equilibrium, or if what is to be held cannot be controlled, with what stays.
     """
+    values = merged("hold", start_values, keywords, PlanError)
     finite("effort", effort, PlanError)
     if step_size is not None:
         finite("step_size", step_size, PlanError)
@@ -169,7 +171,7 @@ class _Wishes:
 # ---- an equilibrium -----------------------------------------------------------------------------------------------
 
 
-def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
+def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Controller:
     """The feedback of least cost at an equilibrium."""
     y, sigma = sampled.start[sampled.places], sampled.sigma
     still = dict(zip(sampled.names, sampled.rates(y, sigma), strict=True))
@@ -180,7 +182,7 @@ def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
         raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {still[worst]:.3g}")
     planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
-    course = Course(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
+    course = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
     D = sampled.directions(reference[:, 0], sigma)
     ((A, B),) = reduced(steps, [D, D])
     (Q,) = wishes.costs(sampled, [D])
@@ -220,7 +222,7 @@ def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Held:
 # ---- a plan -------------------------------------------------------------------------------------------------------
 
 
-def _along(motion: Plan, step_size: float | None, wishes: _Wishes) -> Held:
+def _along(motion: Plan, step_size: float | None, wishes: _Wishes) -> Controller:
     """The feedback of least cost along a plan."""
     sampled = _beside(motion)
     longest = min(motion.duration / _STEPS, _LONGEST * sampled.time)
@@ -275,8 +277,8 @@ def _beside(motion: Plan) -> Sampled:
     bare = Goal(goal.component, goal.moves, {}, {}, (), (T, T), "time", {}, goal.values)
     first = motion.sigma(0.0)
     controls = np.array([first[name] for name in motion.problem.controls])
-    starts = motion.problem.fmu_starts(motion.solution.track.knots[:, 0], controls)
-    start: dict[str, Any] = {name: starts[parameter] for name, parameter in Reader(bare).starts.items()}
+    starts = motion.problem.fmu_starts(motion.solution.trajectory.knots[:, 0], controls)
+    start: dict[str, Any] = {name: starts[parameter] for name, parameter in GoalSymbols(bare).starts.items()}
     start |= {f"{m}{end}": float(first[m + end]) for m in goal.moves for end in ("", "_dot")}
     asked = {
         name
@@ -287,7 +289,7 @@ def _beside(motion: Plan) -> Sampled:
     return Sampled(replace(bare, start=start), asked, interpolate=True, time=T / _PARTS, longest=T / _RADIANS)
 
 
-def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[Course, list[Step], bool]:
+def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[ReferenceTrajectory, list[Step], bool]:
     """The plan at its communication points, and whether it comes back to where it was, up to how it is turned."""
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
     if T / H > _MOST:
@@ -320,7 +322,7 @@ def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[Course, list[Step
         times = np.append(times[:-1], [T - _INSTANT * T, T])
         planned = np.dstack([planned, last])
         reference, steps = sampled.steps(times, planned, H)
-    return Course(times, planned, reference, after), steps, not missing - turned
+    return ReferenceTrajectory(times, planned, reference, after), steps, not missing - turned
 
 
 # ---- both ---------------------------------------------------------------------------------------------------------
@@ -331,14 +333,16 @@ def _physical(sampled: Sampled, gains: Array) -> Array:
     return sampled.of_pushes[:, None] * gains / sampled.sizes
 
 
-def _held(sampled: Sampled, H: float, course: Course, gains: Array, bounds: Mapping[str, Any], **found: Any) -> Held:
+def _held(
+    sampled: Sampled, H: float, course: ReferenceTrajectory, gains: Array, bounds: Mapping[str, Any], **found: Any
+) -> Controller:
     """The whole, with start values and with the room that is left to corrections."""
     reader = sampled.reader
     starts = {parameter: reader.k[parameter] for parameter in reader.starts.values()}
     for i, m in enumerate(sampled.moves):
         starts |= {f"{m}{end}": course.planned[i, n, 0] for n, end in enumerate(("", "_dot", "_ddot"))}
     at = course.reference[:, 0], course.planned[:, :, 0], found["directions"]
-    return Held(
+    return Controller(
         name=sampled.name,
         component=reader.goal.component,
         moves=sampled.moves,
@@ -378,7 +382,7 @@ def _shifts(
     return (*moved, *({name: sampled.start_sizes[name_of.get(name, name)]} for name in singles))
 
 
-def _room(sampled: Sampled, course: Course, bounds: Mapping[str, Any]) -> dict[str, Array]:
+def _room(sampled: Sampled, course: ReferenceTrajectory, bounds: Mapping[str, Any]) -> dict[str, Array]:
     """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
     shape = len(sampled.moves), course.times.size
     y = course.reference[: len(sampled.names)].T

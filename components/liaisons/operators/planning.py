@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons.arguments import finite, named, shown, whole
+from liaisons.arguments import finite, merged, named, settings_beside, shown, whole
 from liaisons.cosim.running.interrupts import deferred_interrupts
-from liaisons.library import Target
+from liaisons.library import Target, component
 from liaisons.operators.guesses import guesses, refuse_invariants
 from liaisons.operators.plans import Plan
 from liaisons.operators.problems import (
@@ -25,7 +25,7 @@ from liaisons.operators.problems import (
     problem_of,
 )
 from liaisons.operators.searching import COARSE, Settings, refuse_singularity, search
-from liaisons.operators.transcription import Arc, Clock, Track, in_units, relative
+from liaisons.operators.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
 from liaisons.progress import progress_bar
 
 _SHORTEST, _LONGEST = 1e-100, 1e100
@@ -50,7 +50,8 @@ def plan(
     guess: Plan | None = None,
     time_limit: float = 60.0,
     progress: bool = False,
-    **values: float,
+    start_values: Mapping[str, float] | None = None,
+    **keywords: float,
 ) -> Plan:
     """Find the motion of active coordinates that takes a mechanism from start to end at least cost.
 
@@ -81,21 +82,24 @@ def plan(
     :param guess: a plan of the same kind to start from.
     :param time_limit: [s]; what there is then, or at Ctrl-C, is returned, ``motion.finished`` False.
     :param progress: show a progress bar on stderr.
-    :param values: parameters, and inputs that stay constant.
+    :param start_values: parameters, and inputs that stay constant, by name.
+    :param keywords: further ones; a keyword that is also a setting is the setting.
     :returns: the motion.  What IPOPT says is not enough: ``motion.verify()`` replays it through the FMUs.
     :raises PlanError: for an unknown name, with the nearest one; for what cannot be reached, with the obstacle.
     """
     names = move_names(mechanism, moves)
+    with settings_beside({parameter.name for parameter in getattr(component(mechanism), "parameters", ())}):
+        seconds = _duration(duration)
     goal = Goal(
         component=mechanism,
         moves=names,
         start={} if start is None else start,
         end={} if end is None else end,
         closed=closed_names(closed, names),
-        duration=_duration(duration),
+        duration=seconds,
         minimize=minimize,
         bounds=named("bounds", bounds or {}, PlanError),
-        values=values,
+        values=merged("plan", start_values, keywords, PlanError),
     )
     whole("intervals", intervals, PlanError)
     whole("loops", loops, PlanError)
@@ -148,7 +152,7 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
         i = problem.states.index(name)
         if i in acts:
             raise PlanError(f"{label}: the motion depends on {name}, so that no loop is like the one before it")
-        first = float(problem.at_start[i])
+        first = float(problem.initial_state[i])
         several: Any = value if isinstance(value, (tuple, list)) else [value]
         ends = [None if x is None else first + (x - first) / loops for x in several]
         parts[name] = tuple(ends) if isinstance(value, (tuple, list)) else ends[0]
@@ -156,10 +160,10 @@ def _one_of(goal: Goal, problem: Problem, loops: int) -> Goal:
     return replace(goal, end=parts, duration=(low / loops, high / loops))
 
 
-def _warm(problem: Problem, guess: Plan, intervals: int) -> Track:
+def _warm(problem: Problem, guess: Plan, intervals: int) -> CollocatedTrajectory:
     """Another plan, where it has the same states; on its own arcs if it has several."""
     if not isinstance(guess, Plan) or guess.problem.states != problem.states:
         raise PlanError(f"{problem.name}: guess = {shown(guess)}: give a plan of the same coordinates and costs")
-    track = relative(problem, guess.solution).track
-    total = track.durations.sum()
-    return track.on((Arc(intervals),), np.array([total]))
+    trajectory = relative(problem, guess.solution).trajectory
+    total = trajectory.durations.sum()
+    return trajectory.on((Arc(intervals),), np.array([total]))

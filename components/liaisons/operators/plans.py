@@ -25,7 +25,7 @@ from liaisons.interface import System, simulate, tabulated
 from liaisons.language import Chain
 from liaisons.library import Target, catalogue, component, fmu_path
 from liaisons.operators.problems import Goal, PlanError, Problem, problem_of
-from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, Solution, Track, relative
+from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, CollocatedTrajectory, Solution, relative
 from liaisons.operators.verifying import verdicts
 
 _LOST = 1e-12
@@ -54,7 +54,7 @@ class Plan:
     def duration(self) -> float:
         """[s]."""
         low, high = self.problem.duration
-        return low if low == high else float(self.solution.track.durations.sum())
+        return low if low == high else float(self.solution.trajectory.durations.sum())
 
     @property
     def finished(self) -> bool:
@@ -76,7 +76,7 @@ class Plan:
     @property
     def switches(self) -> Array:
         """Instants [s] at which rates or accelerations may jump."""
-        return np.cumsum(self.solution.track.durations)[:-1]
+        return np.cumsum(self.solution.trajectory.durations)[:-1]
 
     def sigma(self, t: ArrayLike) -> dict[str, Array]:
         """σ, σ̇ and σ̈ of what is moved, by the names of the FMU's variables; at a jump what comes after it.
@@ -92,17 +92,17 @@ class Plan:
     @cached_property
     def _polynomials(self) -> dict[str, PPoly]:
         """σ on each interval of the mesh: the controls integrated, so that no derivative contradicts another."""
-        track, problem = self.solution.track, self.problem
-        breaks = track.breaks
+        trajectory, problem = self.solution.trajectory, self.problem
+        breaks = trajectory.breaks
         h = np.diff(breaks)
         to_powers = np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))
-        first = dict(zip(problem.states, track.knots[:, 0], strict=True))
+        first = dict(zip(problem.states, trajectory.knots[:, 0], strict=True))
         found: dict[str, PPoly] = {}
         for i, name in enumerate(problem.moves):
-            nodes = track.controls[i].reshape(-1, DEGREE)
+            nodes = trajectory.controls[i].reshape(-1, DEGREE)
             powers = (nodes @ to_powers.T) / h[:, None] ** np.arange(DEGREE)
             polynomial = PPoly(powers.T[::-1].copy(), breaks)
-            begins = [first.get(name, problem.rest[i]), first.get(f"{name}_dot", 0.0)]
+            begins = [first.get(name, problem.initial_sigma[i]), first.get(f"{name}_dot", 0.0)]
             for n in reversed(range(problem.order)):
                 polynomial = polynomial.antiderivative()
                 polynomial.c[-1] += begins[n]
@@ -160,10 +160,10 @@ class Plan:
 
     def _values(self) -> dict[str, Any]:
         """Start values of the mechanism, and an operator for what is moved."""
-        problem, track = self.problem, self.solution.track
+        problem, trajectory = self.problem, self.solution.trajectory
         begin = self.sigma(0.0)
         controls = np.array([begin[name] for name in problem.controls])
-        values: dict[str, Any] = dict(problem.fmu_starts(track.knots[:, 0], controls))
+        values: dict[str, Any] = dict(problem.fmu_starts(trajectory.knots[:, 0], controls))
         for name, table in self._knots.items():
             values[name] = tabulated(*table)
         return values
@@ -174,7 +174,7 @@ class Plan:
 
         Of a polynomial of degree six the quintic through both ends misses c₆ (h/2)⁶.
         """
-        breaks, polynomials = self.solution.track.breaks, self._polynomials
+        breaks, polynomials = self.solution.trajectory.breaks, self._polynomials
         h = np.diff(breaks)
         parts, kinks = np.ones(h.size), np.zeros(h.size, dtype=bool)
         for polynomial in polynomials.values():
@@ -218,8 +218,8 @@ class Plan:
                 raise PlanError(
                     f"{path}: {name} is a function, which no file holds; write it as text, 'pivot_x_ddot**2'"
                 )
-        solution = {k: v for k, v in vars(self.solution).items() if k != "track"}
-        document = {"goal": goal, "track": vars(self.solution.track), "solution": solution}
+        solution = {k: v for k, v in vars(self.solution).items() if k != "trajectory"}
+        document = {"goal": goal, "track": vars(self.solution.trajectory), "solution": solution}
         text = json.dumps(document, default=_plain, indent=1)
         with replacing(path) as part:
             part.write_text(text, encoding="utf-8")
@@ -279,7 +279,7 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, Mapping):
         return dict(value)
-    return asdict(value) if isinstance(value, Arc) else float(value)
+    return {"intervals": value.intervals, "held": value.active_bounds} if isinstance(value, Arc) else float(value)
 
 
 def _tuples(value: Any) -> Any:
@@ -320,10 +320,11 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
     return goal
 
 
-def _read_solution(track: Any, document: Any) -> Solution:
-    numbers = {name: _finite(name, track[name]) for name in ("durations", "knots", "inner", "controls")}
+def _read_solution(trajectory: Any, document: Any) -> Solution:
+    numbers = {name: _finite(name, trajectory[name]) for name in ("durations", "knots", "inner", "controls")}
     arcs = tuple(
-        Arc(_whole(arc["intervals"]), tuple((_whole(i), float(x)) for i, x in arc["held"])) for arc in track["arcs"]
+        Arc(_whole(arc["intervals"]), tuple((_whole(i), float(x)) for i, x in arc["held"]))
+        for arc in trajectory["arcs"]
     )
     m = sum(arc.intervals for arc in arcs)
     n, c = len(numbers["knots"]), len(numbers["controls"])
@@ -336,7 +337,7 @@ def _read_solution(track: Any, document: Any) -> Solution:
     found["path"] = found["path"].reshape(-1, m * DEGREE)  # JSON does not know the shape of what has no rows
     _check(found, {"hamiltonian": (m * DEGREE,), "adjoints": (n, m * DEGREE)})
     return Solution(
-        track=Track(arcs, **numbers),
+        trajectory=CollocatedTrajectory(arcs, **numbers),
         cost=float(_finite("cost", document["cost"])),
         status=str(document["status"]),
         seconds=float(_finite("seconds", document["seconds"])),
@@ -351,11 +352,11 @@ def _read_solution(track: Any, document: Any) -> Solution:
 def _check_shapes(problem: Problem, solution: Solution) -> None:
     """Whether a solution is one of this problem."""
     n, c, rows, ends = (len(x) for x in (problem.states, problem.controls, problem.path.labels, problem.end.labels))
-    points = solution.track.inner.shape[1]
+    points = solution.trajectory.inner.shape[1]
     wanted = {"knots": (n, points // DEGREE + 1), "controls": (c, points)}
-    _check(vars(solution.track), wanted)
+    _check(vars(solution.trajectory), wanted)
     _check(vars(solution), {"path": (rows, points), "end_multipliers": (ends,)})
-    for i, bound in (held for arc in solution.track.arcs for held in arc.held):
+    for i, bound in (held for arc in solution.trajectory.arcs for held in arc.active_bounds):
         if not 0 <= i < rows or bound not in (problem.path.low[i], problem.path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
 

@@ -89,9 +89,9 @@ class Problem:
     order: int
     states: tuple[str, ...]
     controls: tuple[str, ...]
-    at_start: NDArray[np.float64]  # of the states; where they are free, as declared
-    aims: dict[str, float]  # states that are given at the end, quaternions on the shorter way
-    rest: NDArray[np.float64]  # σ at the start, where it is no state
+    initial_state: NDArray[np.float64]  # of the states; where they are free, as declared
+    terminal_state: dict[str, float]  # states that are given at the end, quaternions on the shorter way
+    initial_sigma: NDArray[np.float64]  # σ at the start, where it is no state
     rates: ca.Function
     cost: ca.Function
     path: Rows
@@ -117,9 +117,9 @@ class Problem:
         sizes, shape = dict(zip(self.states, X, strict=True)), U * scales.time**self.order
         return replace(
             self,
-            at_start=self.at_start / X,
-            aims={name: value / sizes[name] for name, value in self.aims.items()},
-            rest=self.rest / shape,
+            initial_state=self.initial_state / X,
+            terminal_state={name: value / sizes[name] for name, value in self.terminal_state.items()},
+            initial_sigma=self.initial_sigma / shape,
             rates=_relative(self.rates, X / scales.time, X, U),
             cost=_relative(self.cost, np.array([scales.cost / scales.time]), X, U),
             path=self.path.relative(scales.path, X, U),
@@ -161,7 +161,7 @@ def problem_of(goal: Goal) -> Problem:
 
     :raises PlanError: for an unknown name, with the nearest one, or for what cannot be.
     """
-    return Reader(goal).problem()
+    return GoalSymbols(goal).problem()
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +202,7 @@ class _State:
     size: float
 
 
-class Reader:
+class GoalSymbols:
     """The symbols of one goal, and what is made of them step by step."""
 
     def __init__(self, goal: Goal) -> None:
@@ -415,14 +415,16 @@ class Reader:
                 rows.append(_Row(name, expression, *self._range("end", name, value)))
         return rows
 
-    def _aims(self, begin: dict[str, float], end: list[_Row]) -> dict[str, float]:
-        aims = {row.label: float(np.clip(begin[row.label], row.low, row.high)) for row in end if row.label in begin}
+    def _terminal_state(self, begin: dict[str, float], end: list[_Row]) -> dict[str, float]:
+        terminal_state = {
+            row.label: float(np.clip(begin[row.label], row.low, row.high)) for row in end if row.label in begin
+        }
         for name, axes in self.turns.items():
             if isinstance(self.goal.end, Mapping) and self.goal.end.get(name) is not None and set(axes) <= set(begin):
                 goal = self._quaternion(name, self.goal.end[name])
                 sign = -1.0 if goal @ [begin[axis] for axis in axes] < 0 else 1.0
-                aims |= dict(zip(axes, sign * goal, strict=True))
-        return aims
+                terminal_state |= dict(zip(axes, sign * goal, strict=True))
+        return terminal_state
 
     def _quaternion(self, name: str, value: Any) -> NDArray[np.float64]:
         try:
@@ -610,9 +612,9 @@ class Reader:
             states=names,
             scales=self._scales(asked, [state for state in states if state.name in kept], order, (path, start, end)),
             controls=tuple(f"{name}{suffix}" for name in goal.moves),
-            at_start=np.array([begin[name] for name in names]),
-            aims=self._aims(begin, asked.end),
-            rest=self.s_start,
+            initial_state=np.array([begin[name] for name in names]),
+            terminal_state=self._terminal_state(begin, asked.end),
+            initial_sigma=self.s_start,
             rates=function("rates", ca.vertcat(*(state.rate for state in states if state.name in kept))),
             cost=function("cost", asked.cost),
             path=path,
@@ -621,7 +623,7 @@ class Reader:
             closed=tuple(names.index(name) for name in closed if name in names),
             duration=goal.duration,
             constrained=any(
-                getattr(self.component, kind, ()) for kind in ("constraints", "non_holonomic", "submersions")
+                getattr(self.component, kind, ()) for kind in ("constraints", "non_holonomic", "rheonomic_constraints")
             ),
             mass=ca.Function("mass", [X, chosen], [known(self._mass())]),
             fmu_starts=self._fmu_starts(signals, tuple(self.signals)),
@@ -743,7 +745,9 @@ class Reader:
         """Refuse given rates where these may jump: there is no least cost then, but ever shorter impulses."""
         rates = [f"{name}_dot" for name in self.goal.moves]
         given = [row.label for row in (*asked.start, *asked.end) if row.label in rates]
-        through = [item.name for item in getattr(self.component, "submersions", ()) if item.name in self.goal.moves]
+        through = [
+            item.name for item in getattr(self.component, "rheonomic_constraints", ()) if item.name in self.goal.moves
+        ]
         if given or through:
             name = (given or [f"{through[0]}_dot"])[0].removesuffix("_dot")
             what = f"{name}_dot may jump at no cost, so that no motion is the best: bound or weigh {name}_ddot"

@@ -19,7 +19,7 @@ from liaisons.arguments import shown
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
 from liaisons.operators.feedback import Array, Step
-from liaisons.operators.problems import Goal, PlanError, Reader
+from liaisons.operators.problems import Goal, GoalSymbols, PlanError
 
 _POWERS = np.arange(6)
 _UNIT = np.linalg.inv(
@@ -45,7 +45,7 @@ class Sampled:
     """
 
     def __init__(self, goal: Goal, asked: Container[str], *, interpolate: bool, time: float, longest: float) -> None:
-        self.reader = reader = Reader(goal)
+        self.reader = reader = GoalSymbols(goal)
         self.interpolate, self.name, self.moves = interpolate, reader.name, goal.moves
         self.is_constrained = any(v.name.endswith("_residual") for v in reader.model.outputs)
         given = reader.given
@@ -149,13 +149,13 @@ class Sampled:
 
         energy = [v.name for v in model.outputs].index("kinetic_energy")
         still = reader.k | {reader.starts[name]: 0.0 for name in rates if name in reader.starts}
-        rest = reader.u | dict(zip(self.moves, self.sigma[:, 0], strict=True))
-        rest |= {f"{m}{end}": 0.0 for m in self.moves for end in ("_dot", "_ddot")}
+        resting_inputs = reader.u | dict(zip(self.moves, self.sigma[:, 0], strict=True))
+        resting_inputs |= {f"{m}{end}": 0.0 for m in self.moves for end in ("_dot", "_ddot")}
 
         def moving(rate: str) -> tuple[float, Array]:
             """Twice the kinetic energy, and the states, where one rate is 1."""
             k = still | ({reader.starts[rate]: 1.0} if rate in reader.starts else {})
-            u = rest | ({rate: 1.0} if rate in rest else {})
+            u = resting_inputs | ({rate: 1.0} if rate in resting_inputs else {})
             columns = [list(u.values()), list(k.values())]
             y, memory = model.start(0.0, *columns)
             z = model.outputs_function(0.0, y, *columns, memory)

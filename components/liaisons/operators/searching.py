@@ -22,8 +22,8 @@ from liaisons.operators.transcription import (
     Arc,
     Array,
     Clock,
+    CollocatedTrajectory,
     Solution,
-    Track,
     path_rates,
     solve,
 )
@@ -87,7 +87,7 @@ class Settings:
     is_stopped: bool = False
 
 
-def search(problem: Problem, starts: Iterable[Track], clock: Clock, settings: Settings) -> Solution:
+def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Clock, settings: Settings) -> Solution:
     """The best of what comes of these starts, of as many as there is time for.
 
     All that may be the best is refined, so that more starts lead to nothing worse.
@@ -104,8 +104,8 @@ def search(problem: Problem, starts: Iterable[Track], clock: Clock, settings: Se
     count, stopped = 0, False
     low, high = problem.duration
     enough = _AGREED + (2 if problem.is_loop else int(low < high))
-    for track in islice(starts, settings.tries or STARTS):
-        found = _tried(problem, track, settings.intervals, clock)
+    for trajectory in islice(starts, settings.tries or STARTS):
+        found = _tried(problem, trajectory, settings.intervals, clock)
         if found.succeeded:
             rough += [] if any(_is_alike(found, one, _SAME) for one in rough) else [found]
             optima += [] if any(_differ(found.cost, cost) <= _ALIKE for cost in optima) else [found.cost]
@@ -142,8 +142,8 @@ def _compared(
     astray: list[Solution] = []
     for k, one in enumerate(rough):
         if clock.is_over or settings.is_stopped:
-            rest = sorted((replace(other, finished=False) for other in rough[k:]), key=lambda other: other.cost)
-            return _best(problem, [*([best] if best else []), *rest], settings), astray
+            unrefined = sorted((replace(other, finished=False) for other in rough[k:]), key=lambda other: other.cost)
+            return _best(problem, [*([best] if best else []), *unrefined], settings), astray
         if best is not None and one.cost > best.cost + _WORSE * abs(best.cost):
             continue
         first = _on_first_mesh(problem, one, settings, clock)
@@ -172,7 +172,7 @@ def _differ(cost: float, other: float) -> float:
 
 
 def _is_alike(one: Solution, other: Solution, tolerance: float) -> bool:
-    return len(one.track.arcs) == len(other.track.arcs) and _differ(one.cost, other.cost) <= tolerance
+    return len(one.trajectory.arcs) == len(other.trajectory.arcs) and _differ(one.cost, other.cost) <= tolerance
 
 
 def _rank(problem: Problem, solution: Solution) -> tuple[bool, float]:
@@ -185,36 +185,36 @@ def _is_believed(problem: Problem, solution: Solution, settings: Settings) -> bo
     return settings.accuracy is None or _is_led(problem, solution, _LED if solution.finished else _LED_ROUGHLY)
 
 
-def _tried(problem: Problem, track: Track, intervals: int, clock: Clock) -> Solution:
+def _tried(problem: Problem, trajectory: CollocatedTrajectory, intervals: int, clock: Clock) -> Solution:
     """What comes of a start: the solution, or where IPOPT stood, nearest to the end."""
-    found = _brought(problem, track, clock)
-    coarse = sum(arc.intervals for arc in track.arcs)
+    found = _brought(problem, trajectory, clock)
+    coarse = sum(arc.intervals for arc in trajectory.arcs)
     if found.succeeded or not found.finished or coarse >= intervals or missed(problem, found) > _BLURRED:
         return found
-    return _brought(problem, track.on((Arc(intervals),), track.durations), clock)
+    return _brought(problem, trajectory.on((Arc(intervals),), trajectory.durations), clock)
 
 
-def _brought(problem: Problem, track: Track, clock: Clock) -> Solution:
+def _brought(problem: Problem, trajectory: CollocatedTrajectory, clock: Clock) -> Solution:
     """From a start to the end, if need be by way of the nearest end."""
-    found = solve(problem, track, clock)
+    found = solve(problem, trajectory, clock)
     if found.succeeded or not found.finished:
         return found
     low, high = problem.duration
-    T = float(track.durations.sum())
+    T = float(trajectory.durations.sum())
     rules = [problem] if low == high else [replace(problem, duration=(T, T)), problem]
     nearest = found
     for rule in rules:
-        nearest = solve(rule, track, clock, soft=True)
-        track = nearest.track
+        nearest = solve(rule, trajectory, clock, soft=True)
+        trajectory = nearest.trajectory
         if not nearest.finished:
             return nearest
     if missed(problem, nearest) < _REACHED:
-        found = solve(problem, track, clock)
+        found = solve(problem, trajectory, clock)
         if found.succeeded or not found.finished:
             return found
-    arcs, durations = _arcs(_patterns(problem, nearest), nearest.track)
+    arcs, durations = _arcs(_patterns(problem, nearest), nearest.trajectory)
     if low < high and len(arcs) > 1 and missed(problem, nearest) < _BLURRED:
-        found = solve(problem, track.on(arcs, durations), clock)
+        found = solve(problem, trajectory.on(arcs, durations), clock)
         if found.succeeded or not found.finished:
             return found
     return replace(nearest, status=found.status if not found.succeeded else "Infeasible_Problem_Detected")
@@ -226,7 +226,7 @@ def missed(problem: Problem, solution: Solution) -> float:
 
 
 def _beyond_end(problem: Problem, solution: Solution) -> Array:
-    end = np.array(problem.end.function(solution.track.knots[:, -1])).ravel()
+    end = np.array(problem.end.function(solution.trajectory.knots[:, -1])).ravel()
     return np.maximum(problem.end.low - end, end - problem.end.high).clip(0)
 
 
@@ -238,9 +238,9 @@ def _is_motion(problem: Problem, solution: Solution, settings: Settings) -> bool
 
 def _on_first_mesh(problem: Problem, rough: Solution, settings: Settings, clock: Clock) -> Solution:
     """The same optimum on the first mesh that was asked for; stopped on the way, as it is."""
-    track = rough.track
-    if len(track.arcs) == 1 and track.arcs[0].intervals < settings.intervals:
-        finer = track.on((Arc(settings.intervals),), track.durations)
+    trajectory = rough.trajectory
+    if len(trajectory.arcs) == 1 and trajectory.arcs[0].intervals < settings.intervals:
+        finer = trajectory.on((Arc(settings.intervals),), trajectory.durations)
         for near in (True, False):
             found = solve(problem, finer, clock, near=near)
             if not found.finished:
@@ -257,16 +257,16 @@ def _refined(problem: Problem, solution: Solution, accuracy: float, clock: Clock
     """The same motion with its arcs, on meshes twice as fine each until its Hamiltonian is constant."""
     is_first = True
     while True:
-        if len(solution.track.arcs) == 1 or is_first:
+        if len(solution.trajectory.arcs) == 1 or is_first:
             is_first = False
             solution = _with_arcs(problem, solution, clock)
         yield solution
-        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.track.arcs)
+        arcs = tuple(replace(arc, intervals=2 * arc.intervals) for arc in solution.trajectory.arcs)
         is_law = np.ptp(solution.hamiltonian) <= max(accuracy * hamiltonian_scale(problem, solution), NOTHING)
         is_done = is_law and (np.isinf(accuracy) or _is_led(problem, solution))
         if not solution.finished or is_done or sum(arc.intervals for arc in arcs) > _MOST_INTERVALS:
             return
-        finer = solve(problem, solution.track.on(arcs, solution.track.durations), clock, near=True)
+        finer = solve(problem, solution.trajectory.on(arcs, solution.trajectory.durations), clock, near=True)
         solution = finer if finer.succeeded else replace(solution, finished=finer.finished)
         if not finer.succeeded:
             yield solution
@@ -279,19 +279,19 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
     Arcs that vanish are left out, and where the Hamiltonian would be less at the other bound there is another arc.
     What is better is kept: where holding the rows does not work out, the solution stays as it is.
     """
-    best, track = solution, solution.track
-    has_arcs = len(track.arcs) > 1
+    best, trajectory = solution, solution.trajectory
+    has_arcs = len(trajectory.arcs) > 1
     patterns = _switched(problem, solution) if has_arcs else _patterns(problem, solution)
     if patterns is None:
         return solution
-    arcs, durations = _arcs(patterns, track)
+    arcs, durations = _arcs(patterns, trajectory)
     for _ in range(_CORRECTIONS):
         if _is_determined(problem, arcs) or not _is_passable(problem, arcs):
             break
-        found = solve(problem, track.on(arcs, durations), clock, near=True)
+        found = solve(problem, trajectory.on(arcs, durations), clock, near=True)
         if not found.finished:
             return replace(best, finished=False)
-        track, lengths = found.track, found.track.durations
+        trajectory, lengths = found.trajectory, found.trajectory.durations
         vanishing = lengths < 1e-5 * lengths.sum()
         if vanishing.any() and not vanishing.all():
             kept = [(arc, T) for arc, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone]
@@ -300,59 +300,61 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
         if not found.succeeded:
             break
         undercut = 0.0
-        if len(best.track.arcs) == 1:
+        if len(best.trajectory.arcs) == 1:
             undercut = _WORSE if _rank(problem, found) < _rank(problem, best) else _ALIKE
         if found.cost <= best.cost + undercut * max(abs(best.cost), NOTHING):
             best = found
         patterns = _switched(problem, found)
         if patterns is None:
             break
-        arcs, durations = _arcs(patterns, track)
+        arcs, durations = _arcs(patterns, trajectory)
     return best
 
 
 def _joined(pieces: list[tuple[Arc, float]]) -> tuple[tuple[Arc, ...], Array]:
     """Arcs and their durations, neighbours of one kind as one."""
-    groups = [list(group) for _, group in groupby(pieces, key=lambda piece: piece[0].held)]
+    groups = [list(group) for _, group in groupby(pieces, key=lambda piece: piece[0].active_bounds)]
     arcs = tuple(replace(group[0][0], intervals=sum(arc.intervals for arc, _ in group)) for group in groups)
     return arcs, np.array([sum(T for _, T in group) for group in groups])
 
 
 def _is_determined(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
     """Whether nothing is left to choose, be it that nothing is held or that all is."""
-    if len(arcs) == 1 and not arcs[0].held:
+    if len(arcs) == 1 and not arcs[0].active_bounds:
         return True
     unknown = len(arcs) - (problem.duration[0] == problem.duration[1])
     asked = int(np.sum(problem.end.low == problem.end.high)) + len(problem.closed)
     free = len(problem.states) - int(np.sum(problem.start.low == problem.start.high))
-    return all(len(arc.held) == len(problem.controls) for arc in arcs) and unknown + free < asked
+    return all(len(arc.active_bounds) == len(problem.controls) for arc in arcs) and unknown + free < asked
 
 
 def _is_passable(problem: Problem, arcs: tuple[Arc, ...]) -> bool:
     """Whether no σ is to be at one bound and at once at another, the mesh too coarse to show on which arc it moves."""
     moved = {i for i, label in enumerate(problem.path.labels) if label in problem.moves and problem.order > 0}
-    return not any(i in moved and dict(b.held).get(i, x) != x for a, b in pairwise(arcs) for i, x in a.held)
+    return not any(
+        i in moved and dict(b.active_bounds).get(i, x) != x for a, b in pairwise(arcs) for i, x in a.active_bounds
+    )
 
 
 def _switched(problem: Problem, solution: Solution) -> list[_Pattern] | None:
     """What should be held at each point by Pontryagin's principle: the bound where H is less; None: it is."""
-    track, path = solution.track, problem.path
-    points = track.inner.shape[1]
+    trajectory, path = solution.trajectory, problem.path
+    points = trajectory.inner.shape[1]
 
     def hamiltonian(controls: Array) -> Array:
-        rates = np.array(problem.rates.map(points)(track.inner, controls))
-        return np.array(problem.cost.map(points)(track.inner, controls)).ravel() + (solution.adjoints * rates).sum(
+        rates = np.array(problem.rates.map(points)(trajectory.inner, controls))
+        return np.array(problem.cost.map(points)(trajectory.inner, controls)).ravel() + (solution.adjoints * rates).sum(
             axis=0
         )
 
-    held = [arc.held for arc in track.arcs for _ in range(arc.intervals * DEGREE)]
+    held = [arc.active_bounds for arc in trajectory.arcs for _ in range(arc.intervals * DEGREE)]
     better = [dict(now) for now in held]
     for i, label in enumerate(path.labels):
         ends = (float(path.low[i]), float(path.high[i]))
         if label not in problem.controls or not np.isfinite(ends).all():
             continue
         place = np.arange(len(problem.controls))[:, None] == problem.controls.index(label)
-        low, high = (hamiltonian(np.where(place, bound, track.controls)) for bound in ends)
+        low, high = (hamiltonian(np.where(place, bound, trajectory.controls)) for bound in ends)
         least = _LAW * np.abs(high - low).max()
         for now, more in zip(better, high - low, strict=True):
             if i in now and abs(more) > least:
@@ -389,11 +391,11 @@ def _patterns(problem: Problem, solution: Solution) -> list[_Pattern]:
     return [patterns[known[i]] for i in nearest]
 
 
-def _arcs(patterns: list[_Pattern], track: Track) -> tuple[tuple[Arc, ...], Array]:
+def _arcs(patterns: list[_Pattern], trajectory: CollocatedTrajectory) -> tuple[tuple[Arc, ...], Array]:
     """Arcs on which the same rows are at their bounds, and their durations."""
     runs = [(pattern, len(list(group))) for pattern, group in groupby(patterns)]
     cuts = np.cumsum([length for _, length in runs])[:-1]
-    instants, total = track.instants, track.breaks[-1]
+    instants, total = trajectory.instants, trajectory.breaks[-1]
     edges = np.array([0.0, *((instants[cuts - 1] + instants[cuts]) / 2), total])
     m = len(patterns) // DEGREE
     shares = np.diff(edges) / total
@@ -405,18 +407,18 @@ def _arcs(patterns: list[_Pattern], track: Track) -> tuple[tuple[Arc, ...], Arra
 
 def refuse_singularity(problem: Problem, solution: Solution) -> None:
     """Refuse a motion through a place where a coordinate costs nothing, and of which no mesh can tell how it goes."""
-    track, count = solution.track, len(problem.moves)
+    trajectory, count = solution.trajectory, len(problem.moves)
     if np.ptp(solution.hamiltonian) <= _LAW * hamiltonian_scale(problem, solution):
         return
-    points = track.inner.shape[1]
-    masses = np.array(problem.mass.map(points)(track.inner, track.controls)).reshape(count, points, count)
+    points = trajectory.inner.shape[1]
+    masses = np.array(problem.mass.map(points)(trajectory.inner, trajectory.controls)).reshape(count, points, count)
     sizes, directions = np.linalg.eigh(masses.transpose(1, 0, 2))
     worst = int(np.argmin(sizes[:, 0]))
     if sizes[worst, 0] > _SINGULAR * sizes.max():
         return
     name = problem.moves[int(np.argmax(np.abs(directions[worst, :, 0])))]
     raise PlanError(
-        f"{problem.name}: at t = {track.instants[worst] * problem.scales.time:.4g} s the effective mass of {name} "
+        f"{problem.name}: at t = {trajectory.instants[worst] * problem.scales.time:.4g} s the effective mass of {name} "
         "vanishes, so that there it may turn at no cost: keep away from such a shape by bounds"
     )
 
@@ -438,7 +440,7 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
         )
     nearest = min(failures, key=lambda one: missed(problem, one))
     off = _beyond_end(problem, nearest)
-    reached = np.array(end.function(nearest.track.knots[:, -1])).ravel()
+    reached = np.array(end.function(nearest.trajectory.knots[:, -1])).ravel()
     wanted = np.clip(reached, end.low, end.high) * X
     wrong = [
         f"{end.labels[i]} = {reached[i] * X[i]:.6g} instead of {wanted[i]:.6g}" for i in np.flatnonzero(off > _REACHED)
@@ -453,7 +455,7 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
         for i, name, bound in ends
         if np.isfinite(bound) and np.any(np.abs(nearest.path[i] - bound) <= _NEAR * max(1.0, abs(bound)))
     ]
-    T = nearest.track.durations.sum()
+    T = nearest.trajectory.durations.sum()
     if np.isclose(T, problem.duration[1]):
         active.append(f"duration = {T * problem.scales.time:g}")
     bounds = f"; active: {', '.join(active)}" if active else ""
@@ -465,17 +467,17 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
 
 def _is_led(problem: Problem, solution: Solution, tolerance: float = _LED) -> bool:
     """Whether the equations lead from knot to knot as the mesh does."""
-    knots = solution.track.knots[:, 1:]
+    knots = solution.trajectory.knots[:, 1:]
     return bool(np.max(np.abs(_led(problem, solution) - knots) / np.maximum(1.0, np.abs(knots))) < tolerance)
 
 
 def _led(problem: Problem, solution: Solution, *, through: bool = False) -> Array:
     """Where the equations lead in each interval, from its first knot; or from the first of all, through all of them."""
-    track = solution.track
-    m, step, lengths = track.knots.shape[1] - 1, _interval(problem), np.diff(track.breaks)[None]
+    trajectory = solution.trajectory
+    m, step, lengths = trajectory.knots.shape[1] - 1, _interval(problem), np.diff(trajectory.breaks)[None]
     if through:
-        return np.array(step.mapaccum(m)(track.knots[:, 0], track.controls, lengths))
-    return np.array(step.map(m)(track.knots[:, :-1], track.controls, lengths))
+        return np.array(step.mapaccum(m)(trajectory.knots[:, 0], trajectory.controls, lengths))
+    return np.array(step.map(m)(trajectory.knots[:, :-1], trajectory.controls, lengths))
 
 
 @lru_cache(maxsize=2)

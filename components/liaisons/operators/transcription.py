@@ -52,11 +52,11 @@ class Arc:
     """A part of the motion without a kink: so many equal intervals, and rows of the path that stay at a bound."""
 
     intervals: int
-    held: tuple[tuple[int, float], ...] = ()
+    active_bounds: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class CollocatedTrajectory:
     """A motion on a mesh: what a solution is, and what a guess is.
 
     Of n states and c controls, over m intervals in all.
@@ -97,13 +97,13 @@ class Track:
             np.array([np.interp(t, instants, row) for row in self.controls]).reshape(len(self.controls), -1),
         )
 
-    def on(self, arcs: tuple[Arc, ...], durations: Array) -> Track:
+    def on(self, arcs: tuple[Arc, ...], durations: Array) -> CollocatedTrajectory:
         """The same motion on another mesh."""
-        blank = Track(arcs, durations, *(np.zeros((0, 0)),) * 3)
+        blank = CollocatedTrajectory(arcs, durations, *(np.zeros((0, 0)),) * 3)
         total = durations.sum()
         knots, _ = self.at(blank.breaks / total)
         inner, controls = self.at(blank.instants / total)
-        return Track(arcs, durations, knots, inner, controls)
+        return CollocatedTrajectory(arcs, durations, knots, inner, controls)
 
 
 class Clock:
@@ -152,7 +152,7 @@ class Clock:
 class Solution:
     """What IPOPT has made of it."""
 
-    track: Track
+    trajectory: CollocatedTrajectory
     cost: float
     status: str  # IPOPT's word
     seconds: float
@@ -190,17 +190,19 @@ def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> So
     def held(i: int, bound: float) -> tuple[int, float]:
         return i, float(to.path.low[i] if bound == path.low[i] else to.path.high[i])
 
-    track, (low, high) = solution.track, to.duration
+    trajectory, (low, high) = solution.trajectory, to.duration
     if low == high:
-        time = low / float(track.durations.sum())  # to the last digit
+        time = low / float(trajectory.durations.sum())  # to the last digit
     return replace(
         solution,
-        track=Track(
-            arcs=tuple(replace(arc, held=tuple(held(*row) for row in arc.held)) for arc in track.arcs),
-            durations=track.durations * time,
-            knots=track.knots * X,
-            inner=track.inner * X,
-            controls=track.controls * U,
+        trajectory=CollocatedTrajectory(
+            arcs=tuple(
+                replace(arc, active_bounds=tuple(held(*row) for row in arc.active_bounds)) for arc in trajectory.arcs
+            ),
+            durations=trajectory.durations * time,
+            knots=trajectory.knots * X,
+            inner=trajectory.inner * X,
+            controls=trajectory.controls * U,
         ),
         cost=solution.cost * cost,
         hamiltonian=solution.hamiltonian * (cost / scales.time**power),
@@ -229,7 +231,7 @@ class _Program:
 
 def solve(
     problem: Problem,
-    guess: Track,
+    guess: CollocatedTrajectory,
     clock: Clock | None = None,
     *,
     soft: bool = False,
@@ -255,7 +257,7 @@ def solve(
     n, c, rows = len(problem.states), len(problem.controls), len(problem.path.labels)
     m = program.knots.shape[1] - 1
     points = m * DEGREE
-    track = Track(
+    trajectory = CollocatedTrajectory(
         arcs=guess.arcs,
         durations=value(program.durations, len(guess.arcs)),
         knots=value(program.knots, n, m + 1),
@@ -268,7 +270,7 @@ def solve(
     if given:
         multipliers[given] = -value(opti.dual(reached), len(given))
     return Solution(
-        track=track,
+        trajectory=trajectory,
         cost=float(opti.debug.value(program.cost)),
         status=status,
         seconds=time.perf_counter() - begun,
@@ -292,7 +294,7 @@ class _Posed:
     reached: Any
 
 
-def _posed(problem: Problem, guess: Track, *, soft: bool = False, shift: Array | None = None) -> _Posed:
+def _posed(problem: Problem, guess: CollocatedTrajectory, *, soft: bool = False, shift: Array | None = None) -> _Posed:
     program = _collocated(problem, guess)
     opti = program.opti
     stages, steps = program.stages == 0, program.steps == 0
@@ -327,8 +329,8 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     States follow from controls by the linearised equations, and the directions that are left are those in which active
     constraints do not change.
     """
-    posed = _posed(problem, solution.track)
-    opti, track = posed.program.opti, solution.track
+    posed = _posed(problem, solution.trajectory)
+    opti, trajectory = posed.program.opti, solution.trajectory
     if _run(opti, near=True, soft=False, clock=clock) not in _GOOD:
         return None
     x, f, g, multipliers = opti.x, opti.f, opti.g, opti.lam_g
@@ -338,13 +340,13 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     W, J = (csc_matrix(value.sparse()) for value in values[:2])
     row, low, high = (np.array(value).ravel() for value in values[2:])
     n, c = len(problem.states), len(problem.controls)
-    m = track.knots.shape[1] - 1
+    m = trajectory.knots.shape[1] - 1
     equations = n * m * (DEGREE + 1)
     bound = np.minimum(np.abs(row - low), np.abs(row - high)) <= _ACTIVE
     active = np.flatnonzero(bound[equations:]) + equations
     follow = slice(n, n + equations)  # knots but the first, and points inside
     free = np.r_[0:n, n + equations : x.numel()]
-    lengths = np.repeat(np.diff(track.breaks), DEGREE) * np.tile(B, m)
+    lengths = np.repeat(np.diff(trajectory.breaks), DEGREE) * np.tile(B, m)
     weight = np.concatenate([np.ones(n), np.sqrt(np.repeat(lengths, c)), np.ones(free.size - n - c * m * DEGREE)])
     Z = np.zeros((x.numel(), free.size))
     Z[free, np.arange(free.size)] = 1
@@ -357,7 +359,7 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     return Curvature(float(eigenvalues[0]), float(np.abs(eigenvalues).max()), eigenvalues.size)
 
 
-def _last(opti: ca.Opti, problem: Problem, guess: Track, program: _Program) -> None:
+def _last(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
     """Durations of arcs, where they are unknown."""
     if program.durations.is_constant():
         return
@@ -368,7 +370,7 @@ def _last(opti: ca.Opti, problem: Problem, guess: Track, program: _Program) -> N
     opti.subject_to(_bounded(opti, low, whole, high) if low < high else whole == low)
 
 
-def _collocated(problem: Problem, guess: Track) -> _Program:
+def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
     """Unknowns, and what must vanish of the equations."""
     arcs = guess.arcs
     m = sum(arc.intervals for arc in arcs)
@@ -462,7 +464,7 @@ def _bound(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Progr
     for arc in arcs:
         last = first + arc.intervals
         inner = slice(first * DEGREE, last * DEGREE)
-        held = dict(arc.held)
+        held = dict(arc.active_bounds)
         for i, label in enumerate(problem.path.labels):
             low, high = problem.path.low[i], problem.path.high[i]
             if i in held and label in problem.moves and problem.order > 0:
@@ -517,7 +519,7 @@ def _smooth(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Prog
     for arc in arcs:
         inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)
         first += arc.intervals
-        held = [problem.path.labels[i] for i, _ in arc.held]
+        held = [problem.path.labels[i] for i, _ in arc.active_bounds]
         if set(held) <= set(problem.moves):  # else all may be needed to hold the row
             for i in (i for i, name in enumerate(problem.moves) if name not in held):
                 opti.subject_to(highest[None, :] @ ca.reshape(program.controls[i, inner], DEGREE, -1) == 0)

@@ -83,18 +83,18 @@ def _replayed(problem: Problem, replay: Result) -> list[Verdict]:
 
 def _law(problem: Problem, solution: Solution) -> list[Verdict]:
     """Along an extremal the Hamiltonian is constant; it is 0 where the duration is free."""
-    track = solution.track
-    points = track.inner.shape[1]
-    running = np.array(problem.cost.map(points)(track.inner, track.controls)).ravel()
+    trajectory = solution.trajectory
+    points = trajectory.inner.shape[1]
+    running = np.array(problem.cost.map(points)(trajectory.inner, trajectory.controls)).ravel()
     H = solution.hamiltonian / hamiltonian_scale(problem, solution)
     why = f"relative to its terms, or {NOTHING:g}; an extremal that the mesh resolves keeps it to 1e-8"
     found = [verdict("the Hamiltonian is constant", error=float(np.ptp(H)), tolerance=1e-6, reason=why)]
     low, high = problem.duration
-    if low < track.durations.sum() * (1 - 1e-9) and track.durations.sum() < high * (1 - 1e-9):
+    if low < trajectory.durations.sum() * (1 - 1e-9) and trajectory.durations.sum() < high * (1 - 1e-9):
         found.append(
             verdict("it is 0, for the duration is free", error=abs(float(np.mean(H))), tolerance=1e-6, reason=why)
         )
-    still = np.array(problem.rates.map(points)(track.inner, np.zeros_like(track.controls)))
+    still = np.array(problem.rates.map(points)(trajectory.inner, np.zeros_like(trajectory.controls)))
     inside = not problem.path.labels or _room(problem.path, solution.path) > 0
     if problem.order == 1 and np.max(np.abs(still), initial=0.0) < 1e-12 and inside and np.all(running > 0):
         speed = np.sqrt(running)
@@ -105,21 +105,21 @@ def _law(problem: Problem, solution: Solution) -> list[Verdict]:
 
 def hamiltonian_scale(problem: Problem, solution: Solution) -> float:
     """Size of the terms that the Hamiltonian is made of."""
-    track = solution.track
-    points = track.inner.shape[1]
-    running = np.array(problem.cost.map(points)(track.inner, track.controls)).ravel()
-    rates = np.array(problem.rates.map(points)(track.inner, track.controls))
+    trajectory = solution.trajectory
+    points = trajectory.inner.shape[1]
+    running = np.array(problem.cost.map(points)(trajectory.inner, trajectory.controls)).ravel()
+    rates = np.array(problem.rates.map(points)(trajectory.inner, trajectory.controls))
     return max(NOTHING / _RELATIVE, float(np.mean(np.abs(running) + np.abs(solution.adjoints * rates).sum(axis=0))))
 
 
 def _meshes(problem: Problem, solution: Solution, clock: Clock) -> list[Verdict]:
     """A mesh half as fine again, and the price of another end."""
-    track = solution.track
-    finer = tuple(replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in track.arcs)
-    second = solve(problem, track.on(finer, track.durations), clock, near=True)
+    trajectory = solution.trajectory
+    finer = tuple(replace(arc, intervals=max(arc.intervals + 2, 3 * arc.intervals // 2)) for arc in trajectory.arcs)
+    second = solve(problem, trajectory.on(finer, trajectory.durations), clock, near=True)
     scale = max(NOTHING / _RELATIVE, abs(solution.cost))
     error = abs(second.cost - solution.cost) / scale if second.succeeded else np.nan
-    text = f"a mesh of {_count(finer)} intervals costs the same as one of {_count(track.arcs)}"
+    text = f"a mesh of {_count(finer)} intervals costs the same as one of {_count(trajectory.arcs)}"
     found = [verdict(text, error=error, tolerance=1e-6, reason="relative")]
     gradient = solution.end_multipliers
     size = float(np.linalg.norm(gradient))
@@ -128,7 +128,7 @@ def _meshes(problem: Problem, solution: Solution, clock: Clock) -> list[Verdict]
         by = _SHIFT * min(1.0, scale / size)
 
         def cost(parts: int) -> float:
-            shifted = solve(problem, track, clock, near=True, shift=parts * by * gradient / size)
+            shifted = solve(problem, trajectory, clock, near=True, shift=parts * by * gradient / size)
             return shifted.cost if shifted.succeeded else np.nan
 
         sides = {side: cost(side) for side in (1, -1)}

@@ -1,4 +1,4 @@
-"""Signals, drawn: one diagram a unit, what matters first."""
+"""Diagrams of signals, one for each unit, the most telling first."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from numpy.typing import NDArray
 from liaisons.array_names import split
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
+from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Signals = Mapping[str, NDArray[np.float64]]
+Curves = Mapping[str, NDArray[np.float64]]
 """Name -> values, shape (points,) or (points, elements)."""
 
 DIAGRAMS, CURVES = 6, 8
-"""So many fit on a screen, and so many in one diagram can be told apart."""
+"""Most diagrams on a screen, and most curves in one that can be distinguished."""
 _PIXEL = 1 / 200
-"""Part of the height of a diagram below which nothing is seen."""
+"""Part of the height of a diagram below which a difference is invisible."""
 _LIVELY = 1 / 50
 """Part of its largest value by which a signal has to change to be seen beside others that start at 0."""
 _SQUEEZED, _SLIGHTLY = 20, 1 / 2
-"""So many times the height of what tells most may be given to others, above and below, that move or do not."""
+"""Room above and below the first signals for others that move or do not, in heights of the first."""
 _ROUNDING = 1e-9
-"""What is below this part of the largest value of its unit is 0 but for rounding; of 1 if the unit has no scale."""
+"""Below this part of the largest value of its unit, or of 1 if the unit has no scale, a value is 0 but for rounding."""
 
 
-def essential(signals: Signals, units: Mapping[str, str]) -> list[str]:
-    """The names that are worth drawing if nobody has chosen.
+def essential(signals: Curves, units: Mapping[str, str]) -> list[str]:
+    """Names of the signals that are drawn by default.
 
     At most six units and eight signals of each: free coordinates first, then their rates, what is prescribed, energies,
     forces, powers; the rest (accelerations, momenta, loads) where there is room.  Left out are units in which nothing
@@ -49,59 +50,63 @@ def essential(signals: Signals, units: Mapping[str, str]) -> list[str]:
     return chosen or [name for name in signals if _largest(signals[name]) > 0][:CURVES] or list(signals)[:CURVES]
 
 
-def draw(
-    title: str,
-    over: tuple[str, NDArray[np.float64]],
-    signals: Signals,
-    units: Mapping[str, str],
-    *,
-    joined: bool = True,
-    steps: Container[str] = (),
-    texts: Mapping[str, Sequence[str]] | None = None,
-    path: Path | None = None,
-) -> Figure:
+def plot(result: LabelledSignals, names: Sequence[str], over: str | None, path: Path | None) -> Figure:
     """Draw signals, those of one unit in one diagram, its legend beside it.
 
-    :param over: label and values of the horizontal axis, shape (points,) or that of each signal.
-    :param joined: by lines; else dots.
-    :param steps: names of what stays as it is until it jumps.
-    :param texts: name of a signal of strings -> what its values count.
+    :param names: what to draw; if empty, :func:`essential` chooses.
+    :param over: signal on the horizontal axis; None: as in :meth:`liaisons.Result.plot`.
     :param path: where to save the figure, which pyplot does not know then.
     :raises SimulationError: if the axis has another shape than a signal, or the file cannot be written.
     """
-    texts = texts or {}
+    timed = result.kind != "sweep"
+    if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
+        over = result.names[0]
+    signals = {name: result.numbers(name) for name in names or result if names or name != over}
+    chosen = names or essential(signals, result.units)
     groups: dict[tuple[str, str], list[str]] = {}
-    for name in signals:
-        groups.setdefault((units[name], name if name in texts else ""), []).append(name)
+    for name in dict.fromkeys(chosen):
+        has_texts = result.element(name) in result.texts
+        groups.setdefault((result.units[name], name if has_texts else ""), []).append(name)
+    if over is None:
+        label, x = next(iter(result.index.items()))
+    else:
+        label, x = over, result.numbers(over)
+    unit = "s" if label == "time" else result.units.get(label)
+    label = f"{label} [{unit}]" if unit else label
+    joined = timed or over is not None
     count = max(1, len(groups))
     figure = _new_figure(alone=path is not None)
     figure.set_size_inches(10.0, 1.0 + max(3.0, 1.6 * count))
     diagrams = figure.subplots(count, sharex=True, squeeze=False)[:, 0]
-    label, x = over
-    for diagram, ((unit, text), names) in zip(diagrams, groups.items(), strict=False):
-        for number, name in enumerate(names):
+    for diagram, ((unit, text), group) in zip(diagrams, groups.items(), strict=False):
+        for number, name in enumerate(group):
             if x.ndim > 1 and x.shape != signals[name].shape:
                 raise SimulationError(f"plot: {name} and {label} have different shapes; choose another over=...")
             style = {"color": f"C{number}", "linestyle": "-" if joined else "", "marker": "" if joined else "."}
-            if name in steps:
+            if timed and result.element(name) in result.jumping:
                 style["drawstyle"] = "steps-post"
             _draw_curves(diagram, name, x, signals[name], style)
         diagram.set_ylabel(f"[{unit}]" if unit else "")
         if text:
-            diagram.set_yticks(range(len(texts[text])), texts[text])
+            texts = result.texts[result.element(text)]
+            diagram.set_yticks(range(len(texts)), texts)
         diagram.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), frameon=False, fontsize="small")
         diagram.grid(visible=True, alpha=0.3)
         diagram.margins(x=0.0)
-    diagrams[0].set_title(title)
+    diagrams[0].set_title(result.title)
     diagrams[-1].set_xlabel(label)
     figure.align_ylabels(diagrams)
     if path is not None:
-        try:
-            with replacing(path) as part:
-                figure.savefig(part, format=path.suffix[1:] or "png")
-        except (ValueError, RuntimeError) as error:  # of an unknown kind, or one that needs a program
-            raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
+        _save(figure, path)
     return figure
+
+
+def _save(figure: Figure, path: Path) -> None:
+    try:
+        with replacing(path) as part:
+            figure.savefig(part, format=path.suffix[1:] or "png")
+    except (ValueError, RuntimeError) as error:  # of an unknown kind, or one that needs a program
+        raise SimulationError(f"{path}: {' '.join(str(error).split())}") from None
 
 
 def _new_figure(*, alone: bool) -> Figure:
@@ -135,8 +140,8 @@ def _draw_curves(
         diagram.lines[-1].set_label(f"{name} ({size})" if size else name)
 
 
-def _visible(signals: Signals, unit: str, ranks: Mapping[str, int]) -> list[str]:
-    """Of signals of one unit, those of which something is seen in one diagram; none if nothing moves."""
+def _visible(signals: Curves, unit: str, ranks: Mapping[str, int]) -> list[str]:
+    """LabelledSignals of one unit that are visible in one diagram; none if nothing moves."""
     sizes = {name: _largest(values) for name, values in signals.items()}
     motions = {name: _largest(values - values[:1]) for name, values in signals.items()}
     zero = _ROUNDING * max(*sizes.values(), 1.0 if unit in {"", "1", "rad"} else 0.0)
@@ -148,14 +153,14 @@ def _visible(signals: Signals, unit: str, ranks: Mapping[str, int]) -> list[str]
     first = [ends[name] for name in lively if ranks[name] == ranks[lively[0]]]
     low, high = min(end[0] for end in first), max(end[1] for end in first)
     pixel = _PIXEL * (high - low)
-    found: list[str] = []
+    chosen: list[str] = []
     for name, values in signals.items():
         room = (_SQUEEZED if name in lively else _SLIGHTLY) * (high - low)
         near = low - room <= ends[name][0] and ends[name][1] <= high + room
-        new = all(_largest(values - signals[other]) > pixel for other in found if values.shape == signals[other].shape)
+        new = all(_largest(values - signals[other]) > pixel for other in chosen if values.shape == signals[other].shape)
         if sizes[name] > max(pixel, zero) and near and new:
-            found.append(name)
-    return found[:CURVES]
+            chosen.append(name)
+    return chosen[:CURVES]
 
 
 def _largest(values: NDArray[np.float64]) -> float:
@@ -170,7 +175,7 @@ def _ends(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _rank(name: str, unit: str, names: Container[str]) -> int:
-    """The smaller the more a signal tells: by the names that variables of our FMUs have."""
+    """Rank of a signal, 0 first, by the names of the variables in our FMUs."""
     owner, dot, last = split(name)[0].rpartition(".")
 
     def has(name: str) -> bool:

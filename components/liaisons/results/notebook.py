@@ -1,28 +1,58 @@
-"""Tables and pages in notebooks; whatever text is shown is escaped, for names and messages come from any FMUs."""
+"""Tables and pages in notebooks; all text is escaped, since names and messages come from any FMU."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.errors import LiaisonsError
+from liaisons.pictures import motion_page
+from liaisons.results.signals import LabelledSignals
+from liaisons.results.tables import summary
+
+_MOST_ROWS = 100
+"""Rows of a table."""
+_MOST_BYTES, _MOST_FRAMES = 300_000, 120_000
+"""Limits of a motion and of its frames [bytes]; what is larger, :meth:`Result.animate` writes."""
+_FRAME_HEIGHT = 420
+"""Of a motion [px]."""
 _WIDTH, _HEIGHT = 120, 24
-"""Of a small picture [px]; it has a point every pixel at most."""
+"""Of a small picture [px], with one point a pixel at most."""
 _ROUNDING = 1e-9
-"""What moves by less than this part of its size is still."""
+"""A signal that moves by less than this part of its size is drawn as constant."""
 
 
-def html_table(
-    title: str, rows: Sequence[Mapping[str, str]], *, curves: Sequence[str] = (), remarks: Sequence[str] = ()
-) -> str:
-    """A table.
+def html(signals: LabelledSignals) -> str:
+    """The motion, if there is one, and a table of the signals with small pictures."""
+    remarks = [f"case {case} failed: {reason}" for case, reason in islice(signals.failures.items(), _MOST_ROWS)]
+    motion, problems = _motion(signals)
+    remarks += [*problems, *(f"Warning: {text}" for text in signals.warnings)]
+    names = [] if signals.kind == "sweep" else signals.entries[:_MOST_ROWS]
+    curves = [_curve(signals.numbers(name)) for name in names]
+    return motion + _table(signals.headline, summary(signals, _MOST_ROWS, few=0), curves, remarks)
 
-    :param rows: the first names the columns.
-    :param curves: of :func:`curve`, one beside each row, or none.
-    :param remarks: lines below.
-    """
+
+def _motion(signals: LabelledSignals) -> tuple[str, list[str]]:
+    """The motion as a frame, or why it cannot be shown."""
+    if signals.scene is None:
+        return "", []
+    numbers = dict(zip(signals.names, signals.values, strict=True))
+    try:
+        page = motion_page(signals.scene, signals.time, numbers, title=signals.title, most=_MOST_FRAMES)
+    except LiaisonsError as error:
+        return "", [f"The motion cannot be shown: {error}"]
+    frame = framed(page, _FRAME_HEIGHT) if page else ""
+    if len(frame) > _MOST_BYTES:
+        return "", ["The motion is too large to be shown here; result.animate(path) writes it."]
+    return frame, []
+
+
+def _table(title: str, rows: Sequence[Mapping[str, str]], curves: Sequence[str], remarks: Sequence[str]) -> str:
+    """A table, the names of its columns from the first row, a curve beside each row, remarks below."""
     columns = [f"<th>{escape(name)}</th>" for name in (rows[0] if rows else ())]
     lines = [[f"<td>{escape(cell)}</td>" for cell in row.values()] for row in rows]
     for line, picture in zip(lines, curves, strict=False):
@@ -34,7 +64,7 @@ def html_table(
 
 
 def framed(page: bytes, height: int) -> str:
-    """A page as a part of a notebook, in a sandbox: its script runs, and sees nothing of what is around it.
+    """A page as a part of a notebook, in a sandbox: its script cannot read the notebook.
 
     :param height: of the frame [px].
     """
@@ -44,13 +74,10 @@ def framed(page: bytes, height: int) -> str:
     )
 
 
-def curve(values: NDArray[np.float64]) -> str:
-    """A small picture, of many curves the band between the lowest and the highest.
-
-    :param values: shape (points, ...); those that are not finite are left out.
-    """
+def _curve(values: NDArray[np.float64]) -> str:
+    """A small picture of values (points, ...): the band between the lowest and the highest finite ones."""
     parts = enumerate(np.array_split(values, min(len(values), _WIDTH)))
-    bands = [(x, found.min(), found.max()) for x, part in parts if (found := part[np.isfinite(part)]).size]
+    bands = [(x, finite.min(), finite.max()) for x, part in parts if (finite := part[np.isfinite(part)]).size]
     if not bands:
         return ""
     x, low, high = np.array(bands).T

@@ -119,7 +119,7 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
         starts[owners[owner]].pop(variable, None)
         starts[owners[owner]][variable] = value
     system = make(structure.name)
-    parts = {place: system.add(_name(place), fmu.path, **starts[place]) for place, fmu in fmus.items()}
+    parts = {place: system.add(_name(place), fmu.path, start_values=starts[place]) for place, fmu in fmus.items()}
     system.join(_connections(structure, parts))
     system.experiment = experiment
     return system

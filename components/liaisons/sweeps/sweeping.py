@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from liaisons.arguments import as_path, named, whole
 from liaisons.cosim import System
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import checked, owned
+from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.errors import SimulationError, SweepError
 from liaisons.logs import Warnings, logger
 from liaisons.progress import progress_bar
@@ -42,7 +43,7 @@ def sweep(
     times: ArrayLike | None = None,
     tolerance: float | None = None,
     coupling: Coupling | None = None,
-    starts: Mapping[str, float | bool | str] | None = None,
+    start_values: Mapping[str, float | bool | str] | None = None,
     record: str | Iterable[str] | None = None,
     journal: Path | str | None = None,
     retry: bool = False,
@@ -74,7 +75,7 @@ def sweep(
         ``"theta:min"``, one or several; or name -> one of these or a function of the :class:`liaisons.Result`.
     :param stop_time: end [s]; this and the next four as in :func:`liaisons.simulate`.
     :param coupling: as in :meth:`liaisons.System.simulate`.
-    :param starts: start values that all cases have in common.
+    :param start_values: start values that all cases have in common.
     :param record: signals that functions in ``keep`` can see; outputs and inputs if None.
     :param journal: a file that finished cases are written to; those in it already are not simulated again.
     :param retry: simulate again what the model has refused, too.
@@ -92,14 +93,16 @@ def sweep(
         subject,
         Cases.of(cases),
         measures(keep),
-        named("starts", {} if starts is None else starts, SweepError),
-        record,
-        start_time=start_time,
-        stop_time=stop_time,
-        step_size=step_size,
-        times=times,
-        tolerance=tolerance,
-        coupling=coupling,
+        named("start_values", {} if start_values is None else start_values, SweepError),
+        SimulationSettings(
+            start_time=start_time,
+            stop_time=stop_time,
+            step_size=step_size,
+            times=times,
+            tolerance=tolerance,
+            coupling=coupling,
+            record=record,
+        ),
     )
     shape = study.cases.count, len(study.keep)
     book = nullcontext() if journal is None else Journal(as_path("journal", journal), study.key(), *shape, retry=retry)
@@ -141,8 +144,7 @@ def _study(
     cases: Cases,
     keep: Mapping[str, Measure],
     starts: Mapping[str, float | bool | str],
-    record: str | Iterable[str] | None,
-    **settings: Any,
+    settings: SimulationSettings,
 ) -> Study:
     _check_names(cases, keep, starts)
     single = not isinstance(subject, System)
@@ -150,13 +152,13 @@ def _study(
         title, connections = Path(subject).stem, ()
         parts = {title: SystemComponent.of(title, subject, starts)}
     elif starts:
-        raise SweepError(f"{subject.name}: starts are for a single FMU; give them to add()")
+        raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
     else:
         title, parts, connections = subject.name, subject.filled(), subject.connections
     kept = [split(measure)[0] for measure in keep.values() if isinstance(measure, str)]
-    if record is None and len(kept) == len(keep):  # else a function wants to see everything
-        record = ()
-    simulation = checked(title, parts, connections, single=single, record=record, also=kept, **settings)
+    if settings.record is None and len(kept) == len(keep):  # else a function wants to see everything
+        settings = replace(settings, record=())
+    simulation = checked(title, parts, connections, settings, single=single, also=kept)
 
     def scalar(name: str) -> VariableReference:
         owner, variable = owned(title, parts, "the sweep of", name, single=single)

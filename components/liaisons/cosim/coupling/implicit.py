@@ -19,7 +19,6 @@ from liaisons.cosim.coupling.signal_history import Past, SignalHistory
 from liaisons.cosim.coupling.signals import Curve, Signals, State
 from liaisons.cosim.coupling.strong_component import StrongComponent
 from liaisons.cosim.instances import Instance
-from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS, rounding
@@ -40,9 +39,7 @@ class Coupled:
         self._times = simulation.times
         parts, feeds = simulation.parts, simulation.feeds
         places = [place for name in (SIGNALS, *parts) for place in bus.outputs(name, every=False)]
-        between = {target: source for target, source in feeds.items() if source[0] != SIGNALS}
-        groups = schedule.groups(parts, between)
-        cyclic = schedule.in_cycles(groups, between)
+        groups, cyclic = simulation.groups, simulation.cyclic
         alone = {name for name, part in parts.items() if part.left_alone and name not in cyclic}
         self.signals = signals = Signals(parts, feeds, places, alone)
         self._drives = [(drive, [signals.index[place] for place in drive.places]) for drive in simulation.drives]

@@ -75,10 +75,7 @@ def followed(  # noqa: C901 - one case after the other
     :param inside: where the integrals of functions of time stand, and how many numbers each returns, by its inputs.
     """
     parts, feeds = simulation.parts, simulation.feeds
-    between = {target: source for target, source in feeds.items() if source[0] != SIGNALS}
-    groups = schedule.groups(parts, between)
-    cyclic = schedule.in_cycles(groups, between)
-    group = {name: k for k, names in enumerate(groups) for name in names}
+    group = {name: k for k, names in enumerate(simulation.groups) for name in names}
     late = set(schedule.late_inputs(bus.order, feeds, simulation.coupling))
     effects: dict[VariableReference, list[tuple[int, int, int]]] = {}
     for (output, input_), column in gains.items():
@@ -101,10 +98,10 @@ def followed(  # noqa: C901 - one case after the other
         own = columns[source]
         places, order = curve(parts, feeds, source)
         data = [columns[place] for place in places if place in columns]
-        within = simulation.iterates and name in cyclic and group.get(source[0]) == group[name]
+        within = simulation.iterates and name in simulation.cyclic and group.get(source[0]) == group[name]
         shape: Shape = "hermite"
         straight = False
-        if (part.left_alone and name not in cyclic) or not (simulation.iterates or part.interpolates):
+        if (part.left_alone and name not in simulation.cyclic) or not (simulation.iterates or part.interpolates):
             data, order = _own(part, target, bus, own)
             shape = "newest" if part.reconstruction is None and target not in late else "taylor"
         elif straight := part.interpolates and Port(part, target[1]).curve()[0] is None:

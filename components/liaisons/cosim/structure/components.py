@@ -10,7 +10,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Literal, final, get_args
 
-from liaisons.arguments import as_path, shown
+from liaisons.arguments import as_path, settings_beside, shown
 from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.description.start_values import Value, start_values, structural_sizes
 from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
@@ -63,15 +63,16 @@ class SystemComponent:
         :param isolated: True: as long as :data:`TIME_LIMIT`.
         :raises SimulationError: if the file cannot be used here, or a start value or solver does not fit.
         """
-        limit = time_limit(f"{name}: isolated =", isolated)
         fmu = read(as_path(f"{name}: fmu", path))
-        if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
-            raise SimulationError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")
-        if solver is not None and not fmu.is_model_exchange:
-            raise SimulationError(
-                f"{name}: solver = {solver!r} is for FMUs of Model Exchange, and {fmu.path.name} has its own: "
-                "leave it out"
-            )
+        with settings_beside(fmu.variables):
+            limit = time_limit(f"{name}: isolated =", isolated)
+            if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
+                raise SimulationError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")
+            if solver is not None and not fmu.is_model_exchange:
+                raise SimulationError(
+                    f"{name}: solver = {solver!r} is for FMUs of Model Exchange, and {fmu.path.name} has its own: "
+                    "leave it out"
+                )
         if sizes := structural_sizes(name, fmu, starts):
             fmu = read(fmu.path, sizes)
         return cls(name, fmu, start_values(name, fmu, starts), limit, solver)

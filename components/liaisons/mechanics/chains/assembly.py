@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from liaisons.expressions.algebra import stack
-from liaisons.expressions.row_graphs import graph
+from liaisons.expressions.row_functions import row_function
 from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
@@ -81,7 +81,7 @@ def chain_model(component: type[Chain], n: int) -> Model:
     vectors = {name: Vector(x, shapes[name]) for name, x in (("t", t), ("y", y), ("u", u), ("k", k))}
     shown, draw = chain_picture(m, known, vectors)
     programs = _programs(found, [*steps, *to_start, *to_sizes], shapes, n)
-    functions: dict[str, Any] = {name: graph(of) for name, of in programs.items()}
+    functions: dict[str, Any] = {name: row_function(of) for name, of in programs.items()}
     at = [ca.MX.sym(name, functions["derivatives"].numel_in(i)) for i, name in enumerate("tyuk")]
     return Model(
         **described(m),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from liaisons.arguments import finite, shown
+from liaisons.arguments import finite, merged, shown
 from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
@@ -24,7 +25,7 @@ from liaisons.language import Chain, ParameterArray
 from liaisons.library import Target, component, fmu_file, fmu_path
 from liaisons.models import regulator
 from liaisons.operators.feedback import Array, multipliers
-from liaisons.operators.problems import Goal, PlanError, Reader
+from liaisons.operators.problems import Goal, GoalSymbols, PlanError
 
 After = Literal["rests", "repeats", "ends"]
 
@@ -45,7 +46,7 @@ _SAME = 1e-10
 
 @final
 @dataclass(frozen=True, eq=False)
-class Course:
+class ReferenceTrajectory:
     """A motion at its communication points; an equilibrium has one."""
 
     times: Array
@@ -65,7 +66,7 @@ class Course:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Held:
+class Controller:
     """A mechanism and the feedback that holds it, found by :func:`liaisons.hold`: w = -gains (x - x_0) once a step."""
 
     name: str  # of the component
@@ -74,7 +75,7 @@ class Held:
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
     states: tuple[str, ...]  # what is read: the mechanism's, σ where it is held, σ̇, σ̈
-    course: Course
+    course: ReferenceTrajectory
     gains: Array  # (times, moves, states); the last ones after the end
     room: Mapping[str, Array]  # for corrections, by the names of a Regulator: (moves, times)
     loop: Array  # of one step, or of the whole course, in the directions in which the states can differ
@@ -101,12 +102,18 @@ class Held:
         return self.reach.shape[1]
 
     @property
-    def multipliers(self) -> NDArray[np.complex128]:
-        """Factors of one step, or of one round, in the closed loop, greatest first; what is conserved has 1.
+    def floquet_multipliers(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the closed loop over one step or one round, greatest first; 1 for conserved quantities.
 
-        Of a plan that ends elsewhere, by how much deviations are greater at the end: singular values.
+        For a plan that ends elsewhere the singular values: factors of deviations from start to end.
         """
         return self._factors(self.loop)
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Deprecated name of :attr:`floquet_multipliers`."""
+        warnings.warn("multipliers is called floquet_multipliers", DeprecationWarning, stacklevel=2)
+        return self.floquet_multipliers
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
@@ -116,13 +123,13 @@ class Held:
     def _factors(self, matrix: Array) -> NDArray[np.complex128]:
         return multipliers(matrix) if self.returns else np.linalg.svd(matrix, compute_uv=False).astype(complex)
 
-    def system(self, **starts: float) -> System:
+    def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
         """The mechanism and one regulator FMU a coordinate, wired; communication points are those of :meth:`times`.
 
-        :param starts: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of what
-            moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``.
+        :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
+            what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._system(self.room, starts)
+        return self._system(self.room, merged(self.name, start_values, keywords, PlanError))
 
     def _system(self, room: Mapping[str, Array], starts: Mapping[str, float]) -> System:
         system = System(f"held_{self.name}")
@@ -204,16 +211,22 @@ class Held:
         return np.append(points[points < stop * (1 - 1e-12)], stop)
 
     def simulate(
-        self, stop_time: float | None = None, *, inputs: Mapping[str, Any] | None = None, **starts: float
+        self,
+        stop_time: float | None = None,
+        *,
+        inputs: Mapping[str, Any] | None = None,
+        start_values: Mapping[str, float] | None = None,
+        **keywords: float,
     ) -> Result:
         """Run :meth:`system`.
 
         :param stop_time: end [s]; unless given that of the plan, of an equilibrium twenty radians of the free motion.
         :param inputs: input of the mechanism -> function of time: a disturbance.
-        :param starts: as of :meth:`system`.
+        :param start_values: as of :meth:`system`; ``keywords`` are further ones.
         :raises PlanError: if a time or a start value is no finite number, or the end is not after the start.
         """
         given = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
+        starts = merged(self.name, start_values, keywords, PlanError)
         for name, value in starts.items():
             finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._stop if stop_time is None else stop_time
@@ -225,7 +238,7 @@ class Held:
                 self.duration,
                 stop_time,
             )
-        return self._run(self.system(**starts), stop_time, given or None)
+        return self._run(self.system(start_values=starts), stop_time, given or None)
 
     def _run(self, system: System, stop_time: float | None, inputs: Mapping[str, Any] | None = None) -> Result:
         coupling = "jacobi" if self.course.times.size == 1 else "gauss-seidel"
@@ -260,7 +273,7 @@ class Held:
         :param first: the first force tried; unless given a thousandth of one whose work is a usual energy.
         :raises PlanError: if the port is no free input, or a number is not finite and greater than 0.
         """
-        model = Reader(Goal(self.component, self.moves, {}, {}, (), (1.0, 1.0), "time", {}, self.values)).model
+        model = GoalSymbols(Goal(self.component, self.moves, {}, {}, (), (1.0, 1.0), "time", {}, self.values)).model
         moved = {f"{move}{end}" for move in self.moves for end in ("", "_dot", "_ddot")}
         ports = [v.name for v in model.inputs if v.name not in moved]
         if port not in ports:
@@ -334,7 +347,7 @@ class Held:
         measured = self.measured()
         what = "one step" if self.course.times.size == 1 else "one round" if self.returns else "the whole plan"
         error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
-        far = np.abs(self.multipliers[:, None] - self._factors(measured))
+        far = np.abs(self.floquet_multipliers[:, None] - self._factors(measured))
         apart = float(np.max(far[linear_sum_assignment(far)]))
         why = "differences of 1e-5, solver tolerance 1e-11"
         found = [
@@ -355,8 +368,8 @@ class Held:
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))
         what = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
-        rest = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        return f"<{self.name} held by {', '.join(self.moves)} every {self.step_size:g} s: {what}{radius:.6f}{rest}>"
+        kept = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
+        return f"<{self.name} held by {', '.join(self.moves)} every {self.step_size:g} s: {what}{radius:.6f}{kept}>"
 
 
 def _positive(label: str, value: object) -> None:

@@ -1,0 +1,191 @@
+"""Named signals with units, over time, over cases, or over both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.arguments import shown
+from liaisons.array_names import Shape, complete, split
+from liaisons.errors import SimulationError, UnknownSignalError, suggestion
+from liaisons.pictures import Scene
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LabelledSignals:
+    """The data of a :class:`liaisons.Result`, which has the same fields."""
+
+    title: str
+    time: NDArray[np.float64]
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    units: Mapping[str, str]
+    failures: Mapping[int, str] = field(default_factory=dict)
+    unfinished: tuple[int, ...] = ()
+    errors: NDArray[np.float64] | None = None
+    coupling_error: NDArray[np.float64] | None = None
+    compiled: bool = False
+    texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    jumping: frozenset[str] = frozenset()
+    scene: Scene | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for numbers in (self.time, self.values, self.coupling_error):
+            if numbers is not None:
+                numbers.flags.writeable = False
+        arrays = {name: self.units.get(self.element(name), "") for name in self._arrays}
+        object.__setattr__(self, "units", MappingProxyType({**self.units, **arrays}))
+        object.__setattr__(self, "failures", MappingProxyType(dict(sorted(self.failures.items()))))
+
+    @property
+    def kind(self) -> Literal["simulation", "sweep", "ensemble"]:
+        """LabelledSignals over time are a simulation, over cases a sweep, over both an ensemble."""
+        if not self.time.size:
+            return "sweep"
+        return "simulation" if self.values.ndim == 2 else "ensemble"
+
+    @property
+    def index(self) -> dict[str, NDArray[Any]]:
+        """The axes of each signal: ``"time"`` [s], ``"case"``, counted from 0, or both."""
+        axes = {"time": self.time, "case": np.arange(self.values.shape[-1])}
+        chosen = {"simulation": ["time"], "sweep": ["case"], "ensemble": ["time", "case"]}[self.kind]
+        return {axis: axes[axis] for axis in chosen}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """A signal or an array of them by its name: numbers, or strings.
+
+        :raises UnknownSignalError: with the nearest name, if there is none of this name; it is a ``KeyError``, too.
+        """
+        numbers = self.numbers(name)
+        texts = self.texts.get(self.element(name))
+        return numbers if texts is None else np.array(texts, dtype=object)[numbers.astype(int)]
+
+    @property
+    def rows(self) -> NDArray[Any]:
+        """The signals as a structured array with a field of doubles, or strings, each."""
+        rows = np.empty(self.values.shape[1:], dtype=[(name, self[name].dtype) for name in self.names])
+        for name in self.names:
+            rows[name] = self[name]
+        return rows
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """A signal or an array of them, or the default if there is none of this name."""
+        return self[name] if name in self else default  # noqa: SIM401 - it would call itself
+
+    def numbers(self, name: str) -> NDArray[np.float64]:
+        """A signal or an array of them as numbers, those of strings counting in ``texts``.
+
+        :raises UnknownSignalError: if there is none of this name.
+        """
+        return self._select(self.values, name)
+
+    def error(self, name: str) -> NDArray[np.float64]:
+        """Estimated largest error of a signal of an ensemble, shape (cases,); of a verified simulation, shape (times,).
+
+        :raises SimulationError: for an unknown name, or if there is no estimate.
+        """
+        if self.errors is None:
+            simulated = self.kind == "simulation"
+            cure = "simulate(verify=True) compares with half the step" if simulated else "leave estimate=False out"
+            raise SimulationError(f"the result of {self.title} has no error estimate; {cure}")
+        return self._select(self.errors, name)
+
+    @property
+    def unconverged(self) -> tuple[int, ...]:
+        """Cases of an ensemble, one of whose signals does not converge as the steps shrink: numbers, from 0."""
+        if self.errors is None or self.kind != "ensemble":
+            return ()
+        return tuple(np.flatnonzero(np.isinf(self.errors).any(axis=0)).tolist())
+
+    def _select(self, table: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+        """Rows of one name; the axes of an array become the last ones."""
+        if not isinstance(name, str):
+            raise UnknownSignalError(
+                f"the result of {self.title} has signals by name, {shown(name)} is none; take one by one"
+            )
+        if name in self._rows:
+            return table[self._rows[name]]
+        if name not in self._arrays:
+            raise UnknownSignalError(
+                f"the result of {self.title} has no signal {name!r}{suggestion(name, self.entries)}; what is not "
+                f"recorded by default has to be named in {'keep' if self.kind == 'sweep' else 'record'}=[...]"
+            )
+        rows, shape = self._arrays[name]
+        adjacent = rows[-1] - rows[0] + 1 == len(rows)
+        values = table[rows[0] : rows[-1] + 1] if adjacent else table[rows]
+        array = np.moveaxis(values, 0, -1).reshape(*values.shape[1:], *shape)
+        array.flags.writeable = False
+        return array
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Names, with those of whole arrays in place of their elements'."""
+        return self.grouped(0)
+
+    def grouped(self, size: int) -> tuple[str, ...]:
+        """Names, with those of arrays of more elements than this in place of their elements'."""
+        elements = {row: name for name, (rows, _) in self._arrays.items() if len(rows) > size for row in rows}
+        return tuple(dict.fromkeys(elements.get(row, name) for row, name in enumerate(self.names)))
+
+    def element(self, name: str) -> str:
+        """The first element of an array; any other name itself."""
+        return self.names[self._arrays[name][0][0]] if name in self._arrays else name
+
+    def sized(self, name: str) -> str:
+        """A name, with the shape of its array: ``"theta (10)"``."""
+        return f"{name} ({'×'.join(map(str, self._arrays[name][1]))})" if name in self._arrays else name
+
+    def label(self, name: str) -> str:
+        """A name with its shape and unit: ``"theta (10) [rad]"``."""
+        return f"{self.sized(name)} [{self.units[name]}]" if self.units[name] else self.sized(name)
+
+    @property
+    def headline(self) -> str:
+        """Title and size on one line."""
+        timed = self.kind != "sweep"
+        parts = [f"{len(self.time)} points, t = {self.time[0]:g} to {self.time[-1]:g} s"] if timed else []
+        if self.kind != "simulation":
+            without = f", {len(self.unconverged)} without convergence" if self.unconverged else ""
+            parts.append(f"{self.values.shape[-1]} cases, {len(self.failures)} failed{without}")
+        return f"Result of {self.title}: {', '.join(parts)}, {len(self.names)} signals"
+
+    def __repr__(self) -> str:
+        rest = f", and {len(self) - 8} more" if len(self) > 8 else ""
+        many, first = len(self.warnings), self.warnings[:1]
+        rest += f"; {many} warning{'s, the first' if many > 1 else ''}: {first[0]}" if first else ""
+        return f"<{self.headline}: {', '.join(map(self.label, self.entries[:8]))}{rest}>"
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and (name in self._rows or name in self._arrays)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names, as :attr:`entries`."""
+        return self.entries
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        return {name: row for row, name in enumerate(self.names)}
+
+    @cached_property
+    def _arrays(self) -> dict[str, tuple[list[int], Shape]]:
+        """Rows and shape of each array all of whose elements are recorded, in order."""
+        elements: dict[str, list[tuple[int, Shape]]] = {}
+        for name, row in self._rows.items():
+            base, index = split(name)
+            if index is not None and base not in self._rows:
+                elements.setdefault(base, []).append((row, index))
+        shapes = {base: complete([index for _, index in pairs]) for base, pairs in elements.items()}
+        return {base: ([row for row, _ in elements[base]], shape) for base, shape in shapes.items() if shape}

@@ -1,0 +1,283 @@
+"""Results as tables: CSV and Parquet files, data frames, labelled arrays, and summaries on a screen."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.errors import SimulationError
+from liaisons.files import replacing
+from liaisons.results.signals import LabelledSignals
+
+_FAILURE = "failure"
+"""The last column of a file in which there are cases."""
+_ESTIMATES = ("errors", "coupling_error")
+"""Optional columns after the signals: ``error of NAME``, one a signal, and ``coupling_error``."""
+_NOTES = ("title", "warning", "estimates")
+"""Metadata of a file: in CSV lines ``# title: a swing``, in Parquet in the metadata of the schema."""
+
+
+def write_csv(signals: LabelledSignals, path: Path) -> None:
+    """Write a CSV file.
+
+    :raises SimulationError: if it cannot be written.
+    """
+    names, (unit, *units), contents = zip(*_columns(signals), strict=True)
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerows([names, [f"# {unit}", *units]])
+        file.writelines(f"# {key}: {_escaped(text)}\n" for key, text in _notes(signals))
+        writer.writerows(zip(*(content.tolist() for content in contents), strict=True))
+
+
+def read_csv(path: Path) -> dict[str, Any]:
+    """Fields of the :class:`LabelledSignals` in a CSV file.
+
+    :raises SimulationError: if it cannot be read, or is not such a file.
+    """
+    notes: list[tuple[str, str]] = []
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            names, *rows = csv.reader(_without_notes(file, notes))
+        units = rows.pop(0) if rows and "".join(rows[0][:1]).startswith("#") else [""] * len(names)
+        units[:1] = [unit.removeprefix("# ") for unit in units[:1]]
+        columns = zip(names, units, *rows, strict=True)
+        return _fields(path.stem, notes, names, units, [content for _, _, *content in columns])
+    except OSError as error:
+        raise SimulationError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, csv.Error) as error:
+        raise SimulationError(f"{path}: not a result that to_csv has written: {error}") from None
+
+
+def write_parquet(signals: LabelledSignals, path: Path) -> None:
+    """Write a Parquet file.
+
+    :raises SimulationError: if it cannot be written, or PyArrow is missing.
+    """
+    arrow, parquet = _pyarrow(path)
+    names, units, contents = zip(*_columns(signals), strict=True)
+    arrays = [arrow.array(content) for content in contents]
+    columns = zip(names, arrays, units, strict=True)
+    fields = [arrow.field(name, array.type, metadata={"unit": unit}) for name, array, unit in columns]
+    notes = {key: text for key, text in _notes(signals) if key != "warning"}
+    notes["warnings"] = json.dumps(signals.warnings)
+    with replacing(path) as part:
+        parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields, metadata=notes)), part)
+
+
+def read_parquet(path: Path) -> dict[str, Any]:
+    """Fields of the :class:`LabelledSignals` in a Parquet file.
+
+    :raises SimulationError: if it cannot be read, or PyArrow is missing.
+    """
+    arrow, parquet = _pyarrow(path)
+    try:
+        with path.open("rb") as file:
+            table = parquet.ParquetFile(file).read()
+    except (OSError, ValueError, arrow.ArrowException) as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise SimulationError(f"{path}: cannot be read as Parquet: {reason}") from None
+    metadata = {key.decode(errors="replace"): text for key, text in (table.schema.metadata or {}).items()}
+    units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
+    try:
+        notes = [(key, metadata[key].decode()) for key in _NOTES if key in metadata]
+        notes += [("warning", str(text)) for text in json.loads(metadata.get("warnings", "[]"))]
+        return _fields(path.stem, notes, table.column_names, units, [c.to_numpy() for c in table.columns])
+    except (TypeError, ValueError) as error:
+        raise SimulationError(f"{path}: not a result that to_parquet has written: {error}") from None
+
+
+def data_frame(signals: LabelledSignals) -> Any:
+    """A ``pandas.DataFrame``, a column a signal."""
+    pandas = _optional("to_pandas", "pandas", "pandas")
+    levels = [pandas.Index(axis, name=name) for name, axis in signals.index.items()]
+    index = levels[0] if len(levels) == 1 else pandas.MultiIndex.from_product(levels)
+    frame = pandas.DataFrame({name: signals[name].ravel() for name in signals.names}, index=index)
+    about = {"title": signals.title, "units": dict(signals.units), "failures": dict(signals.failures)}
+    frame.attrs = {**about, "warnings": list(signals.warnings)}
+    return frame
+
+
+def dataset(signals: LabelledSignals) -> Any:
+    """An ``xarray.Dataset``, a variable a signal or array."""
+    xarray = _optional("to_xarray", "xarray", "xarray")
+    index = signals.index
+    data = xarray.Dataset(coords=index, attrs={"title": signals.title, "warnings": list(signals.warnings)})
+    if "time" in index:
+        data["time"].attrs["units"] = "s"
+    for name in signals:
+        if name not in index:  # an FMU may record the time
+            lengths = signals[name].shape[len(index) :]
+            axes = [f"{letter}_{length}" for letter, length in zip("ijklmn", lengths, strict=False)]
+            data[name] = ([*index, *axes], signals[name], {"units": signals.units[name]})
+    if "case" in index:
+        data.coords[_FAILURE] = ("case", _reasons(signals, index["case"]))
+    return data
+
+
+def summary(signals: LabelledSignals, most: int | None, few: int) -> list[dict[str, str]]:
+    """Rows of a table: start, end and extrema of each signal; of a sweep, its cases.
+
+    :param most: number of rows; None: all.
+    :param few: arrays of no more elements than this have a row for each.
+    """
+    if signals.kind != "sweep":
+        return [_extent(signals, name) for name in signals.grouped(few)[:most]]
+    names = [signals.label(name) for name in signals.names]
+    cases = signals.values.T[:most].tolist()
+    return [dict(zip(names, (f"{value:.6g}" for value in case), strict=True)) for case in cases]
+
+
+def _extent(signals: LabelledSignals, name: str) -> dict[str, str]:
+    values = signals[name]
+    numeric = values.dtype != object
+
+    def texts(numbers: Iterable[Any]) -> list[str]:
+        return [f"{number:.6g}" if numeric else number for number in numbers]
+
+    start, end = texts(values[[0, -1]]) if values.ndim == 1 else ("", "")
+    unit = (signals.units[name] if numeric else "") or "-"
+    row = {"signal": signals.sized(name), "unit": unit, "start": start, "end": end}
+    valid = np.delete(values, list(signals.failures), axis=1) if signals.failures else values
+    smallest, largest = texts([np.min(valid), np.max(valid)]) if numeric and valid.size else ("", "")
+    row |= {"smallest": smallest, "largest": largest}
+    if numeric and signals.errors is not None and signals.kind == "simulation":
+        row["half the step"] = f"{np.max(np.abs(signals.error(name))):.1e}"
+    return row
+
+
+def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]]:
+    """Name, unit and content of the columns of a file: a row a point, a case, or a case at a point."""
+    index = signals.index
+    axes = dict(zip(index, map(np.ravel, np.meshgrid(*index.values(), indexing="ij")), strict=True))
+    if signals.kind != "sweep":  # whose cases are numbered by their rows
+        yield from ((name, "s" if name == "time" else "", axis) for name, axis in axes.items())
+    yield from ((name, signals.units[name], signals[name].ravel()) for name in signals.names)
+    if signals.errors is not None:
+        shape = signals.values.shape[1:]
+        for name, errors in zip(signals.names, signals.errors, strict=True):
+            yield f"error of {name}", signals.units[name], np.broadcast_to(errors, shape).ravel()
+    if signals.coupling_error is not None:
+        yield "coupling_error", "", signals.coupling_error
+    if "case" in axes:
+        yield _FAILURE, "", _reasons(signals, axes["case"])
+
+
+def _notes(signals: LabelledSignals) -> list[tuple[str, str]]:
+    """Metadata of the file, by :data:`_NOTES`."""
+    estimates = [name for name in _ESTIMATES if getattr(signals, name) is not None]
+    notes = [("title", signals.title), *(("warning", text) for text in signals.warnings)]
+    return [*notes, *([("estimates", ", ".join(estimates))] if estimates else [])]
+
+
+def _reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:
+    """Why each of these cases has failed, empty if it has not."""
+    return np.array([signals.failures.get(case, "") for case in cases.tolist()], dtype=object)
+
+
+def _fields(
+    title: str,
+    notes: Sequence[tuple[str, str]],
+    names: Sequence[str],
+    units: Sequence[str],
+    contents: Sequence[Sequence[Any]],
+) -> dict[str, Any]:
+    """Fields of :class:`LabelledSignals`, from its columns and notes.
+
+    :param title: unless the notes have one.
+    :raises ValueError: if they are none, with the reason.
+    """
+    noted = dict(notes)
+    first = 1 if names[-1:] != [_FAILURE] else 2 if names[:2] == ["time", "case"] else int(names[0] == "time")
+    end = len(names) - (first != 1)  # of results over time alone, any name may be a signal's
+    last, last_error = _ends(noted.get("estimates", ""), first, end)
+    texts, rows = {}, [*contents[:end]]
+    for column, name in enumerate(names[first:last], start=first):
+        if not units[column] and len(rows[column]) and not any(map(_is_number, rows[column])):
+            strings, indices = np.unique(np.array(rows[column], dtype=str), return_inverse=True)
+            texts[name], rows[column] = tuple(strings.tolist()), indices.tolist()
+    numbers = np.array(rows, dtype=float)
+    if len(set(names[:last])) < last or not numbers.size:
+        raise ValueError("it has a name twice, or no numbers")
+    time, values = numbers[0].copy() if first else np.empty(0), numbers[first:]
+    if first == 2:
+        time = np.unique(time)
+        values = values.reshape(len(values), len(time), -1)
+    failures = [] if first == 1 else contents[end][: values.shape[-1]]
+    values, errors, coupling_error = np.split(values, [last - first, last_error - first])
+    if first == 2:
+        errors = errors[:, 0]  # of a case, the same at all times
+    return {
+        "title": noted.get("title", title),
+        "time": time,
+        "names": tuple(names[first:last]),
+        "values": np.ascontiguousarray(values),
+        "units": dict(zip(names[first:last], units[first:last], strict=True)),
+        "failures": {case: reason for case, reason in enumerate(failures) if reason},
+        "texts": texts,
+        "jumping": frozenset(texts),
+        "errors": np.ascontiguousarray(errors) if len(errors) else None,
+        "coupling_error": coupling_error[0].copy() if len(coupling_error) else None,
+        "warnings": tuple(text for key, text in notes if key == "warning"),
+    }
+
+
+def _ends(estimates: str, first: int, end: int) -> tuple[int, int]:
+    """Columns at which signals end and at which their errors end, in a file with these estimates.
+
+    :param first: column of the first signal.
+    :param end: column after the last number.
+    :raises ValueError: if there are not that many columns.
+    """
+    named = estimates.split(", ")
+    last_error = end - ("coupling_error" in named)
+    count, odd = divmod(last_error - first, 2 if "errors" in named else 1)
+    if odd or count < 0:
+        raise ValueError(f"it has no column for each of its estimates ({estimates})")
+    return first + count, last_error
+
+
+def _escaped(text: str) -> str:
+    """A text on one line, without quotes, which other readers of CSV would take for the start of a cell."""
+    return json.dumps(text, ensure_ascii=False)[1:-1].replace('\\"', "\\u0022")
+
+
+def _without_notes(lines: Iterable[str], notes: list[tuple[str, str]]) -> Iterator[str]:
+    """The lines of a CSV file except its metadata, which are added to the notes."""
+    for line in lines:
+        key, colon, text = line.rstrip("\r\n").partition(": ")
+        if not (colon and key.startswith("# ") and key[2:] in _NOTES):
+            yield line
+            continue
+        try:
+            notes.append((key[2:], json.loads(f'"{text}"')))
+        except ValueError:  # written by hand
+            notes.append((key[2:], text))
+
+
+def _is_number(content: Any) -> bool:
+    try:
+        float(content)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _optional(purpose: str, package: str, extra: str, module: str = "") -> Any:
+    """An optional package, or a module of it."""
+    try:
+        return import_module(f"{package.lower()}{module}")
+    except ImportError:
+        raise SimulationError(f"{purpose} needs {package}; pip install 'liaisons[{extra}]'") from None
+
+
+def _pyarrow(path: Path) -> tuple[Any, Any]:
+    names = f"{path}: Parquet", "PyArrow", "parquet"
+    return _optional(*names), _optional(*names, ".parquet")
