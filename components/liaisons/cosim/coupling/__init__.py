@@ -1,8 +1,8 @@
 """Implicit and waveform coupling: inputs follow polynomials within a step, and cycles repeat it until it converges.
 
-Explicit coupling (:mod:`liaisons.cosim.structure.schedule`) sets inputs to outputs from before a step.  Here the outputs
-at its end are unknowns x that solve x = F(x), where F restores the states of all FMUs at the start of the step, gives
-them polynomials through both ends for their inputs, steps them, and reads their outputs.
+Explicit coupling (:mod:`liaisons.cosim.structure.schedule`) sets inputs to outputs from before a step.  Here the
+outputs at its end are unknowns x that solve x = F(x), where F restores the states of all FMUs at the start of the
+step, gives them polynomials through both ends for their inputs, steps them, and reads their outputs.
 
 * ``"waveform"``: x := F(x), one FMU after the other (Picard iteration; Lelarasmee, Ruehli and
   Sangiovanni-Vincentelli 1982).  It contracts where forces react little on accelerations: for two masses in one line,

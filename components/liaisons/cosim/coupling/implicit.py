@@ -40,7 +40,7 @@ class Coupled:
         parts, feeds = simulation.parts, simulation.feeds
         places = [place for name in (SIGNALS, *parts) for place in bus.outputs(name, every=False)]
         groups, cyclic = simulation.groups, simulation.cyclic
-        alone = {name for name, part in parts.items() if part.left_alone and name not in cyclic}
+        alone = {name for name, part in parts.items() if part.approximation.is_prescribed and name not in cyclic}
         self.signals = signals = Signals(parts, feeds, places, alone)
         self._drives = [(drive, [signals.index[place] for place in drive.places]) for drive in simulation.drives]
         self._slopes = [signals.slope(drive.places[2]) if len(drive.places) == 3 else -1 for drive, _ in self._drives]

@@ -17,7 +17,7 @@ from liaisons.cosim.coupling.records import AS_SET, MEAN, POLYNOMIAL, NodeRecord
 from liaisons.cosim.coupling.records import ASKED as AT_INSTANTS
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
 from liaisons.cosim.instances.protocol import ASKED, Instance
-from liaisons.cosim.structure.components import Port, SystemComponent, Way
+from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.schedule import Depends, VariableReference
 
 _TIMES = np.arange(1, ASKED + 1) / ASKED
@@ -63,7 +63,7 @@ class Node:
         self.slopes = slice(signals.count + first, signals.count + first + len(outputs))
         self.sloped = bool(outputs) and self.name in signals.sloped
 
-        self._way: Way | None = None if alone else part.way
+        self._interface = None if alone else part.approximation.interface
         self._roots: Indices = np.array([signals.root(input_, cycle) for input_ in inputs], dtype=np.intp)
         self._set_values, buffer = _buffer(len(inputs), bus.buffer(inputs) if inputs else None)
         self._put: list[Call] = [instance.setter(self.inputs, buffer)] if inputs else []
@@ -75,7 +75,7 @@ class Node:
         self.gains: dict[
             tuple[VariableReference, VariableReference], int
         ] = {}  # output and input -> where the derivative is on the bus
-        put = [] if self._way == "interpolate" else self._put
+        put = [] if self._interface == "end value" else self._put
         move = [*self._reconstruct_inputs(), instance.stepper(bus.start, bus.size)]
         self._step: list[Call] = [*move, *put, *self._get, *read_slopes]
         self._repeated = bool(cycle)
@@ -89,17 +89,17 @@ class Node:
     def _reconstruct_inputs(self) -> list[Call]:
         """Calls before a step that say how inputs move within it, by the numbers in ``_shape``."""
         self._reconstruction, self._polynomials, self._shape = AS_SET, None, np.empty(0)
-        if self._way is None:
+        if self._interface is None:
             return []
-        if not self.inputs or self._way == "interpolate":
+        if not self.inputs or self._interface == "end value":
             return self._put
-        if self._way == "mean":
+        if self._interface == "mean value":
             self._reconstruction = MEAN
             self._shape, buffer = _buffer(len(self.inputs))
             return [self._instance.setter(self.inputs, buffer)]
-        highest = HIGHEST if self.part.takes_curves else 1
+        highest = HIGHEST if self.part.approximation.takes_every_order else 1
         self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
-        if self._way == "asked":
+        if self._interface == "intermediate update":
             self._reconstruction, self._shape = AT_INSTANTS, np.empty((ASKED, len(self.inputs)))
             return [self._instance.intermediate_update(self.inputs, self._shape)]
         self._reconstruction = POLYNOMIAL
@@ -115,7 +115,7 @@ class Node:
         read = self._instance.output_derivatives(self.outputs, [1] * len(self.outputs), buffer)
         if not self.inputs:
             return [read]
-        if self._way == "asked":
+        if self._interface == "intermediate update":
             return [read, self._along_inputs()]
         self._rate_values, set_rates = self._set_input_derivatives([(k, 1) for k in range(len(self.inputs))])
         return [set_rates, read]
@@ -128,7 +128,7 @@ class Node:
         self._rate_values, seed = _buffer(len(self.inputs))
         part, values = _buffer(len(self.outputs))
         curves = (Port(self.part, variable.name).curve() for variable in self.inputs)
-        holds = self.part.reconstruction == 0
+        holds = self.part.approximation.method == 0
         unknown = np.array([holds or triple is None or order == 2 for triple, order in curves])
         derive = self._instance.directional(self.outputs, self.inputs, seed, values)
 
@@ -149,11 +149,11 @@ class Node:
     @property
     def order(self) -> int:
         """Order of the error in H that the motion of its inputs within a step leads to."""
-        if self._way is None:
+        if self._interface is None:
             return 1
-        if self._way == "interpolate":  # by itself: triples quintic, others linear
+        if self._interface == "end value":  # by itself: triples quintic, others linear
             return min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
-        if self._way in {"polynomial", "asked"} and self.part.takes_curves:
+        if self._interface != "mean value" and self.part.approximation.takes_every_order:
             return min((2 * len(curve.data) for curve in self.curves), default=6)
         return 2 if self.inputs else 6
 

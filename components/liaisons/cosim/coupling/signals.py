@@ -157,7 +157,7 @@ class Signals:
             self.sloped = frozenset(found)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
-                told = self._parts[name].is_told and name not in self._alone
+                told = self._parts[name].approximation.takes_polynomials and name not in self._alone
                 if name in found and not (told and self._rate(source) != self.zero):
                     found.discard(name)
             if len(found) == len(self.sloped):
