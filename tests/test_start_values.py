@@ -84,9 +84,11 @@ def test_one_fmu_takes_the_settings_of_a_system(fmu: Callable[..., Any], monkeyp
     assert titles == ["Pendulum"]
     system = System("one")
     system.add("swing", path, theta_0=0.2, length=operator(fmu(Ramp, "python"), offset=1.0))
-    moved = simulate(path, theta_0=0.2, length=operator(fmu(Ramp, "python"), offset=1.0), coupling="jacobi", **SPAN)
-    assert np.array_equal(moved["theta"], system.simulate(coupling="jacobi", **SPAN)["swing.theta"])
+    choices: list[dict[str, Any]] = [{"coupling": "jacobi"}, {"error_tolerance": 1e-7, "tolerance": 1e-9}]
+    for chosen in choices:
+        moved = simulate(path, theta_0=0.2, length=operator(fmu(Ramp, "python"), offset=1.0), **chosen, **SPAN)
+        whole = system.simulate(**chosen, **SPAN)
+        assert np.array_equal(moved.time, whole.time)
+        assert np.array_equal(moved["theta"], whole["swing.theta"])
     with pytest.raises(LiaisonsError, match="coupling = 'x': choose one of"):
         simulate(path, coupling="x", **SPAN)  # pyright: ignore[reportArgumentType]
-    with pytest.raises(LiaisonsError, match="error_tolerance needs steps that are taken back"):
-        simulate(path, error_tolerance=1e-6, **SPAN)

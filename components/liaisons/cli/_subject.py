@@ -106,7 +106,11 @@ def _refuse_twice(system: System, starts: Iterable[str], driven: Given, *, singl
 
 def mismatches(fmu: Fmu) -> list[str]:
     """Local variables that say how far σ, σ̇ and σ̈ of the inputs contradict each other; none in other tools' FMUs."""
-    inputs = {split(name)[0] for name in fmu.reals("input")}
-    found = [(name, split(name)[0]) for name in fmu.reals("local")]
-    triples = {base: {base.removesuffix(MISMATCH) + rate for rate in ("", "_dot", "_ddot")} for _, base in found}
-    return [name for name, base in found if base.endswith(MISMATCH) and triples[base] <= inputs]
+    inputs = {name for port in fmu.reals("input") for name in (port, split(port)[0])}
+    found: list[str] = []
+    for name in fmu.reals("local"):
+        base, _ = split(name)
+        value = f"{base.removesuffix(MISMATCH)}{name[len(base) :]}"
+        if base.endswith(MISMATCH) and value in inputs and fmu.terminals.port(value):
+            found.append(name)
+    return found

@@ -13,7 +13,7 @@ from liaisons.arguments import shown
 from liaisons.array_names import offset, split
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.variables import Array, Scalar, VariableType
-from liaisons.errors import SimulationError, suggestion
+from liaisons.errors import InvalidValueError, SimulationError, suggestion
 
 Start = float | int | bool | str
 Value = Start | tuple[Start, ...]
@@ -39,7 +39,7 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
         value = _scalar_value(owner, fmu, name, given)
         variable = fmu.variables[name]
         if variable.structural and variable.type == "Integer" and value != int(variable.start or 0):
-            raise SimulationError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
+            raise InvalidValueError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
         base, index = split(name)
         entry = fmu.variables.entries.get(base)
         if index is None or not isinstance(entry, Array) or not (entry.whole or base in values):
@@ -82,7 +82,7 @@ def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> list[Start]:
         return [_converted(label, entry.like, elements.item())] * entry.size
     if elements.shape != entry.shape:
         received = "×".join(map(str, elements.shape))
-        raise SimulationError(
+        raise InvalidValueError(
             f"{label}: {received} values, but the array has {'×'.join(map(str, entry.shape))}; give one an element, "
             "or one number for all"
         )
@@ -108,7 +108,7 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
         return
     settable = [n for n, entry in fmu.variables.entries.items() if entry.like.settable]
     why = "is fixed" if variable.structural else "is calculated"
-    raise SimulationError(
+    raise InvalidValueError(
         f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"
         f"{suggestion(name, settable)}"
     )
@@ -117,16 +117,16 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
 def _converted(label: str, variable: Scalar, value: Any) -> Start:
     kind = variable.type
     if kind not in _TAKES:
-        raise SimulationError(f"{label}: {kind} variables cannot be set here")
+        raise InvalidValueError(f"{label}: {kind} variables cannot be set here")
     takes, convert, words = _TAKES[kind]
     if not isinstance(value, takes) or (isinstance(value, bool) and takes is not bool):
-        raise SimulationError(f"{label}: expected {words}, got {type(value).__name__}")
+        raise InvalidValueError(f"{label}: expected {words}, got {type(value).__name__}")
     if kind == "Real" and not math.isfinite(value):
-        raise SimulationError(f"{label}: expected a finite number")
+        raise InvalidValueError(f"{label}: expected a finite number")
     if takes is numbers.Integral:
         least, most = RANGES[variable.base]
         if not least <= value <= most:
-            raise SimulationError(f"{label}: outside {variable.base}, {least} to {most}")
+            raise InvalidValueError(f"{label}: outside {variable.base}, {least} to {most}")
     return convert(value)
 
 

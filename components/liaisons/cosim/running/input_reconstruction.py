@@ -143,10 +143,10 @@ def _extrapolated(part: SystemComponent, target: VariableReference, bus: Bus, ow
 
 def _acceleration(part: SystemComponent, name: str) -> tuple[Port, Port] | None:
     """Rate and value, if this is an acceleration that the FMU gives."""
-    if "_ddot" not in name or part.fmu.variables[name].causality != "output":
-        return None
     triple, order = Port(part, name).curve()
-    return (triple[1], triple[0]) if triple is not None and order == 2 else None
+    if triple is None or order != 2 or part.fmu.variables[name].causality != "output":
+        return None
+    return triple[1], triple[0]
 
 
 def _name(source: VariableReference) -> str:

@@ -263,6 +263,7 @@ class Run:
             simulation.units,
             texts={names[row]: words for row in strings},
             jumping=simulation.jumping,
+            ports=simulation.ports,
             coupling_error=self._error,
             scene=simulation.scene,
             warnings=simulation.warnings,

@@ -13,8 +13,9 @@ from typing import Literal, final, get_args
 from liaisons.arguments import as_path, settings_beside, shown
 from liaisons.cosim.description.fmu import Fmu, read
 from liaisons.cosim.description.start_values import Value, start_values, structural_sizes
+from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import NUMBERS, RECORDED, Scalar, VariableType
-from liaisons.errors import ConnectError, SimulationError
+from liaisons.errors import ConnectError, InvalidValueError, SimulationError
 from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
@@ -110,9 +111,9 @@ class SystemComponent:
         with settings_beside(fmu.variables):
             limit = time_limit(f"{name}: isolated =", isolated)
             if solver is not None and (not isinstance(solver, str) or solver not in get_args(Solver)):
-                raise SimulationError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")
+                raise InvalidValueError(f"{name}: solver = {shown(solver)}: give 'cvode', or leave it out")
             if solver is not None and not fmu.is_model_exchange:
-                raise SimulationError(
+                raise InvalidValueError(
                     f"{name}: solver = {solver!r} is for FMUs of Model Exchange, and {fmu.path.name} has its own: "
                     "leave it out"
                 )
@@ -121,17 +122,25 @@ class SystemComponent:
         return cls(name, fmu, start_values(name, fmu, starts), limit, solver)
 
     def __getitem__(self, name: str) -> Port:
-        """A variable, an array, the port of that name, or a named point (``"bob"`` for ``bob_x`` and ``bob_z``).
+        """The variable, array or terminal of a name, for example the point ``"bob"`` of ``bob_x`` and ``bob_z``.
+
+        A port that is called otherwise than its value is that value.
 
         :raises ConnectError: with the nearest name, if there is nothing of that name.
         """
         if not isinstance(name, str):
             raise ConnectError(f"{self.name}: ports go by name, {shown(name)} is none")
         port = Port(self, name)
-        if not port.exists and not port.axes():
-            points = {other[:-2] for other in self.fmu.variables.entries if other.endswith(("_x", "_y", "_z"))}
-            raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *points)}")
-        return port
+        if port.exists:
+            return port
+        if port.terminal is None:
+            raise ConnectError(f"{self.name}: {self.fmu.unknown(name, *self.fmu.terminals.named)}")
+        return port.leading
+
+    def value_of(self, name: str) -> str:
+        """The variable of this name; of a port that is called otherwise, its value."""
+        port = Port(self, name)
+        return name if port.exists else port.leading.name
 
     @property
     def carried(self) -> frozenset[VariableType]:
@@ -227,37 +236,32 @@ class Port:
         """The scalars of an array; of a scalar, itself."""
         return [Port(self.part, name) for name in self.part.fmu.elements(self.name)]
 
-    def beside(self, suffix: str) -> Port | None:
-        """The port whose name has this suffix more, before the index if there is one; None if there is none.
+    @property
+    def terminal(self) -> TerminalDescription | None:
+        """The port that a variable is a member of, or the terminal of this name; None if there is none."""
+        terminals = self.part.fmu.terminals
+        return terminals.port(self.name) if self.exists else terminals.get(self.name)
 
-        ``theta[3]`` with ``_dot`` is ``theta_dot[3]``.
-        """
-        base, index = _split(self.name)
-        port = Port(self.part, f"{base}{suffix}{index}")
-        return port if port.exists else None
+    @property
+    def leading(self) -> Port:
+        """The value of the port that this is or belongs to; of all else, itself."""
+        motion = self.terminal and self.terminal.motion
+        return Port(self.part, motion[0]) if motion else self
 
-    def without(self, suffix: str) -> Port | None:
-        """The port whose name has this suffix less; None if there is none."""
-        base, index = _split(self.name)
-        port = Port(self.part, f"{base.removesuffix(suffix)}{index}")
-        return port if base.endswith(suffix) and port.exists else None
+    @property
+    def force(self) -> str | None:
+        """Name of the force of the port that this is a member of; None if there is none."""
+        return self.terminal and self.terminal.force
 
     def triple(self) -> tuple[Port, Port, Port] | None:
-        """Value, rate and acceleration, where all three exist and are real inputs or real outputs; else None."""
-        return self._named(_triple(self.part.fmu, self.name))
+        """Value, rate and acceleration, if this is the value of a port; else None."""
+        triple, order = self.curve()
+        return triple if order == 0 else None
 
     def curve(self) -> tuple[tuple[Port, Port, Port] | None, int]:
-        """The port that this is a part of, and as which derivative of it; (None, 0) if of none."""
+        """Value, rate and acceleration of a port, and which of them this is; (None, 0) if none."""
         names, order = _curve(self.part.fmu, self.name)
-        return self._named(names), order
-
-    def _named(self, names: Triple | None) -> tuple[Port, Port, Port] | None:
-        return names and (Port(self.part, names[0]), Port(self.part, names[1]), Port(self.part, names[2]))
-
-    def axes(self) -> dict[str, Port]:
-        """The components of the point of this name that are ports."""
-        ports = {axis: self.beside(f"_{axis}") for axis in "xyz"}
-        return {axis: port for axis, port in ports.items() if port is not None and port.triple() is not None}
+        return names and (Port(self.part, names[0]), Port(self.part, names[1]), Port(self.part, names[2])), order
 
     def __str__(self) -> str:
         return f"{self.part.name}.{self.name}"
@@ -271,30 +275,12 @@ def time_limit(what: str, isolated: object) -> float:
     """
     seconds = TIME_LIMIT if isolated is True else float(isolated) if isinstance(isolated, Real) else math.nan
     if not 0 <= seconds < math.inf:
-        raise SimulationError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
+        raise InvalidValueError(f"{what} {shown(isolated)}: give True, or the seconds that a call may take")
     return seconds
 
 
-def _split(name: str) -> tuple[str, str]:
-    base, bracket, index = name.partition("[") if name.endswith("]") else (name, "", "")
-    return base, f"{bracket}{index}"
-
-
 @lru_cache(maxsize=4096)  # of one file there may be thousands of instances
-def _triple(fmu: Fmu, name: str) -> Triple | None:
-    base, index = _split(name)
-    names = name, f"{base}_dot{index}", f"{base}_ddot{index}"
-    if not all(other in fmu.variables for other in names):
-        return None
-    kinds = {(fmu.variables[other].type, fmu.variables[other].causality) for other in names}
-    return names if kinds in ({("Real", "input")}, {("Real", "output")}) else None
-
-
-@lru_cache(maxsize=4096)
 def _curve(fmu: Fmu, name: str) -> tuple[Triple | None, int]:
-    base, index = _split(name)
-    for order, suffix in enumerate(("", "_dot", "_ddot")):
-        triple = _triple(fmu, f"{base.removesuffix(suffix)}{index}") if base.endswith(suffix) else None
-        if triple is not None:
-            return triple, order
-    return None, 0
+    port = fmu.terminals.port(name) if name in fmu.variables else None
+    motion = port and port.motion
+    return (motion, motion.index(name)) if motion and name in motion else (None, 0)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import finite, listed, named, numbers
+from liaisons.array_names import split
 from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.model_description import SAME, Conversion
 from liaisons.cosim.structure import checks
@@ -21,8 +22,9 @@ from liaisons.cosim.structure.memory import check_memory
 from liaisons.cosim.structure.scenes import FmuScene
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
-from liaisons.errors import SimulationError, suggestion
+from liaisons.errors import InvalidValueError, SimulationError, suggestion
 from liaisons.logs import collected_warnings
+from liaisons.port_names import PortNames
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""
@@ -95,6 +97,17 @@ class Simulation:
         return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
 
     @property
+    def ports(self) -> dict[str, PortNames]:
+        """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
+        found: dict[str, PortNames] = {}
+        for recorded, (part, variable) in self.recorded.items():
+            for name, value in ((recorded, variable), (split(recorded)[0], split(variable)[0])):
+                if names := self.parts[part].fmu.terminals.renamed.get(value):
+                    prefix = name.removesuffix(value)
+                    found[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
+        return found
+
+    @property
     def scene(self) -> FmuScene:
         """What it looks like."""
         prefix = {part: name.removesuffix(variable) for name, (part, variable) in self.recorded.items()}
@@ -156,7 +169,7 @@ def checked(
     elif settings.times is None:
         points = first_points(start_time, stop_time, step_size)
     else:
-        raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
+        raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
     functions = named("inputs", {} if settings.inputs is None else settings.inputs)
     driving = drives(
         {owned(title, parts, "input", name, single=single): function for name, function in functions.items()},
@@ -167,7 +180,7 @@ def checked(
         if value is not None:
             finite(name, value)
             if value <= 0:
-                raise SimulationError(f"{name} = {value!r}: must be > 0")
+                raise InvalidValueError(f"{name} = {value!r}: must be > 0")
     graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
         chosen = checks.coupling(graph, settings.coupling)
@@ -221,7 +234,7 @@ def _span(
         finite("start_time", start)
         step = (stop - start) / _POINTS
     if single and (stop is None or step is None):
-        raise SimulationError(f"{title}.fmu has no default {'stop_time' if stop is None else 'step_size'}: give one")
+        raise InvalidValueError(f"{title}.fmu has no default {'stop_time' if stop is None else 'step_size'}: give one")
     return start, stop, step
 
 
@@ -292,26 +305,26 @@ def first_points(start_time: float, stop_time: float | None, step_size: float | 
 
 def _finite_span(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
     if stop_time is None or step_size is None:
-        raise SimulationError("give stop_time and step_size, or the communication points themselves as times")
+        raise InvalidValueError("give stop_time and step_size, or the communication points themselves as times")
     for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
         finite(name, value)
     if step_size <= 0:
-        raise SimulationError(f"step_size = {step_size!r}: must be > 0")
+        raise InvalidValueError(f"step_size = {step_size!r}: must be > 0")
     if stop_time <= start_time:
-        raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
+        raise InvalidValueError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
     if stop_time - step_size == stop_time or start_time + step_size == start_time:
-        raise SimulationError(f"step_size = {step_size!r}: smaller than the rounding of times up to {stop_time!r} s")
+        raise InvalidValueError(f"step_size = {step_size!r}: smaller than the rounding of times up to {stop_time!r} s")
     return stop_time, step_size
 
 
 def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
     if (stop_time, step_size) != (None, None) or start_time != 0.0:
-        raise SimulationError("times are the communication points; leave out start_time, stop_time and step_size")
+        raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
     points = numbers("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
-        raise SimulationError(f"times of shape {points.shape}: give two finite numbers at least")
+        raise InvalidValueError(f"times of shape {points.shape}: give two finite numbers at least")
     late = np.flatnonzero(np.diff(points) <= 0)
     if late.size:
         here, before = float(points[late[0] + 1]), float(points[late[0]])
-        raise SimulationError(f"times[{late[0] + 1}] = {here!r}: must be greater than {before!r}, the one before")
+        raise InvalidValueError(f"times[{late[0] + 1}] = {here!r}: must be greater than {before!r}, the one before")
     return points.tolist()
