@@ -123,8 +123,8 @@ def _component(
     elements = [name for name, v in variables.items() if v.causality == "output" and split(name)[1] is not None]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
     later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in before}
-    chooses = part.reconstruction is not None and not later and not (fed and part.left_alone)
-    mode = _INTERPOLATE if chooses else part.reconstruction
+    chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
+    mode = _INTERPOLATE if chooses else part.approximation.method
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
     needed = {*hidden, *part.starts, *(name for name, *_ in free)}  # beside what is read or has a slider
     listed = [_variable(v, part, read=name in read, hidden=name in hidden) for name, v in variables.items()]

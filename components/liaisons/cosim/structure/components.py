@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from numbers import Real
 from pathlib import Path
 from typing import Literal, final, get_args
@@ -27,8 +27,51 @@ Triple = tuple[str, str, str]
 Solver = Literal["cvode"]
 """Solver of a Model Exchange FMU; None: DOP853, and an implicit one once its equations turn out to be stiff."""
 
-Way = Literal["polynomial", "asked", "interpolate", "mean"]
-"""How inputs move within a step: by derivatives set before it or on request, by interpolation, or not at all."""
+InputInterface = Literal["derivatives", "intermediate update", "end value", "mean value"]
+"""What an FMU takes for the values of an input within a step: derivatives at its start, values at instants inside, the
+value at its end, from which it interpolates, or one value for the whole step."""
+
+
+@final
+@dataclass(frozen=True)
+class InputApproximation:
+    """How an FMU approximates its inputs within a communication step.
+
+    :param method: 0 hold, 1 extrapolate, 2 interpolate; None if the coupling decides: for FMUs of other tools and in
+        Model Exchange.
+    :param is_prescribed: the user has said that inputs hold or extrapolate, without values from the end of a step.
+    :param takes_every_order: derivatives of inputs of every order are taken, not the first one only.
+    """
+
+    method: int | None
+    is_prescribed: bool
+    interface: InputInterface
+    takes_every_order: bool
+
+    @property
+    def interpolates(self) -> bool:
+        """Whether inputs that are set before a step are those at its end."""
+        return self.interface == "end value"
+
+    @property
+    def samples(self) -> bool:
+        """Whether the user has said that inputs hold: the values depend on where communication points are."""
+        return self.is_prescribed and self.method == 0
+
+    @property
+    def takes_polynomials(self) -> bool:
+        """Whether it can be given polynomials, so that derivatives of its outputs are right."""
+        return self.interface in {"derivatives", "intermediate update"}
+
+    @property
+    def follows_polynomials(self) -> bool:
+        """Whether it follows polynomials of every order, and the user has not said otherwise."""
+        return self.takes_polynomials and self.takes_every_order and not self.is_prescribed
+
+    @property
+    def needs_newest_inputs(self) -> bool:
+        """Whether inputs are to be set to the newest values before a step: it interpolates, or is of another tool."""
+        return self.method in {None, 2}
 
 
 @final
@@ -127,69 +170,26 @@ class SystemComponent:
             raise SimulationError(f"{self.name}: {self.fmu.unknown(name)}")
         return self.fmu.variables[name]
 
-    @property
-    def reconstruction(self) -> int | None:
-        """How its inputs move within a step: 0 hold, 1 extrapolate, 2 interpolate; None if it is foreign.
+    @cached_property
+    def approximation(self) -> InputApproximation:
+        """How it approximates its inputs within a communication step."""
+        fmu, method = self.fmu, self._input_reconstruction()
+        interface: InputInterface = "derivatives" if fmu.input_derivatives else "mean value"
+        if method == 2:
+            interface = "end value"
+        elif method is not None and fmu.inside_inputs:  # FMUs of other tools may claim it without ever asking
+            interface = "intermediate update"
+        is_prescribed = INPUT_RECONSTRUCTION in self.starts and method in {0, 1}
+        return InputApproximation(method, is_prescribed, interface, method is not None or fmu.is_model_exchange)
 
-        None in Model Exchange, too: there the solver decides.
-        """
+    def _input_reconstruction(self) -> int | None:
         variable = self.fmu.variables.get(INPUT_RECONSTRUCTION)
         if variable is None or variable.type != "Integer" or self.fmu.is_model_exchange:
             return None
         try:
             return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
-        except ValueError:  # a foreign FMU with a parameter of this name
+        except ValueError:  # not one of ours after all
             return None
-
-    @property
-    def interpolates(self) -> bool:
-        """Whether inputs set before a step are those at its end."""
-        return self.reconstruction == 2
-
-    @property
-    def left_alone(self) -> bool:
-        """Whether the user has chosen that its inputs hold or extrapolate."""
-        return INPUT_RECONSTRUCTION in self.starts and self.reconstruction in {0, 1}
-
-    @property
-    def samples(self) -> bool:
-        """Whether the user has chosen that its inputs hold, so that results depend on the communication points."""
-        return self.left_alone and self.reconstruction == 0
-
-    @property
-    def requests_intermediate_update(self) -> bool:
-        """Whether it calls fmi3IntermediateUpdate for inputs: FMI 3.0 FMUs of liaisons; foreign ones may never do."""
-        return self.reconstruction is not None and self.fmu.inside_inputs and not self.interpolates
-
-    @property
-    def is_told(self) -> bool:
-        """Whether it gets derivatives of inputs, so that derivatives of its outputs are right."""
-        return self.requests_intermediate_update or (self.fmu.input_derivatives and not self.interpolates)
-
-    @property
-    def follows(self) -> bool:
-        """Whether its inputs follow given derivatives within a step; not if the user has chosen otherwise."""
-        informed = self.takes_curves and not self.interpolates
-        return informed and not self.left_alone and self.way in {"polynomial", "asked"}
-
-    @property
-    def takes_newest(self) -> bool:
-        """Whether it gets the newest inputs before a step: it interpolates, or is foreign."""
-        return self.reconstruction in {None, 2}
-
-    @property
-    def takes_curves(self) -> bool:
-        """Whether it uses derivatives of inputs of every order: an FMU of liaisons, or Model Exchange."""
-        return self.reconstruction is not None or self.fmu.is_model_exchange
-
-    @property
-    def way(self) -> Way:
-        """How its inputs can move within a step."""
-        if self.interpolates:
-            return "interpolate"
-        if self.requests_intermediate_update:
-            return "asked"
-        return "polynomial" if self.fmu.input_derivatives else "mean"
 
     def interpolating(self) -> SystemComponent:
         """A copy that interpolates its inputs."""
