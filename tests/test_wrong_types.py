@@ -13,7 +13,6 @@ import pytest
 
 import liaisons
 from liaisons import (
-    Claims,
     LiaisonsError,
     Result,
     System,
@@ -30,16 +29,14 @@ from liaisons import (
     max_error,
     operator,
     sample,
-    scenario,
     show,
     simulate,
-    slope,
     sweep,
-    table,
     verdict,
-    within,
 )
+from liaisons.check import slope, table
 from liaisons.models import Constant, Pendulum
+from liaisons.scenarios import Claims, scenario, within
 
 WRONG: list[Any] = [None, 5, b"x", ["x", 1], {"a": None}, {1: 2.0}, object(), np.zeros((2, 2)), lambda: 0, "x y"]
 SPAN: dict[str, Any] = {"stop_time": 0.02, "step_size": 0.01}
