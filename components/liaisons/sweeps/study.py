@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import start_values
@@ -36,7 +36,7 @@ class Study:
 
         :raises SimulationError: if a value does not fit.
         """
-        starts = {name: dict(part.starts) for name, part in self.simulation.parts.items()}
+        starts: dict[str, dict[str, Any]] = {name: dict(part.starts) for name, part in self.simulation.parts.items()}
         for name, value in self.cases.case(case).items():
             owner, variable = self.varied[name]
             starts[owner][variable] = self._converted(owner, variable, value)
