@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import casadi as ca
@@ -56,19 +57,17 @@ def _between_variables(
 
     :returns: shape (results, all variables of the arguments, side by side).
     """
-    symbols = {i: [ca.MX.sym(v.name, v.count) for v in variables] for i, variables in arguments.items()}
-    vectors = [
-        ca.vertcat(*symbols[i]) if symbols.get(i) else ca.MX.sym(f"i{i}", function.numel_in(i))
-        for i in range(function.n_in())
-    ]
-    (result,) = _call(function, *vectors)
-    counts = [variable.count for variable in results]
-    first = np.cumsum([0, *counts[:-1]])
-    columns = []
-    for symbol in (s for of_argument in symbols.values() for s in of_argument):
-        depends = np.array(ca.which_depends(result, symbol, 1, True), dtype=bool)
-        columns.append(np.logical_or.reduceat(depends, first) if counts else depends)
-    return np.column_stack(columns) if columns else np.zeros((len(counts), 0), dtype=bool)
+
+    def owners(variables: Iterable[Variable]) -> NDArray:
+        """Of each number the index of its variable."""
+        counts = [variable.count for variable in variables]
+        return np.repeat(np.arange(len(counts)), counts)
+
+    given = list(chain.from_iterable(arguments.values()))
+    rows, columns = between_numbers(function, list(arguments)).nonzero()
+    pattern = np.zeros((len(results), len(given)), dtype=bool)
+    pattern[owners(results)[rows], owners(given)[columns]] = True
+    return pattern
 
 
 def coupled(model: Model) -> int:

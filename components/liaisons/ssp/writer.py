@@ -126,7 +126,7 @@ def _moved(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str,
 
 def _without_interpolation(part: SystemComponent) -> SystemComponent:
     """The same, extrapolating its inputs: other masters let all FMUs step at once, so that no input comes in time."""
-    if not part.interpolates:
+    if not part.approximation.interpolates:
         return part
     return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
 

@@ -14,6 +14,7 @@ import fmpy
 from liaisons.array_names import Shape, split
 from liaisons.cosim.description.archive import Archive, plain_file
 from liaisons.cosim.description.model_description import Description, Table, UnitDefinition, parse
+from liaisons.cosim.description.terminals import Terminals, read_terminals
 from liaisons.cosim.description.variables import RECORDED, Scalar, Variables
 from liaisons.errors import SimulationError, suggestion
 
@@ -78,6 +79,7 @@ class Fmu:
     experiment: DefaultExperiment
     variables: Variables
     units: Mapping[str, UnitDefinition]
+    terminals: Terminals = field(repr=False)
     _outputs: Table = field(repr=False)
     _initial: Table = field(repr=False)
 
@@ -219,6 +221,7 @@ def _fmu(path: Path, archive: Archive, description: Description) -> Fmu:
         experiment=_experiment(description.experiment),
         variables=description.variables,
         units=description.units,
+        terminals=read_terminals(archive, description.variables),
         _outputs=description.outputs,
         _initial=initial,
     )

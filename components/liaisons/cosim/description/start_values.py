@@ -13,7 +13,7 @@ from liaisons.arguments import shown
 from liaisons.array_names import offset, split
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.variables import Array, Scalar, VariableType
-from liaisons.errors import SimulationError, suggestion
+from liaisons.errors import InvalidValueError, SimulationError, suggestion
 
 Start = float | int | bool | str
 Value = Start | tuple[Start, ...]
@@ -31,26 +31,27 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
     :raises SimulationError: if there is no such variable, it cannot be set, or the value is of the wrong type, of the
         wrong length, or not finite.
     """
-    values: dict[str, Value] = {}
+    values: dict[str, Start | list[Start]] = {}
     for name, given in starts.items():
         if name in fmu.arrays:
-            values |= {name: _array_value(owner, fmu, name, given)}
+            values[name] = _array_value(owner, fmu, name, given)
             continue
         value = _scalar_value(owner, fmu, name, given)
         variable = fmu.variables[name]
         if variable.structural and variable.type == "Integer" and value != int(variable.start or 0):
-            raise SimulationError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
+            raise InvalidValueError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
         base, index = split(name)
         entry = fmu.variables.entries.get(base)
         if index is None or not isinstance(entry, Array) or not (entry.whole or base in values):
             values[name] = value
             continue
-        whole = values.get(base) or _array_value(owner, fmu, base, _own_starts(entry))
-        place = offset(index, entry.shape)
-        assert isinstance(whole, tuple)
-        assert place is not None
-        values[base] = (*whole[:place], value, *whole[place + 1 :])
-    return values
+        if base not in values:
+            values[base] = _array_value(owner, fmu, base, _own_starts(entry))
+        whole, position = values[base], offset(index, entry.shape)
+        assert isinstance(whole, list)
+        assert position is not None
+        whole[position] = value
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, int]:
@@ -71,24 +72,24 @@ def _scalar_value(owner: str, fmu: Fmu, name: str, value: Any) -> Start:
     return _converted(f"{owner}.{name} = {shown(value)}", variable, value)
 
 
-def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> tuple[Start, ...]:
+def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> list[Start]:
     entry = fmu.variables.entries[name]
     assert isinstance(entry, Array)
     _check_settable(owner, fmu, entry.like, name, given)
     label = f"{owner}.{name} = {shown(given)}"
     elements = np.asarray(given, dtype=object)  # as they are: NumPy would make strings of numbers beside a string
     if elements.ndim == 0:
-        return (_converted(label, entry.like, elements.item()),) * entry.size
+        return [_converted(label, entry.like, elements.item())] * entry.size
     if elements.shape != entry.shape:
         received = "×".join(map(str, elements.shape))
-        raise SimulationError(
+        raise InvalidValueError(
             f"{label}: {received} values, but the array has {'×'.join(map(str, entry.shape))}; give one an element, "
             "or one number for all"
         )
-    return tuple(
+    return [
         _converted(f"{owner}.{name}[{index}] = {value!r}", entry.like, value)
         for index, value in enumerate(elements.reshape(-1).tolist(), start=1)
-    )
+    ]
 
 
 def _own_starts(entry: Array) -> Any:
@@ -107,7 +108,7 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
         return
     settable = [n for n, entry in fmu.variables.entries.items() if entry.like.settable]
     why = "is fixed" if variable.structural else "is calculated"
-    raise SimulationError(
+    raise InvalidValueError(
         f"{owner}.{name} = {shown(value)}: causality {variable.causality!r}, so it {why} and cannot be set"
         f"{suggestion(name, settable)}"
     )
@@ -116,16 +117,16 @@ def _check_settable(owner: str, fmu: Fmu, variable: Scalar, name: str, value: ob
 def _converted(label: str, variable: Scalar, value: Any) -> Start:
     kind = variable.type
     if kind not in _TAKES:
-        raise SimulationError(f"{label}: {kind} variables cannot be set here")
+        raise InvalidValueError(f"{label}: {kind} variables cannot be set here")
     takes, convert, words = _TAKES[kind]
     if not isinstance(value, takes) or (isinstance(value, bool) and takes is not bool):
-        raise SimulationError(f"{label}: expected {words}, got {type(value).__name__}")
+        raise InvalidValueError(f"{label}: expected {words}, got {type(value).__name__}")
     if kind == "Real" and not math.isfinite(value):
-        raise SimulationError(f"{label}: expected a finite number")
+        raise InvalidValueError(f"{label}: expected a finite number")
     if takes is numbers.Integral:
         least, most = RANGES[variable.base]
         if not least <= value <= most:
-            raise SimulationError(f"{label}: outside {variable.base}, {least} to {most}")
+            raise InvalidValueError(f"{label}: outside {variable.base}, {least} to {most}")
     return convert(value)
 
 

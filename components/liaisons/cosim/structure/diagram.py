@@ -118,32 +118,27 @@ def _wires(connections: Iterable[Connection]) -> list[_Wire]:
     """What ports are connected with; what takes a force back belongs to the port that moves."""
     found: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
     for c in connections:
-        source, target = _whole(c.source, "_force" if c.back else ""), _whole(c.target, "_load" if c.back else "")
-        if source[-2:] == target[-2:] and source[-2:] in {"_x", "_y", "_z"}:
-            source, target = source[:-2], target[:-2]
+        source, target = (_whole(port, back=c.back) for port in (c.source, c.target))
+        one, other = c.source.part.fmu.terminals.points.get(source), c.target.part.fmu.terminals.points.get(target)
+        if one and other and one.axis == other.axis:
+            source, target = one.point, other.point
         ends = (c.source.place[0], source), (c.target.place[0], target)
         ends = (ends[1], ends[0]) if c.back else ends
         found.setdefault(ends, _Wire(*ends, [])).connections.append(c)
     return list(found.values())
 
 
-def _whole(port: Port, suffix: str) -> str:
-    """The name of the triple, or of the array, that a variable is a part of."""
-    port = port.without(suffix) or port
-    triple, _ = port.curve()
-    return split(triple[0].name if triple else port.name)[0]
+def _whole(port: Port, *, back: bool) -> str:
+    """The value of the port that a variable is a member of, or the array; a force only if it goes back with a port."""
+    return split((port.leading if back or port.curve()[0] else port).name)[0]
 
 
 def _free(part: SystemComponent, causality: str) -> list[str]:
     """Ports of an FMU of ours, the same on the page: coordinates, and points for their coordinates."""
-    names = {
-        name: Port(part, name)
-        for name, entry in part.fmu.variables.entries.items()
-        if entry.like.causality == causality and f"{name}_ddot" in part.fmu.variables
-    }
-    found = [name for name, port in names.items() if port.triple()]
-    points = {name[:-2] for name in found if name[-2:] in {"_x", "_y", "_z"}}
-    return list(dict.fromkeys(name[:-2] if name[:-2] in points else name for name in found))
+    points = part.fmu.terminals.points
+    entries = part.fmu.variables.entries
+    values = [name for name in entries if entries[name].like.causality == causality and Port(part, name).triple()]
+    return list(dict.fromkeys(points[name].point if name in points else name for name in values))
 
 
 def _blocks(

@@ -160,8 +160,9 @@ def drives(
         are no numbers.
     """
     found: list[Drive] = []
-    for (owner, name), function in functions.items():
+    for (owner, driven_as), function in functions.items():
         part = parts[owner]
+        name = part.value_of(driven_as)
         variable = part.scalar(name)
         if variable.causality != "input":
             words = f"{owner}.{name} is of causality {variable.causality!r}"
