@@ -209,10 +209,10 @@ def test_a_header_that_is_half_written(pendulum, tmp_path, counted) -> None:
         ({"cases": CASES | {"theta_0": np.linspace(0.1, 1.1, 8)}}, 1.0),
         ({"keep": {"x": lambda result: result["theta"][0]}}, 1.0),
         ({"step_size": 0.025}, 1.0),
-        ({"starts": {"gravity": 9.8}}, 1.0),
+        ({"start_values": {"gravity": 9.8}}, 1.0),
         ({}, 2.0),  # which the function has closed over
     ],
-    ids=["cases", "keep", "span", "starts", "function"],
+    ids=["cases", "keep", "span", "start_values", "function"],
 )
 def test_the_journal_of_another_sweep_is_refused(pendulum, tmp_path, change, scale) -> None:
     factor = 1.0
