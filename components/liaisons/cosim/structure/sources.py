@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import final
@@ -176,9 +177,8 @@ def drives(
         inputs = tuple(port.place for port in triple) if triple and whole else ((owner, name),)
         among = None if variable.type == "Real" else _BOOLEAN if variable.type == "Boolean" else RANGES[variable.base]
         found.append(Drive(function, inputs, among, _instants(f"inputs: {name}", getattr(function, "breaks", ()))))
-    driven = [place for drive in found for place in drive.inputs]
-    for place in driven:
-        if driven.count(place) > 1:
+    for place, count in Counter(place for drive in found for place in drive.inputs).items():
+        if count > 1:
             raise SimulationError(f"inputs: {'.'.join(place)} is driven twice, by itself and by its port")
     return found
 
