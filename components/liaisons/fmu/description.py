@@ -1,13 +1,13 @@
-"""modelDescription.xml of FMI 2.0: what an importer learns about a component before it loads any code.
+"""modelDescription.xml of FMI 2.0, and the elements that FMI 3.0 shares with it.
 
-Arrays are shown number by number.  A variable's value reference is its index, which ModelStructure counts in; see
+Arrays are shown number by number.  A variable's value reference is its index in ModelStructure, see
 :mod:`liaisons.fmu.layout`.  Dependencies are the sparsity patterns of the Jacobians, so they are complete by
 construction; of very many numbers they are left out, which FMI defines as "all".
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Literal
 
@@ -23,10 +23,11 @@ from liaisons.fmu.layout import (
     Fmi,
     Setting,
     first_reference,
-    places,
-    scalars,
+    index_ranges,
+    scalar_count,
     settings,
     size_references,
+    start_vectors,
 )
 from liaisons.fmu.markup import document, element
 from liaisons.language.variables import Dimension, Variable
@@ -38,7 +39,7 @@ Backend = Literal["native", "python"]
 MOST_DEPENDENCIES = 5000  # scalars: beyond, their dependencies on each other are not written
 _SOURCES = (
     *("model.c", "instance.c", "variables.c", "derivatives.c", "inputs.c", "prescribed.c", "step.c", "solver.c"),
-    *("symplectic.c", "exchange.c", "states.c", "starts.c", "messages.c", "face.c"),
+    *("symplectic.c", "exchange.c", "states.c", "starts.c", "messages.c", "fmi_common.c"),
 )
 
 # What the back ends can do; attributes that are not named are false or 0.
@@ -75,8 +76,8 @@ def sources(fmi: Fmi) -> tuple[str, ...]:
 def model_description(model: Model, *, guid: str, backend: Backend) -> bytes:
     """The model description, the same bytes for the same arguments.
 
-    :param guid: what the binary will compare with, ``"{...}"``.
-    :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu can do.
+    :param guid: that of the binary, ``"{...}"``.
+    :param backend: ``"native"``: model exchange and co-simulation; ``"python"``: what pythonfmu supports.
     """
     attributes = {**root_attributes(model, "2.0", guid=guid), "numberOfEventIndicators": "0"}
     return document(element("fmiModelDescription", attributes, _parts(model, backend)))
@@ -97,13 +98,13 @@ def _parts(model: Model, backend: Backend) -> Iterator[str]:
     yield from element("ModelStructure", {}, _structure(model))
 
 
-# ---- what both versions of FMI say alike -----------------------------------------------------------------------
+# ---- elements of both versions of FMI --------------------------------------------------------------------------
 
 
 def root_attributes(model: Model, version: str, **token: str) -> dict[str, str]:
-    """Who a model is.
+    """Name, description and origin of a model.
 
-    :param token: what the binary compares with, by the name that this version has for it.
+    :param token: ``guid`` in FMI 2.0, ``instantiationToken`` in FMI 3.0.
     """
     return {
         "fmiVersion": version,
@@ -116,7 +117,7 @@ def root_attributes(model: Model, version: str, **token: str) -> dict[str, str]:
 
 
 def unit_definitions(variables: Sequence[Variable]) -> Iterator[str]:
-    """The units of some variables, with base units and display units."""
+    """Units of variables, with base units and display units."""
     names = sorted({variable.unit for variable in variables} - {units.ANY})
     if names:
         yield from element("UnitDefinitions", {}, chain.from_iterable(map(_unit, names)))
@@ -136,33 +137,35 @@ def log_categories() -> Iterator[str]:
 
 
 def default_experiment(model: Model) -> Iterator[str]:
-    """Times, step and tolerance that show something worthwhile."""
-    experiment = {
-        "startTime": 0.0,
-        "stopTime": model.experiment.stop_time,
-        "tolerance": model.experiment.tolerance,
-        "stepSize": model.experiment.step_size,
-    }
-    yield from element("DefaultExperiment", {name: repr(float(value)) for name, value in experiment.items()})
+    """Times, step size and tolerance of the default experiment."""
+    e = model.experiment
+    values = {"startTime": 0.0, "stopTime": e.stop_time, "tolerance": e.tolerance, "stepSize": e.step_size}
+    yield from element("DefaultExperiment", {name: repr(float(value)) for name, value in values.items()})
 
 
 def integer_attributes(setting: Setting) -> dict[str, str]:
-    """What values a setting may have."""
+    """Range and start value of a setting."""
     return {"min": "0", "max": str(setting.most), "start": str(setting.start)}
 
 
-def size_attributes(size: Dimension, reference: int, **of_version: str) -> dict[str, str]:
-    """Who the number of elements of arrays is."""
-    of_all = {"name": size.name, "valueReference": str(reference), "description": size.description}
-    return {**of_all, **of_version, "initial": "exact"}
+def size_attributes(size: Dimension, reference: int, causality: str, variability: str) -> dict[str, str]:
+    """General attributes of a structural size."""
+    return {
+        "name": size.name,
+        "valueReference": str(reference),
+        "description": size.description,
+        "causality": causality,
+        "variability": variability,
+        "initial": "exact",
+    }
 
 
-def general_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
-    """Who a variable is, and how it comes by its value."""
-    # min and max include the bounds; that a bound itself is forbidden can only be said in words.
+def general_attributes(variable: Variable, reference: int) -> dict[str, str]:
+    """Attributes that variables of all types have."""
+    # min and max include the bounds; a bound that is excluded can only be described.
     domain = f" ({variable.domain()})" if variable.strict else ""
     attributes = {
-        "name": name,
+        "name": variable.name,
         "valueReference": str(reference),
         "description": variable.description + domain,
         "causality": variable.causality,
@@ -174,9 +177,9 @@ def general_attributes(variable: Variable, name: str, reference: int) -> dict[st
 
 
 def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
-    """Unit and range of a variable.
+    """Unit, range and nominal value of a variable.
 
-    :param nominal: its size, where it declares none; 1 says no more than FMI's own default.
+    :param nominal: where it declares none; 1 is FMI's default.
     """
     attributes = {}
     if variable.unit != units.ANY:
@@ -190,8 +193,8 @@ def real_attributes(variable: Variable, nominal: float) -> dict[str, str]:
 
 
 def nominals(model: Model) -> dict[str, list[float]]:
-    """Sizes of the states at the default start, by the variables that show them; 1 where there is none."""
-    u, k = (ca.DM([x for v in group for x in v.starts]) for group in (model.inputs, model.parameters))
+    """Nominal values of the states at the default start, by name; 1 where there is none."""
+    u, k = start_vectors(model)
     y, _ = model.start.call([ca.DM(0), u, k])
     sizes = np.asarray(model.nominals.call([ca.DM(0), y, u, k])[0]).ravel()
     usable = iter(float(f"{size:.6g}") if 0 < size < np.inf else 1.0 for size in sizes)
@@ -199,7 +202,7 @@ def nominals(model: Model) -> dict[str, list[float]]:
 
 
 def unknowns(model: Model) -> tuple[list[str], list[str], list[str]]:
-    """Names of the outputs, of the rates of the states, and of what is calculated at initialization."""
+    """Names of the outputs, of the derivatives of the states, and of the unknowns at initialization."""
     outputs = [variable.name for variable in model.outputs if variable.causality == "output"]
     rates = [state.derivative for state in model.states]
     first = {*outputs, *rates, *(state.name for state in model.states)}
@@ -210,16 +213,16 @@ def unknowns(model: Model) -> tuple[list[str], list[str], list[str]]:
 
 
 def _variables(model: Model, backend: Backend) -> Iterator[str]:
-    where = _references(model)
+    references_of = _references(model)
     sizes = nominals(model)
     jumping = states_that_jump(model) | states_moved_along(model) if backend == "native" else set()
     references = size_references(model)
     for dimension in model.dimensions:
-        attributes = size_attributes(dimension, references[dimension.name], causality="local", variability="constant")
+        attributes = size_attributes(dimension, references[dimension.name], "local", "constant")
         yield from _scalar(attributes, "Integer", {"start": str(dimension.count)})
     for variable in model.variables:
-        first = where[variable.name].start
-        of_derivative = where[variable.derivative_of].start if variable.derivative_of else 0
+        first = references_of[variable.name].start
+        of_derivative = references_of[variable.derivative_of].start if variable.derivative_of else 0
         reinit = {"reinit": "true"} if variable.name in jumping else {}
         common = real_attributes(variable, 1.0)
         for i, (scalar, start) in enumerate(zip(variable.elements(), variable.starts, strict=True)):
@@ -228,17 +231,17 @@ def _variables(model: Model, backend: Backend) -> Iterator[str]:
             real = real | ({} if variable.start is None else {"start": repr(float(start))}) | reinit
             if variable.derivative_of:
                 real["derivative"] = str(of_derivative + i)
-            yield from _scalar(general_attributes(variable, scalar.name, first + i), "Real", real)
+            yield from _scalar(general_attributes(scalar, first + i), "Real", real)
     for reference, setting in settings(model, "2").items():
         if backend == "native" or setting is not SYMPLECTIC_STEPS:
-            attributes = general_attributes(setting.variable, setting.variable.name, reference)
-            yield from _scalar(attributes, "Integer", integer_attributes(setting))
+            yield from _scalar(general_attributes(setting.variable, reference), "Integer", integer_attributes(setting))
 
 
 def _references(model: Model) -> dict[str, range]:
-    """The value references, which are the indices, of each variable's numbers."""
+    """The value references of each variable's numbers."""
     first = first_reference(model)
-    return {name: range(first + at.start, first + at.stop) for name, at in places(model).items()}
+    ranges = index_ranges(model.variables)
+    return {name: range(first + indices.start, first + indices.stop) for name, indices in ranges.items()}
 
 
 def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]) -> Iterator[str]:
@@ -249,33 +252,39 @@ def _scalar(attributes: Mapping[str, str], kind: str, of_kind: Mapping[str, str]
 
 
 def _structure(model: Model) -> Iterator[str]:
-    where = _references(model)
+    references_of = _references(model)
 
-    def indices(names: Sequence[str]) -> list[int]:
-        return [index for name in names for index in where[name]]
+    def numbers(names: Iterable[str]) -> list[int]:
+        return [reference for name in names for reference in references_of[name]]
 
-    outputs, derivatives, at_start = map(indices, unknowns(model))
-    states = indices([state.name for state in model.states])
-    parameters, inputs = (indices([v.name for v in group]) for group in (model.parameters, model.inputs))
-
-    sparse = scalars(model) <= MOST_DEPENDENCIES
-    runs = between_numbers(model.outputs_function, (1, 2)) if sparse else None
-    starts = between_numbers(initial(model), (2, 1)) if sparse else None
-    first = first_reference(model) + len(parameters) + len(inputs)  # index of the first of model.outputs
-    for title, found, knowns, pattern in (
-        ("Outputs", outputs, states + inputs, runs),
-        ("Derivatives", derivatives, states + inputs, runs),
-        ("InitialUnknowns", at_start, parameters + inputs, starts),
-    ):
-        if found:
-            yield from element(title, {}, _unknowns(found, np.array(knowns), pattern, first))
+    states = numbers(state.name for state in model.states)
+    parameters, inputs = (numbers(v.name for v in variables) for variables in (model.parameters, model.inputs))
+    sparse = scalar_count(model.variables) <= MOST_DEPENDENCIES
+    running = states + inputs, between_numbers(model.outputs_function, (1, 2)) if sparse else None
+    starting = parameters + inputs, between_numbers(initial(model), (2, 1)) if sparse else None
+    first = first_reference(model) + len(parameters) + len(inputs)
+    titles = {"Outputs": running, "Derivatives": running, "InitialUnknowns": starting}
+    for (title, (knowns, pattern)), names in zip(titles.items(), unknowns(model), strict=True):
+        if names:
+            lines = unknown_elements("Unknown", "index", numbers(names), first=first, knowns=knowns, pattern=pattern)
+            yield from element(title, {}, lines)
 
 
-def _unknowns(found: list[int], knowns: np.ndarray, pattern: csr_array | None, first: int) -> Iterator[str]:
-    for unknown in found:
-        attributes = {"index": str(unknown)}
+def unknown_elements(
+    title: str, attribute: str, references: list[int], *, first: int, knowns: list[int], pattern: csr_array | None
+) -> Iterator[str]:
+    """Elements of unknowns with their dependencies.
+
+    :param attribute: holds the reference of an unknown.
+    :param references: of the unknowns.
+    :param first: reference of the first row of the pattern.
+    :param knowns: references of its columns.
+    :param pattern: which unknowns depend on which knowns; None: no dependencies are written.
+    """
+    columns = np.array(knowns)
+    for unknown in references:
+        attributes = {attribute: str(unknown)}
         if pattern is not None:
-            row = unknown - first
-            columns = pattern.indices[pattern.indptr[row] : pattern.indptr[row + 1]]
-            attributes["dependencies"] = " ".join(map(str, sorted(knowns[columns])))
-        yield from element("Unknown", attributes)
+            start, end = pattern.indptr[unknown - first : unknown - first + 2]
+            attributes["dependencies"] = " ".join(map(str, sorted(columns[pattern.indices[start:end]])))
+        yield from element(title, attributes)

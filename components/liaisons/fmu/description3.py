@@ -1,16 +1,13 @@
-"""modelDescription.xml of FMI 3.0: arrays are variables, structural sizes are structural parameters.
-
-A variable's value reference is its position in the file, from 1; see :mod:`liaisons.fmu.layout`.
-"""
+"""modelDescription.xml of FMI 3.0: arrays are variables, structural sizes are structural parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-import numpy as np
+from scipy.sparse import csr_array
 
-from liaisons.fmu.dependencies import Pattern, at_start, shown_states, states_that_jump, while_running
+from liaisons.fmu.dependencies import at_start, shown_states, states_that_jump, while_running
 from liaisons.fmu.description import (
     default_experiment,
     general_attributes,
@@ -21,6 +18,7 @@ from liaisons.fmu.description import (
     root_attributes,
     size_attributes,
     unit_definitions,
+    unknown_elements,
     unknowns,
 )
 from liaisons.fmu.jumps import states_moved_along
@@ -46,8 +44,9 @@ _CO_SIMULATION = {
 
 
 def model_description3(model: Model, *, token: str, arrays: bool = True) -> bytes:
-    """The model description of a native FMU; the token is what the binary will compare with, ``"{...}"``.
+    """The model description of a native FMU.
 
+    :param token: that of the binary, ``"{...}"``.
     :param arrays: False: the elements of arrays are variables, and structural sizes constants.
     """
     attributes = root_attributes(model, "3.0", instantiationToken=token)
@@ -76,13 +75,12 @@ def _variables(model: Model) -> Iterator[str]:
     jumping = states_that_jump(model) | states_moved_along(model)
     reference_of_size = size_references(model)
     for size in model.dimensions:
-        of_size = reference_of_size[size.name]
         sizes_arrays = any(variable.dimension == size for variable in model.variables)
         kind = ("structuralParameter", "fixed") if sizes_arrays else ("local", "constant")
-        attributes = size_attributes(size, of_size, **dict(zip(("causality", "variability"), kind, strict=True)))
+        attributes = size_attributes(size, reference_of_size[size.name], *kind)
         yield from element("UInt64", attributes | dict.fromkeys(("min", "max", "start"), str(size.count)))
     for variable in model.variables:
-        attributes = general_attributes(variable, variable.name, reference[variable.name])
+        attributes = general_attributes(variable, reference[variable.name])
         attributes |= real_attributes(variable, max(sizes.get(variable.name, (1.0,)))) | _start(variable)
         if variable.derivative_of:
             attributes["derivative"] = str(reference[variable.derivative_of])
@@ -93,16 +91,16 @@ def _variables(model: Model) -> Iterator[str]:
         size = variable.dimension
         shape = element("Dimension", _extent(size, reference_of_size)) if size else ()
         yield from element("Float64", attributes, shape)
-    attributes = general_attributes(TIME, TIME.name, reference[TIME.name]) | real_attributes(TIME, 1.0)
+    attributes = general_attributes(TIME, reference[TIME.name]) | real_attributes(TIME, 1.0)
     del attributes["initial"]
     yield from element("Float64", attributes | {"causality": "independent"})
-    for of_setting, setting in settings(model, "3").items():
-        attributes = general_attributes(setting.variable, setting.variable.name, of_setting)
+    for reference_of_setting, setting in settings(model, "3").items():
+        attributes = general_attributes(setting.variable, reference_of_setting)
         yield from element("Int32", attributes | integer_attributes(setting))
 
 
 def _start(variable: Variable) -> dict[str, str]:
-    """One number stands for all elements."""
+    """Start value; one number for all elements."""
     if variable.start is None:
         return {}
     values = variable.starts if isinstance(variable.start, tuple) else (variable.start,)
@@ -110,7 +108,7 @@ def _start(variable: Variable) -> dict[str, str]:
 
 
 def _extent(size: Dimension, references: Mapping[str, int]) -> dict[str, str]:
-    """A size that can be asked for, or a number."""
+    """Reference of a structural size, or a number."""
     return {"valueReference": str(references[size.name])} if size.name in references else {"start": str(size.count)}
 
 
@@ -122,22 +120,12 @@ def _references(model: Model) -> dict[str, int]:
 
 
 def _structure(model: Model) -> Iterator[str]:
-    states = shown_states(model)
-    runs, starts = while_running(model), at_start(model)
-    known = (TIME, *states, *model.inputs, *model.parameters)
-    known_at_start = (TIME, *model.inputs, *model.parameters)
-    outputs, derivatives, initial_unknowns = unknowns(model)
-    yield from _unknowns(model, "Output", outputs, known, runs)
-    yield from _unknowns(model, "ContinuousStateDerivative", derivatives, known, runs)
-    yield from _unknowns(model, "InitialUnknown", initial_unknowns, known_at_start, starts)
-
-
-def _unknowns(
-    model: Model, title: str, names: Sequence[str], knowns: Sequence[Variable], pattern: Pattern
-) -> Iterator[str]:
-    reference = _references(model)
-    known = np.array([reference[variable.name] for variable in knowns])
-    row = {variable.name: i for i, variable in enumerate(model.outputs)}
-    for name in names:
-        dependencies = " ".join(map(str, sorted(known[pattern[row[name]]])))
-        yield from element(title, {"valueReference": str(reference[name]), "dependencies": dependencies})
+    references = _references(model)
+    first = references[model.outputs[0].name] if model.outputs else 0
+    running = (TIME, *shown_states(model), *model.inputs, *model.parameters), csr_array(while_running(model))
+    starting = (TIME, *model.inputs, *model.parameters), csr_array(at_start(model))
+    titles = {"Output": running, "ContinuousStateDerivative": running, "InitialUnknown": starting}
+    for (title, (variables, pattern)), names in zip(titles.items(), unknowns(model), strict=True):
+        knowns = [references[variable.name] for variable in variables]
+        rows = [references[name] for name in names]
+        yield from unknown_elements(title, "valueReference", rows, first=first, knowns=knowns, pattern=pattern)

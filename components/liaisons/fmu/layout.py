@@ -1,16 +1,21 @@
-"""Where the numbers of a model are, and the references by which an importer asks for them.
+"""Indices of a model's numbers, and value references.
 
-The *place* of a number is its index in the flat vectors (k, u, z).
+The *index* of a number is that in the vector (k, u, z).
 
 Value references count from 1 in the order of ModelVariables, since some importers take them for positions there: the
-structural sizes, since some importers look for them before the arrays that use them; numbers in FMI 2.0, by their
-places; in FMI 3.0 variables, by their index in :attr:`Model.variables`, and the time; the settings.
+structural sizes, since some importers look for them before the arrays that use them; in FMI 2.0 numbers, by their
+index; in FMI 3.0 variables, by their index in :attr:`Model.variables`, and the time; the settings.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from liaisons import units
 from liaisons.language import Variable
@@ -23,7 +28,7 @@ TIME = Variable("time", "s", "time since the start of the simulation", "local", 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """An integer parameter that is not the component's: how an instance of it is run."""
+    """An integer parameter of every FMU, which the component does not declare."""
 
     variable: Variable
     most: int
@@ -55,25 +60,28 @@ SYMPLECTIC_STEPS = Setting(
 )
 
 
-def places(model: Model) -> dict[str, range]:
-    """The places of each variable, by its name."""
-    found: dict[str, range] = {}
-    first = 0
-    for variable in model.variables:
-        found[variable.name] = range(first, first + variable.count)
-        first += variable.count
-    return found
+def scalar_count(variables: Iterable[Variable]) -> int:
+    """How many numbers variables hold."""
+    return sum(variable.count for variable in variables)
 
 
-def mismatch_place(model: Model, prescribed: ActiveInput) -> int | None:
-    """Where the memory has what is found of a prescribed coordinate; None: nothing is kept of it."""
+def index_ranges(variables: Iterable[Variable]) -> dict[str, range]:
+    """Indices of each variable's numbers in a vector of all of them, by its name."""
+    counts = {variable.name: variable.count for variable in variables}
+    ends = accumulate(counts.values())
+    return {name: range(end - count, end) for (name, count), end in zip(counts.items(), ends, strict=True)}
+
+
+def start_vectors(model: Model) -> tuple[NDArray, NDArray]:
+    """Start values of the inputs, (u,), and of the parameters, (k,)."""
+    u, k = (np.array([x for v in variables for x in v.starts]) for variables in (model.inputs, model.parameters))
+    return u, k
+
+
+def mismatch_index(model: Model, prescribed: ActiveInput) -> int:
+    """Index in the memory of the mismatch of a prescribed coordinate; -1: it has none."""
     names = (f"{prescribed.value}_mismatch", f"{prescribed.value}_mismatch[1]")
-    return next((i for i, name in enumerate(model.memory) if name in names), None)
-
-
-def scalars(model: Model) -> int:
-    """How many places there are."""
-    return sum(variable.count for variable in model.variables)
+    return next((i for i, name in enumerate(model.memory) if name in names), -1)
 
 
 def size_references(model: Model) -> dict[str, int]:
@@ -87,7 +95,6 @@ def first_reference(model: Model) -> int:
 
 
 def settings(model: Model, fmi: Fmi) -> dict[int, Setting]:
-    """The settings that a native FMU of a model has, by value reference."""
-    has = {RECONSTRUCTION: bool(model.inputs), SYMPLECTIC_STEPS: bool(model.states)}
-    first = first_reference(model) + (scalars(model) if fmi == "2" else len(model.variables) + 1)
-    return dict(enumerate((setting for setting in has if has[setting]), first))
+    """The settings of a model's native FMU, by value reference."""
+    first = first_reference(model) + (scalar_count(model.variables) if fmi == "2" else len(model.variables) + 1)
+    return dict(enumerate([RECONSTRUCTION] * bool(model.inputs) + [SYMPLECTIC_STEPS] * bool(model.states), first))

@@ -27,7 +27,7 @@ from liaisons.fmu.dependencies import coupled
 from liaisons.fmu.description import model_description
 from liaisons.fmu.extras import extra_members
 from liaisons.fmu.jumps import jump_table
-from liaisons.fmu.layout import mismatch_place
+from liaisons.fmu.layout import mismatch_index
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
 
@@ -73,7 +73,7 @@ def _component(model: Model, guid: str) -> bytes:
         **{group: list(map(_entry, getattr(model, group))) for group in ("parameters", "inputs", "outputs", "drawn")},
         "sizes": [[size.name, size.count] for size in model.dimensions],
         "active": [[names.index(name) for name in (s.value, s.rate, s.acceleration)] for s in model.active],
-        "mismatches": [-1 if (place := mismatch_place(model, s)) is None else place for s in model.active],
+        "mismatches": [mismatch_index(model, s) for s in model.active],
         "jumps": jump_table(model),
         "coupled": coupled(model),
         "condition_texts": model.condition_texts,

@@ -21,6 +21,8 @@ from itertools import combinations
 
 import casadi as ca
 
+from liaisons.expressions.operations import interpret
+
 Number = Fraction | float
 Exponent = int | Fraction
 Monomial = tuple[tuple[int, Exponent], ...]  # (atom, exponent), by atom; no exponent is 0
@@ -176,20 +178,10 @@ class Algebra:
 
     def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
         """What a function gives, one scalar of scalars that have these names."""
-        work: dict[int, Polynomial] = {}
-        result: Polynomial = {}
-        for k in range(function.n_instructions()):
-            operation = function.instruction_id(k)
-            into, of = function.instruction_output(k), function.instruction_input(k)
-            if operation == ca.OP_OUTPUT:
-                result = work[of[0]]
-            elif operation == ca.OP_INPUT:
-                work[into[0]] = self.symbol(names[of[0]])
-            elif operation == ca.OP_CONST:
-                work[into[0]] = self.number(function.instruction_constant(k))
-            else:
-                work[into[0]] = self._apply(operation, [work[place] for place in of])
-        return self.simplified(result)
+        (values,) = interpret(
+            function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._apply
+        )
+        return self.simplified(values[0] if values else {})
 
     def number(self, value: float) -> Polynomial:
         """A constant: a fraction, a fraction of π or the root of a fraction where it is one to the last bit."""

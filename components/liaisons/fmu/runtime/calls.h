@@ -92,7 +92,7 @@ enum { SIMULATION = 1 << USE_CO_SIMULATION | EVENTS, WITH_EVENTS = EXCHANGE | EV
     CALL(DoStep,                      o, o, o, o, x, o, o, o, o, SIMULATION)           \
     CALL(ActivateModelPartition,      t, t, t, t, t, t, o, t, t, ALL)
 
-/* For the enumerators of a face: PHASES_SetTime, USES_SetTime, ... */
+/* For the enumerators of either version: PHASES_SetTime, USES_SetTime, ... */
 #define IN_x 1
 #define IN_t 1
 #define IN_o 0

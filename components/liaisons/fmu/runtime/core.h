@@ -1,9 +1,9 @@
 /* One instance of a component: its variables, initialization, motion and saved states.  Nothing here knows FMI.
  *
  * Vectors, as in the generated functions: t time, y continuous states, u inputs, k parameters, m memory, z everything
- * that is calculated, at its end what only a picture needs, which is calculated when it is read.  The place of a number is its place in (k, u, z, t).
- * References of the importer's count from 1: structural sizes, places, settings.  Where they stand for whole variables,
- * which are numbers or arrays of them (see Options), those take the place of the places, and the time follows them.
+ * that is calculated; its last numbers, which only a picture needs, are calculated when they are read.  Numbers have an
+ * index in (k, u, z, t).  Value references count from 1: structural sizes, numbers, settings; where they stand for whole
+ * variables (see Options), these and the time replace the numbers.
  * A call that returns DISCARD or ERROR has reported why and has changed nothing. */
 #ifndef LIAISONS_CORE_H
 #define LIAISONS_CORE_H
@@ -30,9 +30,9 @@ typedef struct { /* (t, y, u, k) -> dy/dt, of all states, and of the coupled one
 typedef struct { /* a number, or an array of numbers */
     const char *name;
     Kind kind;
-    size_t first, count; /* its places */
+    size_t first, count; /* index of its first number, and how many there are */
     int array;           /* its numbers have an index: name[1], name[2], ... */
-    long state;          /* place of its first number among the states, or NO_STATE */
+    long state;          /* index of its first number among the states, or NO_STATE */
     int activity;        /* of an input that is not 0: LOADS, MOVES or nothing */
     double start, minimum, maximum;
     int strict;         /* the bounds themselves are forbidden too */
@@ -40,13 +40,13 @@ typedef struct { /* a number, or an array of numbers */
 } Variable;
 
 typedef struct { /* a start value that is not that of its variable */
-    size_t place;
+    size_t index;
     double value;
 } Start;
 
 enum { NO_MISMATCH = -1 };
 
-typedef struct { /* places of coordinates that an operator prescribes, among the inputs: the first of `count` each */
+typedef struct { /* a prescribed coordinate: indices of its first of `count` numbers among the inputs */
     size_t value, rate, acceleration, count;
     long mismatch; /* where m has what is found of them, or NO_MISMATCH */
 } Active;
@@ -74,7 +74,7 @@ typedef struct {
     int by_number;  /* in FMI 3.0, too, references stand for numbers: there are no arrays */
     size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
     size_t variable_rows, start_rows, active_rows, state_rows, dimension_rows;
-    const Variable *variables; /* in the order of their places; the time follows them */
+    const Variable *variables; /* in the order of their indices; the time follows them */
     const Start *starts;
     const Active *active;
     const unsigned char *jumps; /* of each pair of prescribed numbers; or NULL: jumps move no states */
@@ -100,7 +100,7 @@ typedef struct {
 
 extern const Model model;
 
-/* The reference of the first place or variable. */
+/* The reference of the first number or variable. */
 static inline unsigned first_reference(const Model *component) { return 1 + (unsigned)component->dimension_rows; }
 
 /* ---- an instance ---- */
@@ -116,7 +116,7 @@ typedef enum {
     STEP = 32,
     INTERMEDIATE = 64, /* inside a communication step, while the importer is told of a step of the solver */
     TERMINATED = 128,
-    ASKING = 256 /* at the begin of a communication step, while the importer is asked for inputs inside it */
+    ASKING = 256 /* at the start of a communication step, while the importer is asked for inputs inside it */
 } Phase;
 
 typedef enum { USE_MODEL_EXCHANGE, USE_CO_SIMULATION, USE_CO_SIMULATION_WITH_EVENTS } Use;

@@ -77,17 +77,17 @@ static void clear(Instance *self) {
 /* Where the direction of a known variable is kept; NULL if it is not known in this phase. */
 static double *known(Instance *self, unsigned reference) {
     const Model *model = self->model;
-    const size_t place = span_of(self, reference).first;
-    if (place < model->parameters) return &self->d.k[place];
-    if (place < model->parameters + model->inputs) return &self->d.u[place - model->parameters];
-    const Variable *variable = core_variable_at(model, place);
+    const size_t index = span_of(self, reference).first;
+    if (index < model->parameters) return &self->d.k[index];
+    if (index < model->parameters + model->inputs) return &self->d.u[index - model->parameters];
+    const Variable *variable = core_variable_at(model, index);
     if (variable->kind == INDEPENDENT) return &self->d.t;
     if (variable->state == NO_STATE || self->s->phase < EVENT) return NULL;
-    return &self->d.y[(size_t)variable->state + place - variable->first];
+    return &self->d.y[(size_t)variable->state + index - variable->first];
 }
 
-static int calculated(const Instance *self, size_t place) {
-    return place >= self->model->parameters + self->model->inputs && place < self->layout.places - self->model->drawn;
+static int calculated(const Instance *self, size_t index) {
+    return index >= self->model->parameters + self->model->inputs && index < self->layout.numbers - self->model->drawn;
 }
 
 static Status check(Instance *self, const unsigned unknowns[], size_t unknown_count, size_t unknown_numbers,
@@ -101,17 +101,17 @@ static Status check(Instance *self, const unsigned unknowns[], size_t unknown_co
                                core_name(self, span_of(self, knowns[i]).first),
                                self->s->phase < EVENT ? "" : ", states");
     for (size_t i = 0; i < unknown_count; i++) {
-        const size_t place = span_of(self, unknowns[i]).first;
-        if (!calculated(self, place))
+        const size_t index = span_of(self, unknowns[i]).first;
+        if (!calculated(self, index))
             return core_report(self, ERROR, "%s is not an unknown variable: it is set, not calculated",
-                               core_name(self, place));
+                               core_name(self, index));
     }
     return SUCCESS;
 }
 
 /* Where the numbers of an unknown variable are, in d.z. */
-static double *unknown(const Instance *self, size_t place) {
-    return &self->d.z[place - self->model->parameters - self->model->inputs];
+static double *unknown(const Instance *self, size_t index) {
+    return &self->d.z[index - self->model->parameters - self->model->inputs];
 }
 
 /* What has been found for unknown variables. */
@@ -171,8 +171,8 @@ Status core_output_derivatives(Instance *self, const unsigned references[], size
     const Model *model = self->model;
     if (core_check_references(self, references, n, count) != SUCCESS) return ERROR;
     for (size_t i = 0; i < n; i++) {
-        const size_t place = span_of(self, references[i]).first;
-        if (!calculated(self, place)) return core_report(self, ERROR, "%s is no output", core_name(self, place));
+        const size_t index = span_of(self, references[i]).first;
+        if (!calculated(self, index)) return core_report(self, ERROR, "%s is no output", core_name(self, index));
     }
     clear(self);
     self->d.t = 1;

@@ -14,7 +14,7 @@ Status core_set_states(Instance *self, const double y[]) {
     for (size_t i = 0; i < self->model->states; i++)
         if (!isfinite(y[i]))
             return core_report(self, DISCARD, "%s = %s: set a finite number",
-                               core_name(self, core_place_of_state(self->model, i, 0)), core_spelled(y[i]));
+                               core_name(self, core_index_of_state(self->model, i, 0)), core_spelled(y[i]));
     memcpy(self->v.y, y, self->model->states * sizeof *y);
     self->known.current = 0;
     return SUCCESS;

@@ -1,14 +1,14 @@
-/* The face that FMI 2.0 shows: co-simulation and model exchange of one instance of core.h. */
+/* The functions of FMI 2.0: co-simulation and model exchange of one instance of core.h. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "calls.h"
-#include "face.h"
+#include "fmi_common.h"
 #include "fmi2Functions.h"
 
 typedef struct {
-    Face face;
+    FmiInstance common;
     fmi2CallbackLogger logger;
 } Fmu;
 
@@ -29,7 +29,7 @@ enum { FMI2_CALLS(ALLOWED) };
 #define INSTANCE fmi2Component
 #define BOOLEAN fmi2Boolean
 #define BYTE fmi2Byte
-#include "common.h"
+#include "fmi_functions.h"
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
@@ -37,8 +37,8 @@ const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
-static void write(const Face *face, Status status, const char *category, const char *text) {
-    ((const Fmu *)face)->logger(face->environment, face->name, (fmi2Status)status, category, text);
+static void write(const FmiInstance *fmu, Status status, const char *category, const char *text) {
+    ((const Fmu *)fmu)->logger(fmu->environment, fmu->name, (fmi2Status)status, category, text);
 }
 
 enum { PATH = 4096 };
@@ -65,7 +65,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     (void)visible;
     if (functions == NULL) return NULL;
     const Fmu fmu = {
-        .face = {.name = (char *)(name ? name : ""),
+        .common = {.name = (char *)(name ? name : ""),
                  .environment = functions->componentEnvironment,
                  .write = functions->logger ? write : NULL,
                  .marks = "%#", /* some importers print the text with printf, and references #r1# are replaced */
@@ -74,7 +74,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         .logger = functions->logger,
     };
     const Options options = {.use = type == fmi2ModelExchange ? USE_MODEL_EXCHANGE : USE_CO_SIMULATION};
-    return face_open(&fmu.face, sizeof fmu, name, guid, path_in(resources, path), options, __func__);
+    return fmi_instantiate(&fmu.common, sizeof fmu, name, guid, path_in(resources, path), options, __func__);
 }
 
 fmi2Status fmi2SetupExperiment(fmi2Component instance, fmi2Boolean tolerance_defined, fmi2Real tolerance,
@@ -91,7 +91,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component instance) {
 
 fmi2Status fmi2Reset(fmi2Component instance) {
     ENTER(Reset);
-    return (fmi2Status)face_reset(&fmu->face);
+    return (fmi2Status)fmi_reset(&fmu->common);
 }
 
 /* ---- variables --------------------------------------------------------------------------------------------- */
@@ -142,13 +142,13 @@ fmi2Status fmi2SetInteger(fmi2Component instance, const fmi2ValueReference refer
                              fmi2##Type values[]) {                                                                  \
         (void)references, (void)values;                                                                              \
         ENTER(GetNONE);                                                                                              \
-        return (fmi2Status)face_has_none(&fmu->face, n, #Type);                                                      \
+        return (fmi2Status)fmi_check_no_variables(&fmu->common, n, #Type);                                           \
     }                                                                                                                \
     fmi2Status fmi2Set##Type(fmi2Component instance, const fmi2ValueReference references[], size_t n,                \
                              const fmi2##Type values[]) {                                                            \
         (void)references, (void)values;                                                                              \
         ENTER(SetNONE);                                                                                              \
-        return (fmi2Status)face_has_none(&fmu->face, n, #Type);                                                      \
+        return (fmi2Status)fmi_check_no_variables(&fmu->common, n, #Type);                                           \
     }
 
 NONE_OF(Boolean)

@@ -1,8 +1,8 @@
-/* The face that FMI 3.0 shows: co-simulation and model exchange of one instance of core.h. */
+/* The functions of FMI 3.0: co-simulation and model exchange of one instance of core.h. */
 #include <math.h>
 
 #include "calls.h"
-#include "face.h"
+#include "fmi_common.h"
 
 #ifdef __clang__ /* the standard's header declares functions without saying that they have no arguments */
 #pragma clang diagnostic push
@@ -14,7 +14,7 @@
 #endif
 
 typedef struct {
-    Face face;
+    FmiInstance common;
     fmi3LogMessageCallback logger;
     fmi3IntermediateUpdateCallback intermediate_update;
     fmi3Boolean early_return;
@@ -28,18 +28,18 @@ enum { FMI3_CALLS(ALLOWED) };
 #define INSTANCE fmi3Instance
 #define BOOLEAN fmi3Boolean
 #define BYTE fmi3Byte
-#include "common.h"
+#include "fmi_functions.h"
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
-static void write(const Face *face, Status status, const char *category, const char *text) {
-    ((const Fmu *)face)->logger(face->environment, (fmi3Status)status, category, text);
+static void write(const FmiInstance *fmu, Status status, const char *category, const char *text) {
+    ((const Fmu *)fmu)->logger(fmu->environment, (fmi3Status)status, category, text);
 }
 
-static Face listening(fmi3InstanceEnvironment environment, fmi3Boolean logging, fmi3LogMessageCallback logger) {
-    return (Face){.environment = environment,
+static FmiInstance listening(fmi3InstanceEnvironment environment, fmi3Boolean logging, fmi3LogMessageCallback logger) {
+    return (FmiInstance){.environment = environment,
                   .write = logger ? write : NULL,
                   .marks = "#", /* references #1# are replaced by names */
                   .always = REFUSALS,
@@ -50,9 +50,9 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback logger) {
     (void)visible;
-    const Fmu fmu = {.face = listening(environment, logging, logger), .logger = logger, .stop = INFINITY};
+    const Fmu fmu = {.common = listening(environment, logging, logger), .logger = logger, .stop = INFINITY};
     const Options options = {.use = USE_MODEL_EXCHANGE, .whole = 1};
-    return face_open(&fmu.face, sizeof fmu, name, token, resources, options, __func__);
+    return fmi_instantiate(&fmu.common, sizeof fmu, name, token, resources, options, __func__);
 }
 
 /* Tell the importer of a step of the solver. */
@@ -60,7 +60,7 @@ static int observe(void *owner, double time, double *until) {
     const Fmu *fmu = owner;
     fmi3Boolean stop = fmi3False;
     double stop_time = time;
-    fmu->intermediate_update(fmu->face.environment, time, fmi3False, fmi3True, fmi3True, fmu->early_return, &stop,
+    fmu->intermediate_update(fmu->common.environment, time, fmi3False, fmi3True, fmi3True, fmu->early_return, &stop,
                              &stop_time);
     *until = stop_time;
     return stop;
@@ -71,7 +71,8 @@ static void ask(void *owner, double time) {
     const Fmu *fmu = owner;
     fmi3Boolean stop = fmi3False;
     double stop_time = time;
-    fmu->intermediate_update(fmu->face.environment, time, fmi3True, fmi3False, fmi3False, fmi3False, &stop, &stop_time);
+    fmu->intermediate_update(fmu->common.environment, time, fmi3True, fmi3False, fmi3False, fmi3False, &stop,
+                             &stop_time);
 }
 
 /* How many of these references belong to inputs. */
@@ -91,7 +92,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3IntermediateUpdateCallback intermediate_update) {
     const size_t inputs = intermediate_variables ? count_inputs(intermediate_variables, n) : 0;
     (void)visible;
-    const Fmu fmu = {.face = listening(environment, logging, logger),
+    const Fmu fmu = {.common = listening(environment, logging, logger),
                      .logger = logger,
                      .intermediate_update = intermediate_update,
                      .early_return = early_return,
@@ -102,7 +103,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                              /* all outputs can be had, unless only inputs are of interest */
                              .observe = intermediate_update && (n == 0 || inputs < n) ? observe : NULL,
                              .ask = intermediate_update && inputs > 0 ? ask : NULL};
-    return face_open(&fmu.face, sizeof fmu, name, token, resources, options, __func__);
+    return fmi_instantiate(&fmu.common, sizeof fmu, name, token, resources, options, __func__);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
@@ -177,7 +178,7 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
 fmi3Status fmi3Reset(fmi3Instance instance) {
     ENTER(Reset);
     fmu->stop = INFINITY;
-    return (fmi3Status)face_reset(&fmu->face);
+    return (fmi3Status)fmi_reset(&fmu->common);
 }
 
 /* ---- variables --------------------------------------------------------------------------------------------- */
@@ -204,7 +205,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
                         size_t count) {
     ENTER(GetInt32);
-    if (face_check_count(&fmu->face, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
+    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
     NEED(values);
@@ -216,7 +217,7 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference referenc
 fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                         const fmi3Int32 values[], size_t count) {
     ENTER(SetInt32);
-    if (face_check_count(&fmu->face, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
+    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type Int32") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
     NEED(values);
@@ -233,7 +234,7 @@ static const Dimension *structural(const Instance *core, fmi3ValueReference refe
 fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 values[],
                          size_t count) {
     ENTER(GetUInt64);
-    if (face_check_count(&fmu->face, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
+    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
     NEED(values);
@@ -248,7 +249,7 @@ fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference referen
 fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                          const fmi3UInt64 values[], size_t count) {
     ENTER(SetUInt64);
-    if (face_check_count(&fmu->face, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
+    if (fmi_check_count(&fmu->common, count, n, "values for scalars of type UInt64") != SUCCESS) return fmi3Error;
     if (n == 0) return fmi3OK;
     NEED(references);
     NEED(values);
@@ -269,14 +270,14 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
         (void)references;                                                                                             \
         (void)values;                                                                                                 \
         ENTER(GetNONE);                                                                                               \
-        return (fmi3Status)face_has_none(&fmu->face, n + count, #Type);                                               \
+        return (fmi3Status)fmi_check_no_variables(&fmu->common, n + count, #Type);                                   \
     }                                                                                                                 \
     fmi3Status fmi3Set##Type(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                  \
                              const fmi3##Type values[], size_t count) {                                               \
         (void)references;                                                                                             \
         (void)values;                                                                                                 \
         ENTER(SetNONE);                                                                                               \
-        return (fmi3Status)face_has_none(&fmu->face, n + count, #Type);                                               \
+        return (fmi3Status)fmi_check_no_variables(&fmu->common, n + count, #Type);                                   \
     }
 
 NONE_OF(Float32)
@@ -295,7 +296,7 @@ fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference referen
     (void)sizes;
     (void)values;
     ENTER(GetNONE);
-    return (fmi3Status)face_has_none(&fmu->face, n + count, "Binary");
+    return (fmi3Status)fmi_check_no_variables(&fmu->common, n + count, "Binary");
 }
 
 fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const size_t sizes[],
@@ -304,7 +305,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference referen
     (void)sizes;
     (void)values;
     ENTER(SetNONE);
-    return (fmi3Status)face_has_none(&fmu->face, n + count, "Binary");
+    return (fmi3Status)fmi_check_no_variables(&fmu->common, n + count, "Binary");
 }
 
 /* ---- clocks: there are none -------------------------------------------------------------------------------- */
@@ -315,7 +316,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference referen
         const void *const unused[] = {__VA_ARGS__};             \
         (void)unused;                                           \
         ENTER(Clocks);                                          \
-        return (fmi3Status)face_has_none(&fmu->face, n, "Clock"); \
+        return (fmi3Status)fmi_check_no_variables(&fmu->common, n, "Clock");                                         \
     }
 #define CLOCKS fmi3Instance instance, const fmi3ValueReference references[], size_t n
 

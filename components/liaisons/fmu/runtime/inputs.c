@@ -6,9 +6,9 @@
 
 static Status check_input_derivative(const Instance *self, unsigned reference, int order, double value) {
     if (core_check_references(self, &reference, 1, 1) != SUCCESS) return ERROR;
-    const size_t place = span_of(self, reference).first;
-    const char *name = core_name(self, place);
-    if (core_variable_at(self->model, place)->kind != INPUT)
+    const size_t index = span_of(self, reference).first;
+    const char *name = core_name(self, index);
+    if (core_variable_at(self->model, index)->kind != INPUT)
         return core_report(self, ERROR, "%s is no input", name);
     if (order < 1 || order > ORDER)
         return core_report(self, ERROR, "derivative of order %d of %s: the order must be 1 to %d", order, name, ORDER);
@@ -62,12 +62,12 @@ static int rests(const Instance *self, const Prescribed *at) {
 }
 
 /* The polynomial of an input, which is constant so far. */
-static double *polynomial(Instance *self, size_t place) {
-    const size_t found = self->movers.of_input[place];
-    if (found < self->movers.count && self->movers.list[found].place == place) return self->movers.list[found].c;
-    const Variable *variable = core_variable_at(self->model, self->model->parameters + place);
-    self->movers.of_input[place] = self->movers.count;
-    self->movers.list[self->movers.count] = (Mover){.place = place, .variable = variable, .c = {self->v.u[place]}};
+static double *polynomial(Instance *self, size_t index) {
+    const size_t found = self->movers.of_input[index];
+    if (found < self->movers.count && self->movers.list[found].index == index) return self->movers.list[found].c;
+    const Variable *variable = core_variable_at(self->model, self->model->parameters + index);
+    self->movers.of_input[index] = self->movers.count;
+    self->movers.list[self->movers.count] = (Mover){.index = index, .variable = variable, .c = {self->v.u[index]}};
     return self->movers.list[self->movers.count++].c;
 }
 
@@ -110,7 +110,7 @@ void core_settle_movers(Instance *self) {
         mover.degree = ORDER;
         while (mover.degree > 0 && mover.c[mover.degree] == 0) mover.degree--;
         if (mover.degree == 0) continue;
-        self->movers.of_input[mover.place] = kept;
+        self->movers.of_input[mover.index] = kept;
         self->movers.list[kept++] = mover;
     }
     self->movers.count = kept;

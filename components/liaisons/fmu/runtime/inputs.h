@@ -25,9 +25,9 @@ static inline int move_inputs(Instance *self, double t) {
     const double x = t / self->step.size;
     for (const Mover *mover = self->movers.list; mover < self->movers.list + self->movers.count; mover++) {
         const double value = input_at(mover, x);
-        self->v.u[mover->place] = value;
+        self->v.u[mover->index] = value;
         if (!allows(mover->variable, value))
-            return core_outside(self, self->model->parameters + mover->place, value, self->step.start + t);
+            return core_outside(self, self->model->parameters + mover->index, value, self->step.start + t);
     }
     return 1;
 }

@@ -64,10 +64,10 @@ Instance *core_new(const Model *model, const Options *options) {
     if (self == NULL) return NULL;
     self->model = model;
     self->options = *options;
-    self->layout.places = settable + model->outputs;
-    const size_t rows = model->by_number ? self->layout.places : model->variable_rows;
-    self->layout.by_variable = options->whole && rows < self->layout.places;
-    self->layout.references = options->whole ? rows + 1 : self->layout.places;
+    self->layout.numbers = settable + model->outputs;
+    const size_t rows = model->by_number ? self->layout.numbers : model->variable_rows;
+    self->layout.by_variable = options->whole && rows < self->layout.numbers;
+    self->layout.references = options->whole ? rows + 1 : self->layout.numbers;
     self->layout.first = first_reference(model);
     self->layout.moving_size = sizeof(Scalars) + moving * sizeof(double);
     self->layout.state_size = self->layout.moving_size + resting * sizeof(double);
@@ -125,7 +125,7 @@ void core_reset(Instance *self) {
     self->s->unstarted = 1;
     for (; variable->first < model->parameters + model->inputs; variable++)
         for (size_t i = 0; i < variable->count; i++) self->v.k[variable->first + i] = variable->start;
-    for (size_t i = 0; i < model->start_rows; i++) self->v.k[model->starts[i].place] = model->starts[i].value;
+    for (size_t i = 0; i < model->start_rows; i++) self->v.k[model->starts[i].index] = model->starts[i].value;
     memcpy(self->v.u, self->v.set, model->inputs * sizeof *self->v.u);
     memset(self->prescribed.warned, 0, model->active_rows);
     self->known.current = self->known.apart = self->known.allowed = 0;

@@ -12,14 +12,14 @@
 /* A step of the solver may have this part of the tolerance as its error: those of many steps add up. */
 #define SHARE 0.02
 
-/* Place among the arguments, behind all others, where functions find the table that was taken: rows, columns; or NULL. */
+/* Index among the arguments, behind all others, where functions find the table that was taken: rows, columns; or NULL. */
 enum { TABLE = 11 };
 
 enum { TEXT = 512, NAME = 256, MOST_SYMPLECTIC_STEPS = 100000 };
 enum { ORDER = 5, COEFFICIENTS = ORDER + 1 }; /* of the polynomials that the inputs follow inside a step */
 
 typedef struct { /* an input that moves inside a step */
-    size_t place;
+    size_t index;
     const Variable *variable;
     int degree;
     double c[COEFFICIENTS]; /* of powers of the fraction of the step that has passed */
@@ -34,7 +34,7 @@ typedef struct { /* of a prescribed number since the last communication point, o
 
 enum { PAST = sizeof(Past) / sizeof(double) }; /* numbers in one */
 
-typedef struct { /* a prescribed number: its places among the inputs, and what is known of it */
+typedef struct { /* a prescribed number: its indices among the inputs, and its state */
     size_t value, rate, acceleration;
     double *mismatch; /* or NULL */
     Past *past;
@@ -61,7 +61,7 @@ typedef struct {
 
 typedef struct { /* what references stand for, and how much memory a state takes */
     int by_variable;           /* references stand for variables, of which some are arrays */
-    size_t places, references; /* how many there are of each, settings and sizes aside */
+    size_t numbers, references; /* how many there are of each, settings and sizes aside */
     unsigned first;            /* reference, which stands for the first of them */
     size_t state_size, moving_size; /* in bytes: of all, and of the front, which a communication step changes */
 } Layout;
@@ -99,7 +99,7 @@ typedef struct { /* the communication step under way */
 
 typedef struct { /* the inputs that move inside the step */
     Mover *list;
-    size_t count, *of_input; /* place of an input among them */
+    size_t count, *of_input; /* index of an input among them */
     double *given;           /* by the importer, at ORDER times inside the step; those of one input side by side */
     size_t asked;            /* which of these times it is */
 } Movers;
@@ -150,17 +150,17 @@ struct Instance {
     Words words;
 };
 
-typedef struct { /* places that follow each other */
+typedef struct { /* consecutive numbers */
     size_t first, count;
 } Span;
 
 /* ---- variables ---- */
 
-/* The variable that has a place. */
-const Variable *core_variable_at(const Model *, size_t place);
-/* The place of the variable that shows a state, or its derivative. */
-size_t core_place_of_state(const Model *, size_t i, int derivative);
-const char *core_name(const Instance *, size_t place);
+/* The variable of a number. */
+const Variable *core_variable_at(const Model *, size_t index);
+/* The index of a state, or of its derivative, among the variables. */
+size_t core_index_of_state(const Model *, size_t i, int derivative);
+const char *core_name(const Instance *, size_t index);
 Status core_check_references(const Instance *, const unsigned references[], size_t n, size_t count);
 
 /* What a reference, which exists, stands for. */
@@ -180,7 +180,7 @@ static inline int allows(const Variable *variable, double value) {
 
 int core_because(Instance *, const char *format, ...);
 /* The value of a parameter or input is not allowed. */
-int core_outside(Instance *, size_t place, double value, double t);
+int core_outside(Instance *, size_t index, double value, double t);
 int core_check_domains(Instance *, double t);
 int core_check_conditions(Instance *, double t, const double *y, size_t count);
 /* States, or with `derivatives` those. */
@@ -208,7 +208,7 @@ const char *core_spelled(double value);
 /* ---- prescribed coordinates ---- */
 
 void core_find_prescribed(Instance *);
-void core_follow(Instance *);       /* begin anew: the motion has followed what is prescribed now */
+void core_follow(Instance *);       /* start again: the motion has followed what is prescribed now */
 void core_depart(Instance *);       /* a communication step begins */
 void core_arrive(Instance *);       /* and ends */
 void core_compare(Instance *);      /* what is prescribed now with what was at the start of the last step */

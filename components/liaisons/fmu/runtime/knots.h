@@ -51,7 +51,7 @@ typedef struct {
 } Rows;
 
 /* Both rows of each look-up out of columns. */
-static inline void take_rows(const double *columns, size_t room, size_t of[LOOKUPS][2], double *seen) {
+static inline void copy_rows(const double *columns, size_t room, size_t of[LOOKUPS][2], double *seen) {
     const size_t *column = seen_columns;
     for (size_t i = 0; i < LOOKUPS; column += of_lookup[i++])
         for (size_t end = 0; end < 2; end++)
@@ -69,13 +69,13 @@ static inline void look_up(const double **arguments, Rows *rows) {
         rows->of[i][0] = row;
         rows->of[i][1] = row < last ? row + 1 : last;
     }
-    take_rows(knots.columns, knots.room, rows->of, rows->k);
+    copy_rows(knots.columns, knots.room, rows->of, rows->k);
     memcpy(rows->k + SEEN, behind, BEHIND * sizeof *behind);
 }
 
 /* Call a function of (t, y, u, k, ...). */
-static inline int see(Function *function, const double **arguments, double **results, long long *integers, double *reals,
-                      int memory) {
+static inline int with_rows(Function *function, const double **arguments, double **results, long long *integers,
+                            double *reals, int memory) {
     Rows rows;
     look_up(arguments, &rows);
     const double *seen[] = {arguments[0], arguments[1], arguments[2], rows.k, arguments[4]};
@@ -83,13 +83,13 @@ static inline int see(Function *function, const double **arguments, double **res
 }
 
 /* Call a function of (t, y, u, k, m, z, dt, dy, du, dk, dm). */
-static inline int see_forward(Function *function, const double **arguments, double **results, long long *integers,
-                              double *reals, int memory) {
+static inline int with_rows_forward(Function *function, const double **arguments, double **results, long long *integers,
+                                    double *reals, int memory) {
     Rows rows;
     double directions[SEEN + BEHIND + 1] = {0};
     const double *seen[11];
     look_up(arguments, &rows);
-    if (arguments[TABLE] == NULL) take_rows(arguments[9], ROOM, rows.of, directions);
+    if (arguments[TABLE] == NULL) copy_rows(arguments[9], ROOM, rows.of, directions);
     memcpy(directions + SEEN, arguments[9] + COLUMNS * ROOM, BEHIND * sizeof *directions);
     memcpy(seen, arguments, sizeof seen);
     seen[3] = rows.k;
@@ -98,8 +98,8 @@ static inline int see_forward(Function *function, const double **arguments, doub
 }
 
 /* Call a function of (t, y, u, k, m, z, weights) -> those of (t, y, u, k, m). */
-static inline int see_reverse(Function *function, const double **arguments, double **results, long long *integers,
-                              double *reals, int memory) {
+static inline int with_rows_reverse(Function *function, const double **arguments, double **results, long long *integers,
+                                    double *reals, int memory) {
     Rows rows;
     double weights[SEEN + BEHIND + 1];
     look_up(arguments, &rows);

@@ -28,9 +28,9 @@ const char *core_spelled(double value) { return isnan(value) ? "nan" : value > 0
 
 /* ---- what is allowed --------------------------------------------------------------------------------------- */
 
-int core_outside(Instance *self, size_t place, double value, double t) {
-    return core_because(self, "%s = %.9g at t = %.9g: it must be %s", core_name(self, place), value, t,
-                        core_variable_at(self->model, place)->domain);
+int core_outside(Instance *self, size_t index, double value, double t) {
+    return core_because(self, "%s = %.9g at t = %.9g: it must be %s", core_name(self, index), value, t,
+                        core_variable_at(self->model, index)->domain);
 }
 
 int core_check_domains(Instance *self, double t) {
@@ -60,7 +60,7 @@ int core_check_finite(Instance *self, const double *values, int derivatives, dou
     for (size_t i = 0; i < self->model->states; i++)
         if (!isfinite(values[i]))
             return core_because(self, "%s = %s at t = %.9g: the motion ends there",
-                                core_name(self, core_place_of_state(self->model, i, derivatives)), core_spelled(values[i]),
+                                core_name(self, core_index_of_state(self->model, i, derivatives)), core_spelled(values[i]),
                                 t);
     return 1;
 }

@@ -60,7 +60,7 @@ static double integral(const Instance *self, const Mover *mover) {
 void core_arrive(Instance *self) {
     FOR_EACH(p) {
         const size_t found = self->movers.of_input[p->rate];
-        const int moves = found < self->movers.count && self->movers.list[found].place == p->rate;
+        const int moves = found < self->movers.count && self->movers.list[found].index == p->rate;
         const double went = moves ? integral(self, &self->movers.list[found]) : self->step.reach * p->past->rate;
         p->past->size = self->step.reach;
         p->past->followed = self->s->reconstruction == INTERPOLATE ? self->v.u[p->value] : p->past->value + went;
@@ -166,8 +166,8 @@ static int find_jumps(Instance *self) {
     return moves;
 }
 
-/* Put σ at a part of its way, moving on as far as the jump in addition to its rate, or not. */
-static void place(Instance *self, double part, int jumping) {
+/* Set σ to a fraction of its jump, and its rate with the jump added to it or without. */
+static void set_prescribed(Instance *self, double part, int jumping) {
     FOR_EACH(p) {
         if (p->jump == 0) continue;
         self->v.u[p->value] = p->past->followed + part * p->jump;
@@ -180,9 +180,9 @@ static Signal leaping(void *context, double part, const double y[], double f[]) 
     Instance *self = context;
     const Model *model = self->model;
     Function *function = model->motions[ACTIVITIES - 1].coupled;
-    place(self, part, 0);
+    set_prescribed(self, part, 0);
     evaluate(self, function, self->s->time, y, self->e.y);
-    place(self, part, 1);
+    set_prescribed(self, part, 1);
     evaluate(self, function, self->s->time, y, f);
     for (size_t i = 0; i < model->coupled; i++) f[i] -= self->e.y[i];
     return GO_ON;

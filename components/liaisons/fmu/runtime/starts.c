@@ -5,11 +5,11 @@
 #include <string.h>
 #include <wchar.h>
 
-#include "face.h"
+#include "fmi_common.h"
 
 #ifdef __wasm__ /* there are no files */
 
-Status face_take_starts(const Face *face) { return face->core == NULL ? ERROR : SUCCESS; }
+Status fmi_read_starts(const FmiInstance *fmu) { return fmu->core == NULL ? ERROR : SUCCESS; }
 
 #else
 
@@ -30,12 +30,12 @@ static FILE *open_file(const char *path) {
 #endif
 }
 
-static Status damaged(const Face *face) {
-    return core_report(face->core, ERROR, "%s is damaged: write the archive anew", face->starts);
+static Status damaged(const FmiInstance *fmu) {
+    return core_report(fmu->core, ERROR, "%s is damaged: write the archive anew", fmu->starts);
 }
 
 /* The rest of a line. */
-static Status take(const Face *face, FILE *file, char kind, unsigned reference, size_t count) {
+static Status read_start(const FmiInstance *fmu, FILE *file, char kind, unsigned reference, size_t count) {
     double *values = count > 0 && count <= SIZE_MAX / sizeof *values ? malloc(count * sizeof *values) : NULL;
     uint64_t bits = 0;
     char digits[17] = "";
@@ -46,18 +46,18 @@ static Status take(const Face *face, FILE *file, char kind, unsigned reference, 
     }
     const int whole = (int)(int64_t)bits, integer = kind == 'i' && count == 1;
     Status status = ERROR;
-    if (complete && kind == 't') status = core_set_table(face->core, values, count);
-    else if (complete && kind == 'r') status = core_set(face->core, &reference, 1, values, count);
-    else if (complete && integer) status = core_set_settings(face->core, &reference, 1, &whole);
-    else damaged(face);
+    if (complete && kind == 't') status = core_set_table(fmu->core, values, count);
+    else if (complete && kind == 'r') status = core_set(fmu->core, &reference, 1, values, count);
+    else if (complete && integer) status = core_set_settings(fmu->core, &reference, 1, &whole);
+    else damaged(fmu);
     free(values);
     return status == SUCCESS ? SUCCESS : ERROR;
 }
 
-Status face_take_starts(const Face *face) {
-    FILE *file = face->starts == NULL ? NULL : open_file(face->starts);
-    if (file == NULL && face->has_starts)
-        return core_report(face->core, ERROR, "%s cannot be read: this FMU has its start values there", face->starts);
+Status fmi_read_starts(const FmiInstance *fmu) {
+    FILE *file = fmu->starts == NULL ? NULL : open_file(fmu->starts);
+    if (file == NULL && fmu->has_starts)
+        return core_report(fmu->core, ERROR, "%s cannot be read: this FMU has its start values there", fmu->starts);
     if (file == NULL) return SUCCESS;
     Status status = SUCCESS;
     char kind;
@@ -66,11 +66,11 @@ Status face_take_starts(const Face *face) {
     int found, zeros = 0;
     while (status == SUCCESS && (found = fscanf(file, " %c %u %zu", &kind, &reference, &count)) != EOF) {
         if (found == 3 && kind == 'z') zeros = 1;
-        else status = found == 3 ? take(face, file, kind, reference, count) : damaged(face);
+        else status = found == 3 ? read_start(fmu, file, kind, reference, count) : damaged(fmu);
         for (int c = 0; c != '\n' && c != EOF;) c = fgetc(file); /* the name */
     }
     fclose(file);
-    return status == SUCCESS && zeros ? core_ignore_zeros(face->core) : status;
+    return status == SUCCESS && zeros ? core_ignore_zeros(fmu->core) : status;
 }
 
 #endif

@@ -109,7 +109,7 @@ static int moves_roughly(void *context, double t, double h) {
     const Instance *self = context;
     for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
         const size_t found = self->movers.of_input[p->rate];
-        if (found >= self->movers.count || self->movers.list[found].place != p->rate) continue;
+        if (found >= self->movers.count || self->movers.list[found].index != p->rate) continue;
         const Mover *mover = &self->movers.list[found];
         const double x = t / self->step.size, part = h / self->step.size;
         const double begin = input_at(mover, x), end = input_at(mover, x + part);

@@ -7,26 +7,26 @@
 
 /* ---- names and references ---------------------------------------------------------------------------------- */
 
-const Variable *core_variable_at(const Model *model, size_t place) {
+const Variable *core_variable_at(const Model *model, size_t index) {
     const size_t calculated = model->parameters + model->inputs;
-    if (model->variable_rows == calculated + model->outputs) return &model->variables[place]; /* numbers only */
+    if (model->variable_rows == calculated + model->outputs) return &model->variables[index]; /* numbers only */
     size_t low = 0, high = model->variable_rows;
     while (high > low) {
         const size_t middle = low + (high - low + 1) / 2;
-        if (model->variables[middle].first <= place) low = middle;
+        if (model->variables[middle].first <= index) low = middle;
         else high = middle - 1;
     }
     return &model->variables[low];
 }
 
-const char *core_name(const Instance *self, size_t place) {
-    const Variable *variable = core_variable_at(self->model, place);
+const char *core_name(const Instance *self, size_t index) {
+    const Variable *variable = core_variable_at(self->model, index);
     if (!variable->array) return variable->name;
-    snprintf(self->words.name, NAME, "%s[%lu]", variable->name, (unsigned long)(place - variable->first + 1));
+    snprintf(self->words.name, NAME, "%s[%lu]", variable->name, (unsigned long)(index - variable->first + 1));
     return self->words.name;
 }
 
-size_t core_place_of_state(const Model *model, size_t i, int derivative) {
+size_t core_index_of_state(const Model *model, size_t i, int derivative) {
     const State *state = model->state;
     while (i >= model->variables[state->variable].count) i -= model->variables[state++->variable].count;
     return model->variables[derivative ? state->derivative : state->variable].first + i;
@@ -52,7 +52,7 @@ typedef struct { /* what is left of references and of values for them */
     size_t n, count;
 } Rest;
 
-/* The places of the next reference and of those that follow it one by one; 0 if there are none or too few values. */
+/* The numbers of the next reference and of consecutive ones behind it; 0 if there are none or too few values. */
 static int next_run(const Instance *self, Rest *rest, Span *run) {
     const unsigned reference = *rest->references;
     size_t n = 1;
@@ -73,12 +73,12 @@ static void copy(double *to, const double *from, size_t n) {
     else memcpy(to, from, n * sizeof *to);
 }
 
-/* The place of the first number that only a picture needs. */
+/* The index of the first number that only a picture needs. */
 static size_t first_drawn(const Model *model) {
     return model->parameters + model->inputs + model->outputs - model->drawn;
 }
 
-/* The numbers of some places are about to be read. */
+/* Calculate numbers that are about to be read. */
 static void update(Instance *self, Span run) {
     const size_t drawn = first_drawn(self->model), end = run.first + run.count;
     if (end > self->model->parameters + self->model->inputs) core_update(self);
@@ -94,10 +94,10 @@ Status core_get(Instance *self, const unsigned references[], size_t n, double va
     *self->v.t = self->s->time;
     if (self->known.current && !self->layout.by_variable) { /* nothing is as fast as to take them one by one */
         for (size_t i = 0; i < n; i++) {
-            const size_t place = references[i] - self->layout.first;
-            if (place >= self->layout.references) return core_check_references(self, references, n, count);
-            if (place >= drawn && !self->known.drawn) update(self, (Span){place, 1});
-            if (i < count) values[i] = self->v.k[place];
+            const size_t index = references[i] - self->layout.first;
+            if (index >= self->layout.references) return core_check_references(self, references, n, count);
+            if (index >= drawn && !self->known.drawn) update(self, (Span){index, 1});
+            if (i < count) values[i] = self->v.k[index];
         }
         if (n != count) return core_check_references(self, references, n, count);
         return all_finite(values, n) ? SUCCESS : core_refuse_infinite(self, references, values, n, "");
@@ -123,8 +123,8 @@ static int settable(const Instance *self, const Variable *variable) {
     }
 }
 
-static Status refuse(const Instance *self, size_t place, Kind kind, double value) {
-    return core_report(self, ERROR, "%s = %.9g: %s", core_name(self, place), value,
+static Status refuse(const Instance *self, size_t index, Kind kind, double value) {
+    return core_report(self, ERROR, "%s = %.9g: %s", core_name(self, index), value,
                        kind == FIXED_PARAMETER     ? FIXED
                        : kind == TUNABLE_PARAMETER ? "it is a parameter; set it in event mode"
                        : kind == INDEPENDENT       ? "the time is not a variable that can be set"
@@ -141,10 +141,10 @@ static Status check_setting(Instance *self, Span run, const double values[]) {
     if (end > calculated || (run.first < inputs && self->s->phase >= EVENT)) { /* else all can be set */
         const Variable *variable = core_variable_at(self->model, run.first);
         for (; variable->kind != INDEPENDENT && variable->first < end; variable++) {
-            const size_t place = larger(variable->first, run.first);
-            if (!settable(self, variable)) return refuse(self, place, variable->kind, values[place - run.first]);
+            const size_t index = larger(variable->first, run.first);
+            if (!settable(self, variable)) return refuse(self, index, variable->kind, values[index - run.first]);
         }
-        const size_t time = self->layout.places;
+        const size_t time = self->layout.numbers;
         if (end > time) return refuse(self, time, INDEPENDENT, values[time - run.first]);
     }
     if (all_finite(values, run.count)) return SUCCESS;
@@ -169,8 +169,8 @@ static int replace(double *to, const double *from, size_t n) {
     return 1;
 }
 
-/* Take parameters, inputs, states; returns whether parameters or the present inputs are new. */
-static int take(Instance *self, Span run, const double values[], int present) {
+/* Store parameters, inputs, states; returns whether parameters or the present inputs are new. */
+static int store(Instance *self, Span run, const double values[], int present) {
     const size_t inputs = self->model->parameters, calculated = inputs + self->model->inputs;
     const size_t end = run.first + run.count;
     int fresh = 0;
@@ -180,12 +180,12 @@ static int take(Instance *self, Span run, const double values[], int present) {
         copy(&self->v.k[first], values + (first - run.first), last - first);
         if (present) fresh |= replace(&self->v.u[first - inputs], values + (first - run.first), last - first);
     }
-    for (size_t place = larger(run.first, calculated); place < end;) {
-        const Variable *variable = core_variable_at(self->model, place);
+    for (size_t index = larger(run.first, calculated); index < end;) {
+        const Variable *variable = core_variable_at(self->model, index);
         const size_t next = smaller(end, variable->first + variable->count);
-        copy(&self->v.y[(size_t)variable->state + place - variable->first], values + (place - run.first), next - place);
+        copy(&self->v.y[(size_t)variable->state + index - variable->first], values + (index - run.first), next - index);
         self->known.current = 0;
-        place = next;
+        index = next;
     }
     return fresh;
 }
@@ -198,13 +198,13 @@ static int set_inputs(Instance *self, const unsigned references[], size_t n, con
     for (size_t i = 0; i < n; i++)
         if (references[i] - first >= inputs || values[i] - values[i] != 0) return 0;
     for (size_t i = 0; i < n; i++) {
-        const size_t place = references[i] - first;
-        self->v.set[place] = values[i];
+        const size_t index = references[i] - first;
+        self->v.set[index] = values[i];
         if (!present) continue;
-        memcpy(&before, &self->v.u[place], sizeof before);
+        memcpy(&before, &self->v.u[index], sizeof before);
         memcpy(&after, &values[i], sizeof after);
         differences |= before ^ after;
-        self->v.u[place] = values[i];
+        self->v.u[index] = values[i];
     }
     *fresh = differences != 0;
     return 1;
@@ -224,7 +224,7 @@ static Status set_runs(Instance *self, const unsigned references[], size_t n, co
     rest = (Rest){references, n, count};
     for (const double *value = values; rest.n > 0; value += run.count) {
         next_run(self, &rest, &run);
-        *fresh |= take(self, run, value, present);
+        *fresh |= store(self, run, value, present);
     }
     return SUCCESS;
 }
@@ -240,11 +240,11 @@ Status core_ignore_zeros(Instance *self) {
 /* Put the start values back where 0 was set, and is not allowed. */
 static void ignore_zeros(Instance *self, int present) {
     for (const Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++) {
-        const size_t place = self->model->parameters + p->value;
-        if (self->v.set[p->value] != 0 || allows(core_variable_at(self->model, place), 0)) continue;
+        const size_t index = self->model->parameters + p->value;
+        if (self->v.set[p->value] != 0 || allows(core_variable_at(self->model, index), 0)) continue;
         self->v.set[p->value] = self->starts[p->value];
         if (present) self->v.u[p->value] = self->starts[p->value];
-        core_report(self, WARNING, "%s = 0 before the first step: it stays %.9g", core_name(self, place),
+        core_report(self, WARNING, "%s = 0 before the first step: it stays %.9g", core_name(self, index),
                     self->starts[p->value]);
     }
 }

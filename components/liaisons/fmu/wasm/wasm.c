@@ -1,4 +1,4 @@
-/* The face that WebAssembly components show: the interfaces of fmi-ls-wasm (wit/) upon the functions of FMI 3.0.
+/* What WebAssembly components export: the interfaces of fmi-ls-wasm (wit/) upon the functions of FMI 3.0.
  *
  * Values come and go as the component model's canonical ABI lays them out, which is how C does it for wasm32: a list or
  * a string is a pointer and a length; what is more than one number is returned by a pointer to it.  Lists of a host lie

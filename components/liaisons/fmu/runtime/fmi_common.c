@@ -1,5 +1,5 @@
-/* What the faces share: a name and a log, checks of calls, saved states as an importer holds them. */
-#include "face.h"
+/* What FMI 2.0 and FMI 3.0 share: a name and a log, checks of calls, saved states as an importer holds them. */
+#include "fmi_common.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,28 +15,28 @@ static const char *const CATEGORIES[] = {"", "logStatusWarning", "logStatusDisca
 /* ---- messages ---------------------------------------------------------------------------------------------- */
 
 static void report(void *owner, Status status, const char *text) {
-    const Face *face = owner;
+    const FmiInstance *fmu = owner;
     char message[1024];
     size_t length = 0;
-    if (face->write == NULL || !((face->always | face->logged) & 1u << status)) return;
+    if (fmu->write == NULL || !((fmu->always | fmu->logged) & 1u << status)) return;
     for (; *text && length + 2 < sizeof message; text++) {
-        if (strchr(face->marks, *text)) message[length++] = *text;
+        if (strchr(fmu->marks, *text)) message[length++] = *text;
         message[length++] = *text;
     }
     message[length] = '\0';
-    face->write(face, status, CATEGORIES[status], message);
+    fmu->write(fmu, status, CATEGORIES[status], message);
 }
 
-Status face_set_logging(Face *face, int on, size_t n, const char *const categories[]) {
+Status fmi_set_logging(FmiInstance *fmu, int on, size_t n, const char *const categories[]) {
     unsigned chosen = n == 0 ? EVERYTHING : 0;
     for (size_t i = 0; i < n; i++) {
         unsigned known = ERROR;
         while (known > 0 && (categories[i] == NULL || strcmp(categories[i], CATEGORIES[known]) != 0)) known--;
         if (known == 0)
-            return core_report(face->core, ERROR, "there is no log category %s", categories[i] ? categories[i] : "NULL");
+            return core_report(fmu->core, ERROR, "there is no log category %s", categories[i] ? categories[i] : "NULL");
         chosen |= 1u << known;
     }
-    face->logged = on ? face->logged | chosen : face->logged & ~chosen;
+    fmu->logged = on ? fmu->logged | chosen : fmu->logged & ~chosen;
     return SUCCESS;
 }
 
@@ -56,38 +56,38 @@ static const char *phase_name(Phase phase) {
     }
 }
 
-void *face_refuse(const Face *face, int in_phase, const char *function) {
+void *fmi_refuse(const FmiInstance *fmu, int in_phase, const char *function) {
     static const char *const USES[] = {"model exchange", "co-simulation without event mode",
                                        "co-simulation with events"};
     if (!in_phase)
-        core_report(face->core, ERROR, "%s must not be called %s", function, phase_name(core_phase(face->core)));
+        core_report(fmu->core, ERROR, "%s must not be called %s", function, phase_name(core_phase(fmu->core)));
     else
-        core_report(face->core, ERROR, "%s must not be called: this instance is one for %s", function,
-                    USES[core_use(face->core)]);
+        core_report(fmu->core, ERROR, "%s must not be called: this instance is one for %s", function,
+                    USES[core_use(fmu->core)]);
     return NULL;
 }
 
-int face_given(const Face *face, const void *argument, const char *name, const char *function) {
-    if (argument == NULL) core_report(face->core, ERROR, "%s: argument %s is NULL", function, name);
+int fmi_check_not_null(const FmiInstance *fmu, const void *argument, const char *name, const char *function) {
+    if (argument == NULL) core_report(fmu->core, ERROR, "%s: argument %s is NULL", function, name);
     return argument != NULL;
 }
 
-Status face_has_none(const Face *face, size_t n, const char *type) {
-    return n == 0 ? SUCCESS : core_report(face->core, ERROR, "there are no variables of type %s", type);
+Status fmi_check_no_variables(const FmiInstance *fmu, size_t n, const char *type) {
+    return n == 0 ? SUCCESS : core_report(fmu->core, ERROR, "there are no variables of type %s", type);
 }
 
-Status face_check_count(const Face *face, size_t n, size_t expected, const char *what) {
+Status fmi_check_count(const FmiInstance *fmu, size_t n, size_t expected, const char *what) {
     if (n == expected) return SUCCESS;
-    return core_report(face->core, ERROR, "%lu %s: there are %lu", (unsigned long)n, what, (unsigned long)expected);
+    return core_report(fmu->core, ERROR, "%lu %s: there are %lu", (unsigned long)n, what, (unsigned long)expected);
 }
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
-static void *fail(const Face *face, const char *function, const char *why) {
+static void *fail(const FmiInstance *fmu, const char *function, const char *why) {
     char text[256] = "";
     strncat(text, function, 64);
     strncat(text, why, 128);
-    report((void *)face, ERROR, text);
+    report((void *)fmu, ERROR, text);
     return NULL;
 }
 
@@ -105,18 +105,18 @@ static char *path_of_starts(const char *resources) {
     return path;
 }
 
-void *face_open(const Face *face, size_t size, const char *name, const char *guid, const char *resources,
-                Options options, const char *function) {
+void *fmi_instantiate(const FmiInstance *fmu, size_t size, const char *name, const char *guid, const char *resources,
+                      Options options, const char *function) {
     if (name == NULL || name[strspn(name, " \t\r\n")] == '\0')
-        return fail(face, function, ": the instance name is missing");
+        return fail(fmu, function, ": the instance name is missing");
     if (!fits(guid))
-        return fail(face, function, ": the guid of the model description is not that of the binary");
+        return fail(fmu, function, ": the guid of the model description is not that of the binary");
     const int has_starts = guid[strlen(model.guid)] != '\0';
     if (has_starts && resources == NULL)
-        return fail(face, function, ": start values of this FMU are in its resources: give the path of that folder");
-    Face *opened = malloc(size);
+        return fail(fmu, function, ": start values of this FMU are in its resources: give the path of that folder");
+    FmiInstance *opened = malloc(size);
     if (opened != NULL) {
-        memcpy(opened, face, size);
+        memcpy(opened, fmu, size);
         options.report = report;
         options.owner = opened;
         opened->name = malloc(strlen(name) + 1);
@@ -126,26 +126,26 @@ void *face_open(const Face *face, size_t size, const char *name, const char *gui
     }
     if (opened == NULL || opened->name == NULL || opened->core == NULL
         || (resources != NULL && opened->starts == NULL)) {
-        face_close(opened);
-        return fail(face, function, ": out of memory");
+        fmi_free_instance(opened);
+        return fail(fmu, function, ": out of memory");
     }
     strcpy(opened->name, name);
-    if (face_take_starts(opened) == SUCCESS) return opened;
-    face_close(opened);
+    if (fmi_read_starts(opened) == SUCCESS) return opened;
+    fmi_free_instance(opened);
     return NULL;
 }
 
-Status face_reset(const Face *face) {
-    core_reset(face->core);
-    return face_take_starts(face);
+Status fmi_reset(const FmiInstance *fmu) {
+    core_reset(fmu->core);
+    return fmi_read_starts(fmu);
 }
 
-void face_close(Face *face) {
-    if (face == NULL) return;
-    core_free(face->core);
-    free(face->name);
-    free(face->starts);
-    free(face);
+void fmi_free_instance(FmiInstance *fmu) {
+    if (fmu == NULL) return;
+    core_free(fmu->core);
+    free(fmu->name);
+    free(fmu->starts);
+    free(fmu);
 }
 
 /* ---- saved states ------------------------------------------------------------------------------------------ */
@@ -161,40 +161,41 @@ static Saved *reserve(void **state, size_t size) {
     return saved;
 }
 
-Status face_save(const Face *face, void **state, const char *function) {
-    Saved *saved = reserve(state, core_state_size(face->core));
-    if (saved == NULL) return core_report(face->core, ERROR, "%s: out of memory", function);
-    core_save(face->core, saved->bytes);
+Status fmi_get_state(const FmiInstance *fmu, void **state, const char *function) {
+    Saved *saved = reserve(state, core_state_size(fmu->core));
+    if (saved == NULL) return core_report(fmu->core, ERROR, "%s: out of memory", function);
+    core_save(fmu->core, saved->bytes);
     return SUCCESS;
 }
 
-Status face_restore(const Face *face, const void *state) {
+Status fmi_set_state(const FmiInstance *fmu, const void *state) {
     const Saved *saved = state;
-    return core_restore(face->core, saved->bytes, saved->size);
+    return core_restore(fmu->core, saved->bytes, saved->size);
 }
 
-void face_drop(void **state) {
+void fmi_free_state(void **state) {
     if (state == NULL) return;
     free(*state);
     *state = NULL;
 }
 
-size_t face_size(const void *state) { return ((const Saved *)state)->size; }
+size_t fmi_state_size(const void *state) { return ((const Saved *)state)->size; }
 
-Status face_serialize(const Face *face, const void *state, void *bytes, size_t size, const char *function) {
+Status fmi_serialize_state(const FmiInstance *fmu, const void *state, void *bytes, size_t size, const char *function) {
     const Saved *saved = state;
     if (size < saved->size)
-        return core_report(face->core, ERROR, "%s: %lu bytes are too few, %lu are needed", function,
+        return core_report(fmu->core, ERROR, "%s: %lu bytes are too few, %lu are needed", function,
                            (unsigned long)size, (unsigned long)saved->size);
     memcpy(bytes, saved->bytes, saved->size);
     core_seal(bytes);
     return SUCCESS;
 }
 
-Status face_deserialize(const Face *face, const void *bytes, size_t size, void **state, const char *function) {
-    if (core_check_state(face->core, bytes, size) != SUCCESS) return ERROR;
+Status fmi_deserialize_state(const FmiInstance *fmu, const void *bytes, size_t size, void **state,
+                             const char *function) {
+    if (core_check_state(fmu->core, bytes, size) != SUCCESS) return ERROR;
     Saved *saved = reserve(state, size);
-    if (saved == NULL) return core_report(face->core, ERROR, "%s: out of memory", function);
+    if (saved == NULL) return core_report(fmu->core, ERROR, "%s: out of memory", function);
     memcpy(saved->bytes, bytes, size);
     return SUCCESS;
 }

@@ -2,20 +2,20 @@
 
 /* An instance where this function may be called in its phase. */
 #define ENTER(name)                                                                              \
-    Fmu *fmu = face_enter(instance, (unsigned)PHASES_##name, (unsigned)USES_##name, __func__); \
+    Fmu *fmu = fmi_enter(instance, (unsigned)PHASES_##name, (unsigned)USES_##name, __func__); \
     if (fmu == NULL) return (STATUS)ERROR;                                                       \
-    Instance *core = fmu->face.core;                                                             \
+    Instance *core = fmu->common.core;                                                             \
     (void)core
 
 #define NEED(argument) \
-    if ((argument) == NULL && !face_given(&fmu->face, argument, #argument, __func__)) return (STATUS)ERROR
+    if ((argument) == NULL && !fmi_check_not_null(&fmu->common, argument, #argument, __func__)) return (STATUS)ERROR
 
 /* ---- life -------------------------------------------------------------------------------------------------- */
 
 STATUS FMI(SetDebugLogging)(INSTANCE instance, BOOLEAN logging, size_t n, const char *const categories[]) {
     ENTER(SetDebugLogging);
     if (n > 0) NEED(categories);
-    return (STATUS)face_set_logging(&fmu->face, logging, n, categories);
+    return (STATUS)fmi_set_logging(&fmu->common, logging, n, categories);
 }
 
 STATUS FMI(ExitInitializationMode)(INSTANCE instance) {
@@ -35,25 +35,25 @@ STATUS FMI(Terminate)(INSTANCE instance) {
     return (STATUS)SUCCESS;
 }
 
-void FMI(FreeInstance)(INSTANCE instance) { face_close(instance); }
+void FMI(FreeInstance)(INSTANCE instance) { fmi_free_instance(instance); }
 
 /* ---- saved states ------------------------------------------------------------------------------------------ */
 
 STATUS FMI(GetFMUState)(INSTANCE instance, void **state) {
     ENTER(FMUState);
     NEED(state);
-    return (STATUS)face_save(&fmu->face, state, __func__);
+    return (STATUS)fmi_get_state(&fmu->common, state, __func__);
 }
 
 STATUS FMI(SetFMUState)(INSTANCE instance, void *state) {
     ENTER(FMUState);
     NEED(state);
-    return (STATUS)face_restore(&fmu->face, state);
+    return (STATUS)fmi_set_state(&fmu->common, state);
 }
 
 STATUS FMI(FreeFMUState)(INSTANCE instance, void **state) {
     ENTER(FMUState);
-    face_drop(state);
+    fmi_free_state(state);
     return (STATUS)SUCCESS;
 }
 
@@ -61,7 +61,7 @@ STATUS FMI(SerializedFMUStateSize)(INSTANCE instance, void *state, size_t *size)
     ENTER(FMUState);
     NEED(state);
     NEED(size);
-    *size = face_size(state);
+    *size = fmi_state_size(state);
     return (STATUS)SUCCESS;
 }
 
@@ -69,14 +69,14 @@ STATUS FMI(SerializeFMUState)(INSTANCE instance, void *state, BYTE bytes[], size
     ENTER(FMUState);
     NEED(state);
     NEED(bytes);
-    return (STATUS)face_serialize(&fmu->face, state, bytes, size, __func__);
+    return (STATUS)fmi_serialize_state(&fmu->common, state, bytes, size, __func__);
 }
 
 STATUS FMI(DeserializeFMUState)(INSTANCE instance, const BYTE bytes[], size_t size, void **state) {
     ENTER(FMUState);
     NEED(bytes);
     NEED(state);
-    return (STATUS)face_deserialize(&fmu->face, bytes, size, state, __func__);
+    return (STATUS)fmi_deserialize_state(&fmu->common, bytes, size, state, __func__);
 }
 
 /* ---- model exchange ---------------------------------------------------------------------------------------- */
@@ -104,7 +104,7 @@ STATUS FMI(SetTime)(INSTANCE instance, double time) {
 
 /* A vector of as many numbers as there are states. */
 #define STATES(numbers, what)                                                                         \
-    if (face_check_count(&fmu->face, n, model.states, what) != SUCCESS) return (STATUS)ERROR;         \
+    if (fmi_check_count(&fmu->common, n, model.states, what) != SUCCESS) return (STATUS)ERROR;         \
     if (n == 0) return (STATUS)SUCCESS;                                                               \
     NEED(numbers)
 
@@ -136,5 +136,5 @@ STATUS FMI(GetNominalsOfContinuousStates)(INSTANCE instance, double nominals[], 
 STATUS FMI(GetEventIndicators)(INSTANCE instance, double indicators[], size_t n) {
     (void)indicators;
     ENTER(GetEventIndicators);
-    return (STATUS)face_check_count(&fmu->face, n, 0, "event indicators");
+    return (STATUS)fmi_check_count(&fmu->common, n, 0, "event indicators");
 }
