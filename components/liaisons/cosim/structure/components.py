@@ -1,4 +1,4 @@
-"""An FMU in a system, what SSP calls a component, and its ports: the things that are connected."""
+"""Components of a system: an FMU with start values each, and the ports by which they are connected."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from liaisons.errors import ConnectError, InvalidValueError, SimulationError
 from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
-"""Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
+"""Parameter of FMUs of liaisons: how inputs move within a step: 0 hold, 1 extrapolate, 2 interpolate."""
 
 Triple = tuple[str, str, str]
 """Names of value, rate and acceleration."""
 
 Solver = Literal["cvode"]
-"""What integrates an FMU of Model Exchange from the begin on, where that is not left to what its equations are like."""
+"""Solver of a Model Exchange FMU; None: DOP853, and an implicit one once its equations turn out to be stiff."""
 
 InputInterface = Literal["derivatives", "intermediate update", "end value", "mean value"]
 """What an FMU takes for the values of an input within a step: derivatives at its start, values at instants inside, the
@@ -77,13 +77,13 @@ class InputApproximation:
 @final
 @dataclass(frozen=True, eq=False)
 class SystemComponent:
-    """One FMU in a system, under a name of its own; ``part["length"]`` is one of its ports.
+    """One FMU in a system; ``component["length"]`` is one of its ports.
 
     :param name: name in the system.
-    :param fmu: what was read from the file.
+    :param fmu: description of the file.
     :param starts: start values that differ from those of the FMU.
-    :param isolated: it runs in a process of its own, where a call may take so long [s]; 0: in this one.
-    :param solver: of its equations, in Model Exchange; None: DOP853 until they turn out to be stiff.
+    :param isolated: time limit [s] of a call in a process of its own; 0: it runs in this process.
+    :param solver: of its equations, in Model Exchange; None: see :data:`Solver`.
     """
 
     name: str
@@ -126,7 +126,7 @@ class SystemComponent:
 
         A port that is called otherwise than its value is that value.
 
-        :raises ConnectError: with the nearest name, if there is nothing of that name.
+        :raises ConnectError: for an unknown name; the message suggests the nearest one.
         """
         if not isinstance(name, str):
             raise ConnectError(f"{self.name}: ports go by name, {shown(name)} is none")
@@ -144,27 +144,27 @@ class SystemComponent:
 
     @property
     def carried(self) -> frozenset[VariableType]:
-        """Types of what can be read from it and given to it: strings have other numbers in another process."""
+        """Types that can be read and set: strings have other addresses in another process."""
         return NUMBERS if self.isolated else RECORDED
 
     def recordable(self, name: str) -> list[str]:
-        """Names of the scalars that a name stands for: itself, or all elements of an array.
+        """Names of a scalar, or of all elements of an array.
 
-        :raises SimulationError: if there is none of this name, or its values cannot be recorded.
+        :raises SimulationError: for an unknown name, or a type that cannot be recorded.
         """
         names = self.fmu.elements(name) if name in self.fmu.arrays else [name]
-        found = [self.scalar(element) for element in names]
-        for variable in found:
+        scalars = [self.scalar(element) for element in names]
+        for variable in scalars:
             if variable.type not in self.carried:
                 words = f"is {variable.type}{' of an isolated FMU' if self.isolated else ''} and cannot be recorded"
-                known = ", ".join(sorted(self.carried))
-                raise SimulationError(f"{self.name}.{name} {words}: leave it out; what can is {known}")
+                allowed = ", ".join(sorted(self.carried))
+                raise SimulationError(f"{self.name}.{name} {words}: leave it out; what can is {allowed}")
         return names
 
     def scalar(self, name: str) -> Scalar:
         """The scalar of this name.
 
-        :raises SimulationError: with the nearest name, if there is none.
+        :raises SimulationError: for an unknown name; the message suggests the nearest one.
         """
         if name not in self.fmu.variables:
             raise SimulationError(f"{self.name}: {self.fmu.unknown(name)}")
@@ -192,11 +192,11 @@ class SystemComponent:
             return None
 
     def interpolating(self) -> SystemComponent:
-        """The same, but that it interpolates its inputs."""
+        """A copy that interpolates its inputs."""
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
     def apart(self, limit: float = TIME_LIMIT) -> SystemComponent:
-        """The same, isolated, unless it is so already."""
+        """A copy in a process of its own; itself if it has one."""
         return self if self.isolated else replace(self, isolated=limit)
 
     def __repr__(self) -> str:
@@ -207,7 +207,7 @@ class SystemComponent:
 @final
 @dataclass(frozen=True)
 class Port:
-    """A variable, array, port or point of one component, to be connected with another."""
+    """A variable, an array or a terminal of a component, to be connected with another."""
 
     part: SystemComponent
     name: str
@@ -224,16 +224,16 @@ class Port:
 
     @property
     def is_array(self) -> bool:
-        """Whether it stands for all elements of an array."""
+        """Whether it is an array."""
         return self.name in self.part.fmu.arrays
 
     @property
     def exists(self) -> bool:
-        """Whether it is a variable or an array; a point is none."""
+        """Whether it is a variable or an array, and not a terminal like a point."""
         return self.is_array or self.name in self.part.fmu.variables
 
     def elements(self) -> list[Port]:
-        """The scalars of an array; of a scalar, itself."""
+        """The elements of an array; of a scalar, itself."""
         return [Port(self.part, name) for name in self.part.fmu.elements(self.name)]
 
     @property
@@ -270,8 +270,8 @@ class Port:
 def time_limit(what: str, isolated: object) -> float:
     """How long a call of an isolated FMU may take [s]; 0 of one that is not isolated.
 
-    :param what: that it is given as.
-    :raises SimulationError: unless it is a truth value, or a number that is not negative.
+    :param what: label of the value, for messages.
+    :raises SimulationError: unless it is a truth value or a finite number that is not negative.
     """
     seconds = TIME_LIMIT if isolated is True else float(isolated) if isinstance(isolated, Real) else math.nan
     if not 0 <= seconds < math.inf:
