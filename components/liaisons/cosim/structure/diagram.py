@@ -38,7 +38,7 @@ _ARROW = (
     '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" markerHeight="7" '
     'orient="auto-start-reverse"><path d="M0 0 8 4 0 8z" fill="currentColor"/></marker></defs>'
 )
-_STYLE = 'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11"'
+_STYLE = 'fill="none" stroke="currentColor" stroke-linejoin="round" font-family="sans-serif" font-size="11"'
 
 
 @final
@@ -228,28 +228,11 @@ def _arrows(
             lanes += 1
             out, into = x + 12 + lane, to_x - 12 - lane
             low = bottoms[min(row, to_row)] - _SPACE + 14 + lane
-            path = _cornered([(x, y), (out, y), (out, low), (into, low), (into, to_y), (to_x, to_y)])
+            path = f"M{x} {y}H{out}V{low}H{into}V{to_y}H{to_x}"
         both = ' marker-start="url(#liaisons-head)"' if any(c.back for c in wire.connections) else ""
         variables = escape("\n".join(map(str, wire.connections)))
         drawn.append(f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/></g>')
     return drawn
-
-
-def _cornered(points: list[tuple[float, float]]) -> str:
-    """SVG path of horizontal and vertical lines with round corners."""
-    words = [f"M{points[0][0]:g} {points[0][1]:g}"]
-    for before, at, after in zip(points, points[1:], points[2:], strict=False):
-        (ax, ay), (bx, by) = (_towards(at, other) for other in (before, after))
-        words.append(f"L{ax:g} {ay:g}Q{at[0]:g} {at[1]:g} {bx:g} {by:g}")
-    return "".join([*words, f"L{points[-1][0]:g} {points[-1][1]:g}"])
-
-
-def _towards(at: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
-    """The point 6 px from one towards another, at most halfway."""
-    dx, dy = other[0] - at[0], other[1] - at[1]
-    length = max(abs(dx), abs(dy))
-    part = min(6.0, length / 2) / length if length else 0.0
-    return at[0] + part * dx, at[1] + part * dy
 
 
 def _cut(words: str, most: int) -> str:
