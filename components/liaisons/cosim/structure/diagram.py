@@ -114,27 +114,28 @@ def _wires(connections: Iterable[Connection]) -> list[_Wire]:
     """The arrows of a diagram; a force that goes back belongs to the arrow of its port."""
     wires: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
     for c in connections:
-        source, target = (_whole(port, back=c.back) for port in (c.source, c.target))
-        one, other = c.source.part.fmu.terminals.points.get(source), c.target.part.fmu.terminals.points.get(target)
-        if one and other and one.axis == other.axis:
-            source, target = one.point, other.point
+        ports = [_whole(port, back=c.back) for port in (c.source, c.target)]
+        points = [port.terminal.point for port in ports if port.terminal and port.triple()]
+        joined = len(points) == 2 and len({point and point.axis for point in points}) == 1
+        names = [point.point if joined and point else port.name for port, point in zip_longest(ports, points)]
+        source, target = (split(name)[0] for name in names)
         ends = (c.source.place[0], source), (c.target.place[0], target)
         ends = (ends[1], ends[0]) if c.back else ends
         wires.setdefault(ends, _Wire(*ends, [])).connections.append(c)
     return list(wires.values())
 
 
-def _whole(port: Port, *, back: bool) -> str:
-    """The value of the port that a variable is a member of, or the array; a force only if it goes back with a port."""
-    return split((port.leading if back or port.curve()[0] else port).name)[0]
+def _whole(port: Port, *, back: bool) -> Port:
+    """The value of the port that a variable is a member of; a force is itself unless it goes back with a port."""
+    return port.leading if back or port.curve()[0] else port
 
 
 def _free(part: SystemComponent, causality: str) -> list[str]:
     """Names of the ports of a causality, points instead of their components."""
-    points = part.fmu.terminals.points
     entries = part.fmu.variables.entries
-    values = [name for name in entries if entries[name].like.causality == causality and Port(part, name).triple()]
-    return list(dict.fromkeys(points[name].point if name in points else name for name in values))
+    ports = [Port(part, name) for name in entries if entries[name].like.causality == causality]
+    terminals = [port.terminal for port in ports if port.triple()]
+    return list(dict.fromkeys(t.point.point if t.point else t.motion[0] for t in terminals if t and t.motion))
 
 
 def _blocks(
