@@ -68,7 +68,7 @@ _RECONSTRUCTION = (
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def index_page(model: Model) -> bytes:
     """The page, in UTF-8; the same bytes for the same model."""
-    notation = Notation.of(model)
+    notation = Notation.from_model(model)
     results = trajectory(model)
     sections = {
         "Picture": _picture(model, results),
