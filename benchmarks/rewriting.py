@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from liaisons.compiler import compile_library, host
 from liaisons.expressions import Program, c_statements, program
-from liaisons.expressions.rewriting import Builder
-from liaisons.expressions.sum_factoring import Sums
+from liaisons.expressions.sum_factoring import Expansions
+from liaisons.expressions.value_numbering import Builder
 from liaisons.fmu import build
 from liaisons.language import Component
 from liaisons.mechanics import assemble
@@ -35,7 +35,7 @@ from liaisons.models import DoublePendulum, KeplerOrbit, Pendulum, PlanarCat, Sp
 LANES, REPEATS = 256, 100
 NAMES = {
     "all passes": nullcontext,
-    "no sums of products (sums)": lambda: patch.object(Sums, "shortened", lambda *_: None),
+    "no sums of products (sums)": lambda: patch.object(Expansions, "shortened", lambda *_: None),
     "no reordering (heights)": lambda: patch.object(importlib.import_module(Program.__module__), "_PASSES", 0),
     "no shorter forms (rewriting)": lambda: patch.object(Builder, "perform", _as_it_is),
 }

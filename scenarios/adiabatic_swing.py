@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from liaisons import Claims, operator, panels, scenario, simulate, within
+from liaisons import operator, simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 DURATIONS = (10.0, 20.0, 40.0, 80.0, 160.0)
 STARTS = {"swinging": (2.0, 0.0), "going round": (0.0, 20.0)}  # θ, θ'

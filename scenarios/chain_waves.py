@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import trapezoid
 
-from liaisons import Claims, fmu_path, frequencies, operator, panels, scenario, simulate, within
+from liaisons import fmu_path, frequencies, operator, simulate
 from liaisons.models import DrivenChain, OscillatorChain
+from liaisons.scenarios import Claims, panels, scenario, within
 
 N, SPACING = 64, 0.25
 SPRINGS: Any = {"mass": 0.5, "stiffness": 2.0}

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from liaisons import Claims, Result, System, crossings, panels, scenario, within
+from liaisons import Result, System, crossings
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 LOW, HIGH = 1.05, 1.0  # length crouched and standing [m]
 RATES = np.array([50.0, 100.0, 200.0, 400.0])  # of the filters [1/s]

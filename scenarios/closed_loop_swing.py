@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import argrelmax
 
-from liaisons import Claims, Result, System, panels, scenario, within
+from liaisons import Result, System
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 LOW, HIGH = 1.0, 1.1  # shortest and longest [m]
 RATES = np.array([50.0, 100.0, 200.0, 400.0])  # of the filters [1/s]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, Result, analysis, crossings, panels, scenario, simulate, within
+from liaisons import Result, analysis, crossings, simulate
 from liaisons.models import LinearMolecule
+from liaisons.scenarios import Claims, panels, scenario, within
 
 MASSES, SPACING = np.array([15.999, 12.011, 15.999]), 0.116  # consistent units: only ratios matter
 AMPLITUDE, PICTURES = 0.02, {1: "→ → →", 2: "←  |  →", 3: "→ ← →"}

@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from liaisons import Claims, Operator, Parameter, operator, panels, scenario, simulate, within
+from liaisons import Operator, Parameter, operator, simulate
 from liaisons.models import SpatialCat
+from liaisons.scenarios import Claims, panels, scenario, within
 
 TILT, HALF_ANGLE = 0.4, 1.1  # the cone [rad]
 TOLERANCE = 1e-11

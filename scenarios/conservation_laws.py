@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, LiaisonsError, Result, analysis, panels, scenario, simulate, within
+from liaisons import LiaisonsError, Result, analysis, simulate
 from liaisons.models import CartesianPendulum, ChargedParticle, KeplerOrbit, PolarOscillator
+from liaisons.scenarios import Claims, panels, scenario, within
 
 B = 2.0
 

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, Result, System, dots, max_error, panels, scenario, simulate, table, within
+from liaisons import Result, System, max_error, simulate
 from liaisons.models import OscillatorChain
+from liaisons.scenarios import Claims, dots, panels, scenario, table, within
 
 N, STOP, SIZES = 10, 20.0, (0.2, 0.1, 0.05)
 START = np.eye(N)[0]  # the first mass is displaced by 1 m

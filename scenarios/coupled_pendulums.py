@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, Result, System, max_error, panels, scenario, simulate, within
+from liaisons import Result, System, max_error, simulate
+from liaisons.scenarios import Claims, panels, scenario, within
 
 SIZES = (0.02, 0.01, 0.005, 0.0025)
 SMALL, LARGE, RIGHT_ANGLE = (0.02, 0.03), (0.3, 0.5), (0.0, np.pi / 2)  # angles at the begin

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, dots, panels, scenario, simulate, within
+from liaisons import simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 LOW, HIGH = 1.1, 1.0  # distance of the centre of mass from the pivot, crouched and standing [m]
 AMPLITUDE, HALF_SWINGS, TOLERANCE = 0.3, 10, 1e-11

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, Result, max_error, panels, scenario, simulate, within
+from liaisons import Result, max_error, simulate
 from liaisons.models import DoublePendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 LIGHT = {"mass_2": 0.05}
 AMPLITUDES = 0.2 / 2 ** np.arange(6)  # [rad]

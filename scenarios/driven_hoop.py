@@ -6,8 +6,9 @@ that balances the normal force's moment about O; the closed form gives it, and i
 
 from __future__ import annotations
 
-from liaisons import Claims, dots, operator, panels, scenario, simulate, within
+from liaisons import operator, simulate
 from liaisons.models import CircularHoop
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 RATE = 2.0  # rad/s
 TOLERANCE = 1e-10

@@ -18,8 +18,9 @@ import numpy as np
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from liaisons import Claims, Result, analysis, operator, panels, scenario, simulate, within
+from liaisons import Result, analysis, operator, simulate
 from liaisons.models import CircularHoop, FourierHoop
+from liaisons.scenarios import Claims, panels, scenario, within
 
 OFFSET = 0.5  # d [m], R = 1 m, m = 1 kg
 BENT = {"radius": 1.2, "cos_1": 0.25, "sin_2": 0.15, "cos_3": -0.1}

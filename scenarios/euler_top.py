@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from liaisons import Claims, dots, panels, scenario, simulate, within
+from liaisons import simulate
 from liaisons.models import Satellite
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 MOMENTS = np.array([10.0, 12.0, 8.0])  # kg.m2: x is the middle axis
 STARTS = {"least": (0.3, 0.2, 1.0), "largest": (0.3, 1.0, 0.2), "middle": (1.0, 1e-3, 1e-3)}  # ω by the axis of most

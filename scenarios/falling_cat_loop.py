@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import quad
 
-from liaisons import Claims, Result, operator, panels, scenario, simulate, within
+from liaisons import Result, operator, simulate
 from liaisons.models import PlanarCat
+from liaisons.scenarios import Claims, panels, scenario, within
 
 MASSES = {"mass_0": 2.0, "mass_1": 1.0, "mass_2": 1.0, "inertia_0": 0.05, "inertia_1": 0.02, "inertia_2": 0.02}
 CAT: Any = {"hinge": 0.2, "arm_1": 0.25, "arm_2": 0.25, **MASSES}

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from liaisons import Claims, Plan, hamiltonian_flow, panels, plan, scenario, within
+from liaisons import Plan, hamiltonian_flow, plan
+from liaisons.scenarios import Claims, panels, scenario, within
 
 AXES = (1, 2, 3)
 SPHERE: Any = {"J_xx": 1.1, "J_yy": 1.1, "J_zz": 1.1, "J_wheel": 0.1}

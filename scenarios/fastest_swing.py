@@ -14,7 +14,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import ellipkinc
 
-from liaisons import Claims, dots, panels, plan, scenario, within
+from liaisons import plan
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 SHORT, LONG, BEGIN, GRAVITY = 1.0, 1.1, 0.5, 9.81
 ENDS = (0.53, 0.55, 0.57)

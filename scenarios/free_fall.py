@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, crossings, panels, scenario, simulate, slope, within
+from liaisons import crossings, simulate
 from liaisons.models import FreeParticle
+from liaisons.scenarios import Claims, panels, scenario, slope, within
 
 GRAVITY, FRICTION = 9.81, 0.5  # [m/s2], [1/s]
 HEIGHTS = np.array([0.1, 1.0, 10.0, 100.0, 1000.0])  # [m]

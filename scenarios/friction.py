@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from liaisons import Claims, dots, panels, scenario, simulate, within
+from liaisons import simulate
 from liaisons.models import Flywheel, Pendulum
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 ETA = 0.4  # [1/s]
 SMALL = 1e-4  # [rad]

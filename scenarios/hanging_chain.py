@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, fmu_path, frequencies, operator, panels, scenario, simulate, within
+from liaisons import fmu_path, frequencies, operator, simulate
 from liaisons.models import PendulumChain
+from liaisons.scenarios import Claims, panels, scenario, within
 
 N, SMALL = 10, 1e-5  # links, of each mode [rad]
 STEP = 0.1  # [s]; less than half the shortest period

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, ensemble, panels, scenario, within
+from liaisons import ensemble
 from liaisons.models import CircularHoop, EllipticHoop, Ramp, SmoothStep
+from liaisons.scenarios import Claims, panels, scenario, within
 
 TURN, BEADS = 2 * np.pi, 128
 TIMES = np.array([100.0, 200.0, 400.0, 800.0])

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, Result, operator, panels, scenario, simulate, within
+from liaisons import Result, operator, simulate
 from liaisons.models import CircularHoop, EllipticHoop, FourierHoop
+from liaisons.scenarios import Claims, panels, scenario, within
 
 TURN = 2 * np.pi
 TIMES, SLOW = np.array([200.0, 400.0, 800.0]), 1600.0  # of the smooth turns and of the abrupt one [s]

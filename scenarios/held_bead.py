@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, hold, operator, panels, plan, scenario, simulate, within
+from liaisons import hold, operator, plan, simulate
+from liaisons.scenarios import Claims, panels, scenario, within
 
 STEP, RATE, OFF, WAY, STOP = 0.02, 2.0, 1e-3, 4.0, 10.0
 GROWTH = RATE * np.sqrt(0.5)  # λ, with d/R as declared

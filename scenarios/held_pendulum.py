@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import trapezoid
 
-from liaisons import Claims, Result, hold, operator, panels, scenario, simulate, within
+from liaisons import Result, hold, operator, simulate
+from liaisons.scenarios import Claims, panels, scenario, within
 
 STEP, STOP, TILT = 0.02, 10.0, 0.2
 AMPLITUDE, SHAKING = 0.1, 60.0

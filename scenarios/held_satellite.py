@@ -11,8 +11,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from liaisons import ActiveCoordinate, Claims, Parameter, hold, panels, plan, scenario, simulate, within
+from liaisons import ActiveCoordinate, Parameter, hold, plan, simulate
 from liaisons.models import Satellite
+from liaisons.scenarios import Claims, panels, scenario, within
 
 WHEELS, J, J_WHEEL = ("wheel_1", "wheel_2", "wheel_3"), 12.0, 0.1
 LEVER, FORCE, BEGIN, LASTS, STOP = 0.5, 0.02, 12.0, 4.0, 80.0

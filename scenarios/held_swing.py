@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from liaisons import Claims, hold, panels, plan, scenario, within
+from liaisons import hold, plan
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 START, OFF, FRICTION, ROUNDS = 0.5, 0.1, 0.1, 9
 ROUND = float(Pendulum.period(theta_0=START, theta_dot_0=0.0, length=1.0, gravity=9.81))

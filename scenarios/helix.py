@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, Result, panels, scenario, simulate, within
+from liaisons import Result, simulate
 from liaisons.models import ChargedParticle
+from liaisons.scenarios import Claims, panels, scenario, within
 
 TURN = 2 * np.pi  # period of a turn for Ω = 1 [s]
 ELECTRIC: Any = {"E_x": 0.0, "E_y": 0.3, "E_z": 0.0}

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, System, dots, panels, scenario, within
+from liaisons import System
 from liaisons.models import CircularHoop
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 OFFSET, INERTIA, WHEEL, TOLERANCE = 0.5, 0.1, 0.3, 1e-11  # d [m], I and I_f [kg.m2]; R = 1 m, m = 1 kg
 HOOP: Any = {"offset": OFFSET, "hoop_inertia": INERTIA, "xi_0": 0.0, "xi_dot_0": 1.5}

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, panels, scenario, simulate, within
+from liaisons import simulate
 from liaisons.models import four_bars
+from liaisons.scenarios import Claims, panels, scenario, within
 
 TOLERANCE, STOP = 1e-9, 20.0
 

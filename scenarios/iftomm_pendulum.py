@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, panels, scenario, simulate, within
+from liaisons import simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 SETTINGS: Any = {"stop_time": 2000.0, "step_size": 0.5, "tolerance": 1e-9}
 

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, Result, operator, panels, scenario, simulate, within
+from liaisons import Result, operator, simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 AMPLITUDE, TOLERANCE = 0.1, 1e-12  # l = 1 m
 NEAR = 1e-4  # start beside the upright position; what is not linear is of relative size NEAR²

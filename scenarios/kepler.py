@@ -13,8 +13,9 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicHermiteSpline
 
-from liaisons import Claims, Result, crossings, dots, panels, scenario, simulate, within
+from liaisons import Result, crossings, simulate
 from liaisons.models import KeplerOrbit
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 ECCENTRICITIES, SEMI_AXES = (0.0, 0.4, 0.8), (0.5, 1.0, 4.0)
 STEP = 2 * np.pi / 400  # of the eccentric anomaly: equal steps of it are short where the planet is fast

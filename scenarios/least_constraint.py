@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, analysis, panels, scenario, simulate, within
+from liaisons import analysis, simulate
 from liaisons.models import CartesianPendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 
 @scenario

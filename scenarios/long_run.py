@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, Result, panels, scenario, simulate, within
+from liaisons import Result, simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 DURATION, H, STEPS = 1e5, 10.0, 100  # [s], communication step [s], and symplectic steps in it: 100 ms each
 AMPLITUDE = 1.0  # [rad]

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, ensemble, grid, panels, scenario, within
+from liaisons import ensemble, grid
 from liaisons.models import Pendulum, Sinusoid
+from liaisons.scenarios import Claims, panels, scenario, within
 
 STIFFNESS, DEPTH = np.linspace(-2.0, 10.0, 400), np.linspace(0.02, 4.0, 250)  # δ, ε
 NEAR = 1e-9  # start [rad, rad/s]; what is not linear is of relative size NEAR²

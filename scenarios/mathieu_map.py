@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, System, operator, panels, scenario, sweep, within
+from liaisons import System, operator, sweep
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 PERIOD = np.pi
 NEAR = 1e-5  # start [rad, rad/s]; what is not linear is of relative size NEAR²

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, panels, scenario, simulate, within
+from liaisons import simulate
+from liaisons.scenarios import Claims, panels, scenario, within
 
 TOLERANCE, LONG = 1e-11, 2000.0
 

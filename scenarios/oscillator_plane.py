@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, Result, dots, panels, scenario, simulate, within
+from liaisons import Result, simulate
 from liaisons.models import PlanarOscillator
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 BODY: Any = {"mass": 0.8, "stiffness": 2.0}
 OMEGA, MOMENT = np.sqrt(2.0 / 0.8), 0.8 * 0.8  # Ω, p_φ

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, crossings, dots, panels, scenario, simulate, within
+from liaisons import crossings, simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 AMPLITUDES = {"small": 0.2, "large": 3.0}  # [rad]
 

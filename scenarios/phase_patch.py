@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, analysis, dots, panels, scenario, simulate, within
+from liaisons import analysis, simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 CENTRE, RADIUS, RIM = 1.0, 0.5, 128  # the patch and the points of its rim
 DURATION = 8.0

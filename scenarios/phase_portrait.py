@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, analysis, panels, scenario, simulate, within
+from liaisons import analysis, simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 FAR, NEAR = 10.0, 1.0  # x_1(0) of Fig. 5 and of Fig. 6
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, ensemble, panels, scenario, within
+from liaisons import ensemble
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 CENTRE, RADIUS = (1.0, 0.5), 0.8  # θ, p_θ/(m l² Ω), Ω = 1
 STOP, SAMPLES, MEMBERS, NEIGHBOUR = 60.0, 4, 20_000, 1e-5

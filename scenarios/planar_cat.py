@@ -14,8 +14,9 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
-from liaisons import Claims, Result, analysis, operator, panels, scenario, simulate, within
+from liaisons import Result, analysis, operator, simulate
 from liaisons.models import PlanarCat
+from liaisons.scenarios import Claims, panels, scenario, within
 
 CAT: Any = {"arm_1": 0.25, "arm_2": 0.25}  # longer limbs than by default
 CENTRE = (np.pi / 2, -np.pi / 2)  # of the circle of shapes: both limbs stretched to the same side

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from liaisons import Claims, Plan, dots, hamiltonian_flow, panels, plan, scenario, within
+from liaisons import Plan, hamiltonian_flow, plan
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 FALL, TURN, ROUNDS = 0.9, -0.08, np.array([1, 2, 4])
 TRUNK, LIMB, HINGE, ARM = 0.05, 0.02, 0.2, 0.25

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import root
 
-from liaisons import Claims, Plan, dots, panels, plan, scenario, within
+from liaisons import Plan, plan
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 LENGTH, GRAVITY, DURATION = 2.0, 9.81, 3.0
 # (x, x', θ, θ') of the linear crane: x'' = a, θ'' = -(g/l) θ - a/l

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from liaisons import Claims, dots, hamiltonian_flow, panels, plan, scenario, within
+from liaisons import hamiltonian_flow, plan
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 LONG, SHORT, OMEGA, DURATION = 2.0, 1.0, 1.0, 4.0
 END = {"u": np.pi, "u_dot": 0.0, "beta_dot": OMEGA}

@@ -3,8 +3,7 @@
 M 8.2 with M 2: without twist the trunk turns about a + b by ∮ A dχ, and ½ σ'·Θσ' = G χ'² + M κ'²/4 with A = J c/D,
 G = I J s²/D, M = I + m d² s², D = I s² + J c², s, c = sin, cos of κ/2.  The field dA is strongest at κ = 0, so that
 Dido's circle goes round there: at the κ of Rademaker and ter Braak, at the cost 4π² G/T.  Kane and Scher's cat bends
-less backwards than forwards: κ cos χ >= -β is a wall, along which the loop slides.  It is shot by Wong's equations from
-the middle of the belly to where it touches the wall; the other half is its mirror image.
+less backwards than forwards: κ cos χ >= -β is a wall, along which the loop slides.
 """
 
 from __future__ import annotations
@@ -17,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.integrate import quad_vec
 from scipy.optimize import root
 
-from liaisons import Claims, Plan, dots, hamiltonian_flow, output, panels, plan, scenario, within
+from liaisons import Plan, hamiltonian_flow, output, plan
 from liaisons.models import SpatialCat
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 FALL, BACKWARDS, ACROSS, ALONG, MASS, JOINT = 1.0, 0.7, 0.10, 0.02, 2.0, 0.2
 
@@ -55,7 +55,7 @@ def along_wall(angle: float, energy: float) -> NDArray:
 
 
 def shot(motion: Plan) -> float:
-    """Least cost with the wall, from the planned one as a guess."""
+    """Least cost with the wall: half of the loop, from the middle of the belly, by Wong's equations."""
 
     def left(unknown: NDArray) -> NDArray:
         z = hamiltonian_flow(wong, [unknown[0], 0, 0, 0, *unknown[1:3]], unknown[3])

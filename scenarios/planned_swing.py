@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, Plan, dots, panels, plan, scenario, within
+from liaisons import Plan, plan
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 SHORT, LONG, AMPLITUDE = 1.0, 1.1, 0.5
 RATIO = (LONG / SHORT) ** 3

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, Result, dots, operator, panels, scenario, simulate, within
+from liaisons import Result, operator, simulate
 from liaisons.models import Pendulum
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 OMEGA, DEPTH, TOLERANCE = np.sqrt(9.81), 0.1, 1e-11
 

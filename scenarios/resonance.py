@@ -13,8 +13,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, operator, panels, scenario, simulate, within
+from liaisons import operator, simulate
 from liaisons.models import Oscillator
+from liaisons.scenarios import Claims, panels, scenario, within
 
 FREQUENCIES = np.linspace(0.2, 3.0, 15)
 # The slowest transient, γ = ½, decays like exp(-t/4), over-damped γ = 4 like exp(-0.268 t): below 1e-9 at 85 s.

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from liaisons import Claims, Result, System, grid, operator, panels, scenario, sweep, within
+from liaisons import Result, System, grid, operator, sweep
 from liaisons.models import Oscillator
+from liaisons.scenarios import Claims, panels, scenario, within
 
 FREQUENCIES, DAMPINGS = np.linspace(0.3, 2.0, 24), np.linspace(0.3, 2.1, 13)
 # The slowest transients decay like exp(-γt/2), γ = 0.3, and, over-damped, γ = 2.1, exp(-0.73 t): below 1e-7 at 110 s.

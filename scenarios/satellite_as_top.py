@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from liaisons import Claims, dots, hamiltonian_flow, panels, plan, scenario, within
+from liaisons import hamiltonian_flow, plan
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 J, WHEEL, DURATION, ANGLE = np.array([10.0, 12.0, 5.0]), 0.5, 2.0, 2.5
 TOP = J * (J - WHEEL) / WHEEL

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, Plan, dots, panels, plan, scenario, within
+from liaisons import Plan, plan
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 J, WHEEL, DURATION = 10.0, 0.1, 2.0
 THETA = WHEEL - WHEEL**2 / J  # effective mass of a wheel [kg.m2]

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from liaisons import Claims, operator, panels, scenario, simulate, within
+from liaisons import operator, simulate
 from liaisons.models import KeplerOrbit, Satellite, SmoothStep
+from liaisons.scenarios import Claims, panels, scenario, within
 
 J, J_WHEEL = np.array([10.0, 12.0, 8.0]), 0.1
 BODY: Any = {"J_wheel": J_WHEEL, "J_xx": J[0], "J_yy": J[1], "J_zz": J[2]}

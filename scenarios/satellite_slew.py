@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from liaisons import Claims, Result, operator, panels, scenario, simulate, within
+from liaisons import Result, operator, simulate
 from liaisons.models import Satellite, SmoothStep
+from liaisons.scenarios import Claims, panels, scenario, within
 
 INERTIA: Any = {"J_xy": 1.0, "J_xz": -0.5, "J_yz": 0.3}
 TURN, TOLERANCE = 100.0, 1e-11

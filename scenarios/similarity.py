@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, analysis, dots, panels, scenario, simulate, within
+from liaisons import analysis, simulate
 from liaisons.models import FreeParticle, KeplerOrbit, PlanarOscillator
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 RATIO, TAU, STEPS = 3.0, 2 * np.pi, 400  # λ, duration of the first motion [s]
 SYSTEMS: Any = {

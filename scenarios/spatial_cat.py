@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from liaisons import Claims, Result, operator, panels, scenario, simulate, within
+from liaisons import Result, operator, simulate
 from liaisons.models import SpatialCat
+from liaisons.scenarios import Claims, panels, scenario, within
 
 HALF_TURN = SpatialCat.bend_for(np.pi)
 BENDS = (0.3, 0.6, HALF_TURN, 1.3, 1.8, 2.4)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons import Claims, LiaisonsError, analysis, panels, scenario, simulate, within
+from liaisons import LiaisonsError, analysis, simulate
 from liaisons.models import Oscillator
+from liaisons.scenarios import Claims, panels, scenario, within
 
 BODY: Any = {"mass": 0.5, "stiffness": 2.0}
 OMEGA = 2.0

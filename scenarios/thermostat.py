@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import Circle
 
-from liaisons import Claims, panels, scenario, simulate, within
+from liaisons import simulate
 from liaisons.models import IsokineticOscillator
+from liaisons.scenarios import Claims, panels, scenario, within
 
 ORBIT: Any = {"x_0": 1.0, "x_dot_0": 0.0, "y_dot_0": np.sqrt(1.5), "z_dot_0": np.sqrt(1.5)}  # m v² = 3 k_B T, both 1
 

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from liaisons import Claims, dots, operator, panels, scenario, simulate, within
+from liaisons import operator, simulate
 from liaisons.models import Swing
+from liaisons.scenarios import Claims, dots, panels, scenario, within
 
 UPRIGHT, BACK = np.pi, np.pi / 2  # leans: torso along the rope, and across it
 DURATIONS = np.array([0.16, 0.08, 0.04, 0.02])

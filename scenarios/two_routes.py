@@ -12,8 +12,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from liaisons import Claims, Coordinate, Mechanism, Parameter, non_holonomic, output, panels, scenario, simulate, within
+from liaisons import Coordinate, Mechanism, Parameter, non_holonomic, output, simulate
 from liaisons.models import CartesianPendulum
+from liaisons.scenarios import Claims, panels, scenario, within
 
 THETA_0 = 2.5
 SETTINGS: Any = {"stop_time": 60.0, "step_size": 0.02, "tolerance": 1e-11}

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import liaisons
+from liaisons import scenarios
 from liaisons.fmu.code import source_files
 from liaisons.mechanics import assemble
 from liaisons.models import Pendulum
@@ -42,6 +43,9 @@ def test_every_public_name_is_there() -> None:
     assert {name for name in dir(liaisons) if getattr(liaisons, name, None) is None} == set()
     with pytest.raises(AttributeError, match="no_such_name"):
         _ = liaisons.no_such_name  # type: ignore[attr-defined]
+    for name in ("Claims", "dots", "panels", "scenario", "slope", "table", "within"):
+        with pytest.warns(DeprecationWarning, match=rf"^liaisons\.{name} is now liaisons\.scenarios\.{name}$"):
+            assert getattr(liaisons, name) is getattr(scenarios, name)
 
 
 def test_layers() -> None:
@@ -124,5 +128,9 @@ def test_a_scenario_states_its_claim_and_uses_the_public_api(path: Path) -> None
     assert documentation
     assert documentation.split("\n\n")[0].rstrip().endswith(".")
     modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
-    assert {m for m in modules if m.partition(".")[0] == "liaisons"} <= {"liaisons", "liaisons.models"}
+    assert {m for m in modules if m.partition(".")[0] == "liaisons"} <= {
+        "liaisons",
+        "liaisons.models",
+        "liaisons.scenarios",
+    }
     assert "casadi" not in modules

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -67,3 +68,27 @@ def test_former_names_are_taken_with_a_warning(fmu: Callable[..., Any]) -> None:
     with pytest.warns(DeprecationWarning, match="ensemble: values is now called start_values"):
         run = ensemble(Pendulum, backend="numpy", **former, **SPAN)
     assert run["theta"][-1] == [0.0]
+
+
+def test_one_fmu_takes_the_settings_of_a_system(fmu: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    path = fmu(Pendulum, "python")
+    titles: list[str] = []
+
+    def bar(title: str, *_: object) -> nullcontext[Callable[[float], None]]:
+        titles.append(title)
+        return nullcontext(lambda _: None)
+
+    monkeypatch.setattr("liaisons.cosim.running.run.progress_bar", bar)
+    run = simulate(path, theta_0=0.2, verify=True, progress=True, **SPAN)
+    assert 0 < run.error("theta")[-1] < 1e-6
+    assert titles == ["Pendulum"]
+    system = System("one")
+    system.add("swing", path, theta_0=0.2, length=operator(fmu(Ramp, "python"), offset=1.0))
+    choices: list[dict[str, Any]] = [{"coupling": "jacobi"}, {"error_tolerance": 1e-7, "tolerance": 1e-9}]
+    for chosen in choices:
+        moved = simulate(path, theta_0=0.2, length=operator(fmu(Ramp, "python"), offset=1.0), **chosen, **SPAN)
+        whole = system.simulate(**chosen, **SPAN)
+        assert np.array_equal(moved.time, whole.time)
+        assert np.array_equal(moved["theta"], whole["swing.theta"])
+    with pytest.raises(LiaisonsError, match="coupling = 'x': choose one of"):
+        simulate(path, coupling="x", **SPAN)  # pyright: ignore[reportArgumentType]

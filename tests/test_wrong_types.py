@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
+import liaisons
 from liaisons import (
-    Claims,
     LiaisonsError,
     Result,
     System,
@@ -18,6 +20,7 @@ from liaisons import (
     compare,
     crossings,
     ensemble,
+    errors,
     flatten,
     fmu_path,
     frequencies,
@@ -26,16 +29,14 @@ from liaisons import (
     max_error,
     operator,
     sample,
-    scenario,
     show,
     simulate,
-    slope,
     sweep,
-    table,
     verdict,
-    within,
 )
+from liaisons.check import slope, table
 from liaisons.models import Constant, Pendulum
+from liaisons.scenarios import Claims, scenario, within
 
 WRONG: list[Any] = [None, 5, b"x", ["x", 1], {"a": None}, {1: 2.0}, object(), np.zeros((2, 2)), lambda: 0, "x y"]
 SPAN: dict[str, Any] = {"stop_time": 0.02, "step_size": 0.01}
@@ -177,3 +178,20 @@ def test_an_empty_system_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(LiaisonsError, match="nothing is empty"):
         sweep(empty, {"a.x": [1.0]}, "a.y", **SPAN)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "name", ["simulate stop_time", "System.simulate coupling", "simulate theta_0", "sweep workers"]
+)
+def test_wrong_values_are_value_errors(things: Things, name: str) -> None:
+    with pytest.raises(ValueError, match=name.rsplit(maxsplit=1)[-1]):
+        CALLS[name][0](things, "x y")
+
+
+def test_all_errors_are_in_one_module() -> None:
+    defined = {name for name, value in vars(errors).items() if isinstance(value, type)}
+    for module in walk_packages(liaisons.__path__, "liaisons."):
+        if ".runtime" not in module.name and ".python_runtime" not in module.name:
+            for name, value in vars(import_module(module.name)).items():
+                is_error = isinstance(value, type) and issubclass(value, (LiaisonsError, KeyboardInterrupt))
+                assert not is_error or name in {*defined, "KeyboardInterrupt"}, f"{module.name}.{name}"

@@ -5,8 +5,6 @@ from .check import crossings as crossings
 from .check import frequencies as frequencies
 from .check import hamiltonian_flow as hamiltonian_flow
 from .check import max_error as max_error
-from .check import slope as slope
-from .check import table as table
 from .check import verdict as verdict
 from .cosim import Signal as Signal
 from .ensembles import ensemble as ensemble
@@ -61,11 +59,6 @@ from .operators import Plan as Plan
 from .operators import hold as hold
 from .operators import plan as plan
 from .results import Result as Result
-from .scenarios import Claims as Claims
-from .scenarios import dots as dots
-from .scenarios import panels as panels
-from .scenarios import scenario as scenario
-from .scenarios import within as within
 from .sweeps import grid as grid
 from .sweeps import sample as sample
 from .version import __date__ as __date__

@@ -16,7 +16,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from liaisons.errors import LiaisonsError, SimulationError
+from liaisons.errors import InvalidValueError, LiaisonsError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,7 +33,7 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def listed(label: str, names: object, error: Error = SimulationError) -> list[str]:
+def listed(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
     """Names as a list; one may stand for itself."""
     if isinstance(names, str):
         return [names]
@@ -43,14 +43,16 @@ def listed(label: str, names: object, error: Error = SimulationError) -> list[st
     return [str(name) for name in found]
 
 
-def named(label: str, given: object, error: Error = SimulationError) -> Mapping[str, Any]:
+def named(label: str, given: object, error: Error = InvalidValueError) -> Mapping[str, Any]:
     """A dictionary by names."""
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         raise error(f"{label} = {shown(given)}: give a dictionary with names as keys")
     return given
 
 
-def merged(label: str, start_values: object, keywords: Mapping[str, T], error: Error = SimulationError) -> dict[str, T]:
+def merged(
+    label: str, start_values: object, keywords: Mapping[str, T], error: Error = InvalidValueError
+) -> dict[str, T]:
     """Start values from a dictionary, None for none, and from keywords; a name that is in both is an error."""
     values = dict(named(f"{label}: start_values", {} if start_values is None else start_values, error))
     for name in keywords:
@@ -88,20 +90,20 @@ def renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     return decorate
 
 
-def as_path(label: str, path: object, error: Error = SimulationError) -> Path:
+def as_path(label: str, path: object, error: Error = InvalidValueError) -> Path:
     """A path."""
     if not isinstance(path, (str, os.PathLike)):
         raise error(f"{label} = {shown(path)}: give a path")
     return Path(path)
 
 
-def finite(label: str, value: object, error: Error = SimulationError) -> None:
+def finite(label: str, value: object, error: Error = InvalidValueError) -> None:
     """Check that it is a finite number."""
     if not isinstance(value, Real) or not math.isfinite(value):
         raise error(f"{label} = {shown(value)}: must be a finite number")
 
 
-def numbers(label: str, values: object, error: Error = SimulationError) -> NDArray[np.float64]:
+def numbers(label: str, values: object, error: Error = InvalidValueError) -> NDArray[np.float64]:
     """An array of numbers."""
     import numpy as np  # slow to load: the command line's help does without
 
@@ -113,13 +115,13 @@ def numbers(label: str, values: object, error: Error = SimulationError) -> NDArr
     raise error(f"{label} = {shown(values)}: give numbers")
 
 
-def whole(label: str, value: object, error: Error = SimulationError, *, least: int = 1) -> None:
+def whole(label: str, value: object, error: Error = InvalidValueError, *, least: int = 1) -> None:
     """Check that it is a whole number."""
     if not isinstance(value, Integral) or value < least:
         raise error(f"{label} = {shown(value)}: give a whole number, {least} at least")
 
 
-def chosen(label: str, value: object, known: Sequence[str], error: Error = SimulationError) -> None:
+def chosen(label: str, value: object, known: Sequence[str], error: Error = InvalidValueError) -> None:
     """Check that it is one of some words."""
     if not isinstance(value, str) or value not in known:
         raise error(f"{label} = {shown(value)}: choose one of {', '.join(map(repr, known))}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 _LONGEST = 2000  # characters of a message
 
@@ -40,6 +41,10 @@ class SimulationError(LiaisonsError):
     """An FMU refused a value or a step; the message carries the FMU's own words."""
 
 
+class InvalidValueError(SimulationError, ValueError):
+    """An argument, a setting or a start value has a value that it cannot have."""
+
+
 class UnknownSignalError(SimulationError, KeyError):
     """A result has no signal of this name; the message has the nearest one."""
 
@@ -62,8 +67,39 @@ class EndedError(SimulationError):
         return type(self), (self.args[0], self.time)  # from one process to another
 
 
-class SweepError(LiaisonsError):
-    """A sweep cannot be done as it was asked for; what goes wrong in one case is recorded in the table."""
+class IncompleteError(SimulationError):
+    """An FMU failed during a run; ``result`` has all signals up to the last communication point that was reached."""
+
+    def __init__(self, message: str, result: Any) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+class Interrupted(KeyboardInterrupt):
+    """The user stopped a run; ``result`` has all signals up to the last communication point that was reached.
+
+    A ``KeyboardInterrupt``, so that a script stops; catch it to continue with the partial result.
+    """
+
+    def __init__(self, message: str, result: Any) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+class ProjectError(LiaisonsError):
+    """A file or a name does not exist, or cannot be used."""
+
+
+class FormulaError(LiaisonsError, ValueError):
+    """A formula cannot be parsed, or has no value somewhere."""
+
+
+class PlanError(LiaisonsError, ValueError):
+    """A motion cannot be planned, or its goal was not reached."""
+
+
+class SweepError(LiaisonsError, ValueError):
+    """A sweep has a bad argument; errors of single cases are recorded in the table."""
 
 
 class JournalError(SweepError):

@@ -13,13 +13,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from liaisons.arguments import shown
 from liaisons.cosim import System
 from liaisons.cosim.description.model_description import SAME
 from liaisons.errors import SimulationError
-from liaisons.library import catalogue, model
+from liaisons.library import Backend, FmiVersion, Platforms, catalogue, model
 from liaisons.project import fmus_directory
 from liaisons.ssp import has_table
 
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from liaisons.language import Component
     from liaisons.mechanics import Model
 
-Backend = Literal["auto", "native", "python"]
-
 
 def flatten(
     system: System,
@@ -37,16 +35,18 @@ def flatten(
     *,
     components: Mapping[str, type[Component]] | None = None,
     backend: Backend = "auto",
-    **options: Any,
+    platforms: Platforms = "host",
+    fmi: FmiVersion = "2",
+    arrays: bool = True,
 ) -> Path:
-    """Build the FMU of a whole system.
+    """Build the FMU of a whole system from the equations of motion of our components: no coupling error.
 
-    Its variables are called as in a result of the system, ``"swing.theta"``; start values are those of the system.
+    Its variables have the names of the system's result, ``"swing.theta"``; start values are those of the system.
 
-    :param system: components of ours, connected as they like.
-    :param output: folder; ``fmus/flat/`` unless given.  The file is called after the system.
-    :param components: components that are not in the catalogue, by the name of their FMU's model.
-    :param backend: see :func:`liaisons.build`, which takes the further options too.
+    :param system: of FMUs of ours.
+    :param output: folder; None: ``fmus/flat/``.  The file has the name of the system.
+    :param components: components that are not in the catalogue, by the model name of their FMU.
+    :param backend: this and the further ones as in :func:`liaisons.build`.
     :returns: path of the FMU.
     :raises SimulationError: if an FMU is none of these components.
     :raises ComponentError: if inputs depend on each other in a way that is not linear.
@@ -73,7 +73,14 @@ def flatten(
         {str(connection.target): str(connection.source) for connection in system.connections},
         starts=starts,
     )
-    return build(whole, fmus_directory() / "flat" if output is None else output, backend=backend, **options)
+    return build(
+        whole,
+        fmus_directory() / "flat" if output is None else output,
+        backend=backend,
+        platforms=platforms,
+        fmi=fmi,
+        arrays=arrays,
+    )
 
 
 def _model(part: SystemComponent, known: Mapping[str, type[Component]]) -> Model:

@@ -12,16 +12,15 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import lru_cache, wraps
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar, cast, final
+from typing import Concatenate, ParamSpec, Self, TypeVar, cast, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liaisons import cache, cosim, live, ssp, sweeps
+from liaisons import cache, cosim, flattening, live, ssp, sweeps
 from liaisons.arguments import merged, renamed
 from liaisons.cosim.structure.components import Solver
 from liaisons.cosim.structure.knots import knots
-from liaisons.flattening import flatten
 from liaisons.folders import passing_folder
 from liaisons.library import Target, fmu_file
 
@@ -156,24 +155,8 @@ class System(cosim.System):
 
     @classmethod
     def from_ssp(cls, path: Path | str) -> Self:
-        """Read an SSP archive (1.0 or 2.0), of ours or of another make.
-
-        See :func:`liaisons.ssp.read`.
-        """
+        """Read an SSP archive (1.0 or 2.0) of any tool, see :func:`liaisons.ssp.read`."""
         return ssp.read(path, cls)
 
-    def write_ssp(self, path: Path | str, **options: Any) -> None:
-        """Write the system as an SSP archive with its FMUs, for every importer, or with all that there is to say.
-
-        See :func:`liaisons.ssp.write`.
-        """
-        ssp.write(self, path, **options)
-
-    def flatten(self, output: Path | str | None = None, **options: Any) -> Path:
-        """Build the FMU of the whole system from the equations of motion of our components: no coupling error.
-
-        See :func:`liaisons.flatten`.
-
-        :returns: path of the FMU; its variables are called as in the result of the system.
-        """
-        return flatten(self, output, **options)
+    write_ssp = ssp.write
+    flatten = flattening.flatten

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from liaisons.mechanics import Model
 
 Backend = Literal["auto", "native", "python"]
+Platforms = Literal["host", "all", "wasm"]
+FmiVersion = Literal["2", "3"]
 Target: TypeAlias = "str | Path | type[Component]"
 """A component: its name (``"Pendulum"``), its file (``"my_component.py"``, ``"my_component.py:Name"``) or its class.
 Where FMUs are taken, also the path of one."""
@@ -120,8 +122,8 @@ def build(
     output: Path | str | None = None,
     *,
     backend: Backend = "auto",
-    platforms: Literal["host", "all", "wasm"] = "host",
-    fmi: Literal["2", "3"] = "2",
+    platforms: Platforms = "host",
+    fmi: FmiVersion = "2",
     arrays: bool = True,
 ) -> Path:
     """Build the FMU of a component; one that is there already and up to date is left as it is.

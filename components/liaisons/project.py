@@ -10,17 +10,13 @@ import traceback
 from pathlib import Path
 from types import ModuleType
 
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, ProjectError
 
 _CLONE = Path(__file__).resolve().parents[2]
 """The clone that this package runs from, in an editable installation."""
 _SHIPPED = Path(__file__).resolve().parent / "_scenarios"
 """The scenarios in a wheel."""
 _OURS = _SHIPPED if _SHIPPED.is_dir() else _CLONE / "scenarios"
-
-
-class ProjectError(LiaisonsError):
-    """A file or a name that was asked for is not there, or cannot be used."""
 
 
 def fmus_directory() -> Path:

@@ -136,7 +136,7 @@ def test_scenarios_of_the_package_are_found_behind_those_of_the_folder(
     for folder in (shipped, own):
         folder.mkdir()
     shutil.copy(ROOT / "scenarios" / "free_fall.py", shipped / "twice.py")
-    scenario = '"""Nothing is wrong."""\n\nfrom liaisons import *\n\n\n@scenario\ndef main(claim):\n'
+    scenario = '"""Nothing is wrong."""\n\nfrom liaisons.scenarios import *\n\n\n@scenario\ndef main(claim):\n'
     scenario += '    panels(("", "", ""))\n    claim("nothing", 0, 0, within(0, because="whole numbers"))\n'
     (shipped / "theirs.py").write_text(scenario)
     (own / "twice.py").write_text(scenario)

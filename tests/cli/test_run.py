@@ -17,7 +17,7 @@ SCENARIO = '''\
 More words, which are not the claim.
 """
 
-from liaisons import panels, scenario, within
+from liaisons.scenarios import panels, scenario, within
 
 
 @scenario
@@ -82,7 +82,9 @@ def test_a_file_that_is_no_scenario(liaisons: Cli, tmp_path: Path, old: str, new
 
 def test_a_scenario_that_claims_nothing_does_not_pass(liaisons: Cli, tmp_path: Path) -> None:
     path = tmp_path / "silent.py"
-    path.write_text('"""Nothing."""\n\nfrom liaisons import *\n\n@scenario\ndef main(claim):\n    panels(("", "", ""))')
+    path.write_text(
+        '"""Nothing."""\n\nfrom liaisons.scenarios import *\n\n@scenario\ndef main(claim):\n    panels(("", "", ""))'
+    )
     reply = liaisons("run", path)
     assert reply.status == 1
     assert "silent.py claims nothing" in reply.out

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 from making import FmuPaths, wired
@@ -17,7 +17,7 @@ import liaisons
 from liaisons import System
 from liaisons.cosim import SystemComponent
 from liaisons.cosim.structure.connections import Connection
-from liaisons.cosim.structure.simulation import checked
+from liaisons.cosim.structure.simulation import SimulationSettings, checked
 from liaisons.project import scenario_files
 from liaisons.scenarios import execute, load, names
 from liaisons.ssp import Form
@@ -100,10 +100,15 @@ def found(monkeypatch: pytest.MonkeyPatch, shared_folder: Path, tmp_path: Path) 
     """The first system that a scenario simulates."""
 
     def stop(
-        title: str, parts: Mapping[str, SystemComponent], connections: Iterable[Connection] = (), **options: Any
+        title: str,
+        parts: Mapping[str, SystemComponent],
+        connections: Sequence[Connection],
+        settings: SimulationSettings,
+        *,
+        single: bool = False,
     ) -> object:
-        if options.get("single") and len(parts) == 1:
-            return checked(title, parts, **options)
+        if single and len(parts) == 1:
+            return checked(title, parts, (), settings, single=True)
         system = System(title)
         system._parts.update(parts)
         system.join(connections)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from liaisons import System, compiler, ensemble, max_error, slope
+from liaisons import System, compiler, ensemble, max_error
+from liaisons.check import slope
 from liaisons.ensembles import integrating
 from liaisons.ensembles.integrating import _estimate
 from liaisons.ensembles.methods import METHODS

@@ -10,10 +10,21 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.analysis.unrolling import unrolled
 from liaisons.errors import ComponentError
-from liaisons.language import ActiveCoordinate, Chain, Component, Coordinate, Joint, Parameter, Size, output, point
+from liaisons.language import (
+    ActiveCoordinate,
+    Chain,
+    Component,
+    Coordinate,
+    Joint,
+    Mechanism,
+    Parameter,
+    Size,
+    output,
+    point,
+)
 from liaisons.mechanics import Model, assemble
+from liaisons.mechanics.chains.sweeps import link_of
 from liaisons.models import DrivenChain, OscillatorChain, Pendulum, PendulumChain
 
 ROUNDING = 1e-12
@@ -72,6 +83,55 @@ class Telescope(Chain):
 
     def bond_dissipation(self) -> ca.SX:
         return self.bending / self.friction * self.dot(self.turned() * self.angle) * self.dot(self.joint["phi"])
+
+
+def unrolled(component: type[Chain], n: int) -> type[Mechanism]:
+    """Mechanism with one coordinate a link, ``theta_1`` ... ``theta_n``, derived by its dense mass matrix."""
+    chain = component(n)
+    links, base = range(1, chain.sizes["n"] + 1), chain.base()
+    link = link_of(chain)
+
+    def at(m: Mechanism, i: int, expression: ca.SX) -> ca.SX:
+        """An expression of one link, of link i of the mechanism."""
+        q, q_dot = (ca.vertcat(*(m.symbols[f"{c.name}_{i}{end}"] for c in chain.coordinates)) for end in ("", "_dot"))
+        if i > 1:
+            w = at(m, i - 1, link.tip)
+        else:
+            w = ca.substitute(chain.place(base), _all(chain), _all(m)) if base else ca.SX.zeros(*link.w.shape)
+        symbols = [link.q, link.v, link.w, link.w_dot, link.bonded, chain.parameter_column]
+        values = [q, q_dot, w, m.dot(w), ca.SX(base is not None or i > 1), m.parameter_column]
+        return ca.substitute(expression, ca.vertcat(*symbols), ca.vertcat(*values))
+
+    names: dict[str, Any] = {p.name: p for p in component.parameters} | {s.name: s for s in component.actives}
+    for q in component.coordinates:
+        starts = (*q.leading, *(q.start for _ in links))
+        for i, start in zip(links, starts, strict=False):
+            text = f"{q.description}, link {i}"
+            names[f"{q.name}_{i}"] = Coordinate(q.unit, text, start=start, start_rate=q.start_rate, nominal=q.nominal)
+    for item in component.points:
+        axes = getattr(chain, item.name)
+        for i in links:
+            names[f"{item.name}_{i}"] = point(item.unit, f"{item.description}, link {i}")(
+                lambda m, axes=axes, i=i: {axis: at(m, i, ca.SX(value)) for axis, value in axes.items()}
+            )
+    return type(
+        component.__name__,
+        (Mechanism,),
+        names
+        | {
+            "__module__": component.__module__,
+            "__doc__": component.__doc__,
+            "experiment": component.experiment,
+            "kinetic_energy": lambda m: sum(at(m, i, link.kinetic) for i in links),
+            "potential_energy": lambda m: sum(at(m, i, link.potential) for i in links),
+            "dissipation_function": lambda m: sum(at(m, i, link.friction.function) for i in links),
+        },
+    )
+
+
+def _all(m: Chain | Mechanism) -> ca.SX:
+    """Parameters and active coordinates."""
+    return ca.vertcat(m.parameter_column, m.s if isinstance(m, Chain) else m.active.s)
 
 
 def unrolled_name(name: str, component: type[Chain]) -> str:

@@ -10,7 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from liaisons import Claims, LiaisonsError, Result, Verdict, dots, panels, within
+from liaisons import LiaisonsError, Result, Verdict
+from liaisons.scenarios import Claims, dots, panels, within
 from liaisons.scenarios.drawing import save
 
 EMPTY = Result("empty", np.ones(1), (), np.ones((0, 1)), {})

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from liaisons.arguments import shown
 from liaisons.check.verdicts import table
 from liaisons.errors import ValidityError
+from liaisons.port_names import port_names
 from liaisons.results import Result
 
 Method = Literal["same points", "Hermite", "linear"]
@@ -202,14 +203,8 @@ def _at(result: Result, name: str, times: _Numbers, *, exact: bool) -> tuple[_Nu
         return values[np.searchsorted(result.time, times, side="right") - 1], "same points"
     from scipy.interpolate import CubicHermiteSpline, interp1d  # half a second, which most commands need not wait
 
-    rate = _rate(name)
+    rate = result.ports.get(name, port_names(name)).rate
     if rate in result.entries and result[rate].shape == result[name].shape:
         rates = result[rate].reshape(values.shape)
         return CubicHermiteSpline(result.time, values, rates)(times), "Hermite"
     return interp1d(result.time, values, axis=0)(times), "linear"
-
-
-def _rate(name: str) -> str:
-    """Name of the rate: before the index, if there is one."""
-    base, bracket, index = name.rpartition("[") if name.endswith("]") else (name, "", "")
-    return f"{base}_dot{bracket}{index}"

@@ -12,7 +12,7 @@ from liaisons.cli._inputs import Given, drives
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.messages import logger
-from liaisons.cosim.structure.simulation import Simulation, checked, owned
+from liaisons.cosim.structure.simulation import Simulation, SimulationSettings, checked, owned
 from liaisons.library import fmu_file
 from liaisons.project import ProjectError, load_module
 
@@ -77,19 +77,15 @@ def simulation(
         system.prescribe(owner, operators)
     parts = {name: part.apart(isolated) if isolated else part for name, part in system.parts.items()}
     watched = [name if single else f"{owner}.{name}" for owner, part in parts.items() for name in mismatches(part.fmu)]
-    asked = checked(
-        system.name,
-        parts,
-        system.connections,
-        single=single,
+    settings = SimulationSettings(
         start_time=begin,
         stop_time=end,
         step_size=size,
         tolerance=own.tolerance if tolerance is None else tolerance,
         record=record,
-        also=watched,
         inputs=driven.functions,
     )
+    asked = checked(system.name, parts, system.connections, settings, single=single, also=watched)
     return system, asked
 
 
@@ -110,7 +106,11 @@ def _refuse_twice(system: System, starts: Iterable[str], driven: Given, *, singl
 
 def mismatches(fmu: Fmu) -> list[str]:
     """Local variables that say how far σ, σ̇ and σ̈ of the inputs contradict each other; none in other tools' FMUs."""
-    inputs = {split(name)[0] for name in fmu.reals("input")}
-    found = [(name, split(name)[0]) for name in fmu.reals("local")]
-    triples = {base: {base.removesuffix(MISMATCH) + rate for rate in ("", "_dot", "_ddot")} for _, base in found}
-    return [name for name, base in found if base.endswith(MISMATCH) and triples[base] <= inputs]
+    inputs = {name for port in fmu.reals("input") for name in (port, split(port)[0])}
+    found: list[str] = []
+    for name in fmu.reals("local"):
+        base, _ = split(name)
+        value = f"{base.removesuffix(MISMATCH)}{name[len(base) :]}"
+        if base.endswith(MISMATCH) and value in inputs and fmu.terminals.port(value):
+            found.append(name)
+    return found

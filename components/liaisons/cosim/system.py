@@ -17,7 +17,7 @@ from liaisons.cosim.structure.components import Port, Solver, SystemComponent
 from liaisons.cosim.structure.connections import Connection, connect
 from liaisons.cosim.structure.diagram import Diagram, diagram
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import checked
+from liaisons.cosim.structure.simulation import SimulationSettings, checked
 from liaisons.cosim.structure.sources import Function
 from liaisons.errors import ConnectError, SimulationError
 from liaisons.results import Result
@@ -164,24 +164,26 @@ class System:
         See :mod:`liaisons.cosim.structure.schedule` for what each input holds at which time in explicit coupling, and
         :mod:`liaisons.cosim.coupling` for implicit and waveform coupling.
 
-        :param stop_time: end [s].
+        :param stop_time: stop [s]; None: the last of ``times``, without which it is needed.
         :param step_size: distance of the communication points [s], t_i = start_time + i * step_size; the last step is
-            shorter if need be.  None: the shortest that an FMU says; in implicit and waveform coupling of FMUs that can
-            go back, steps between the points are then as short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
-        :param start_time: begin [s]; None: that of the FMUs' default experiments if it is the same in all, else 0.
-        :param times: the communication points themselves [s], increasing, in place of the three above.
-        :param tolerance: relative tolerance of the FMUs' solvers; None leaves each its own.
+            shorter if need be.  None: the shortest in the FMUs' default experiments, else a 500th of the time; in
+            implicit and waveform coupling of FMUs that can restore their states, steps between the points are then as
+            short as ``coupling_error`` has to be: ``tolerance``, 1e-8.
+        :param start_time: start [s]; None: that of the FMUs' default experiments if it is the same in all, else 0.
+        :param times: the communication points themselves [s], increasing; None: those of the three above.
+        :param tolerance: relative tolerance of the FMUs' solvers; None: each FMU's own.
         :param coupling: ``"gauss-seidel"`` steps sources before what they feed, ``"jacobi"`` all from the values at t:
-            error of first order in H where connections go round; ``"implicit"`` and ``"waveform"`` repeat each step
-            until both of its ends fit, of fourth order between our FMUs.  None: implicit if a port goes two ways and
-            all FMUs in its cycle can go back, or if signals into FMUs of ours make no cycle; else Gauss-Seidel.
+            error of first order in H where there are cycles; ``"implicit"`` and ``"waveform"`` repeat each step until
+            both of its ends fit, of fourth order between our FMUs.  None: implicit if a port is bidirectional and all
+            FMUs in its cycle can restore their states, or if signals into FMUs of ours make no cycle; else
+            Gauss-Seidel.
         :param error_tolerance: error that a communication step may have in what is connected or recorded, relative to
             the largest value of its unit so far; ``step_size`` is then the size of the first attempt, and the result
-            has the points that were chosen.
-        :param record: a name ``"component.variable"`` or several; all outputs and inputs if None, of an FMU that has
+            has the points that were chosen.  None: the communication points are fixed.
+        :param record: a name ``"component.variable"`` or several; None: all outputs and inputs, of an FMU that has
             neither its local variables.
         :param inputs: ``"component.variable"`` -> function of time [s] that returns its value, or that of an active
-            coordinate and its two rates, as for :func:`simulate`.
+            coordinate and its two rates, as for :func:`simulate`; None: no functions.
         :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
         :param progress: show a progress bar on stderr.
         :returns: the signals at all communication points; an FMU that ends the simulation ends it, with a warning.
@@ -189,10 +191,7 @@ class System:
             :class:`IncompleteError`, whose ``result`` has what was computed until then.
         :raises Interrupted: on Ctrl-C, at the end of the communication step; a ``KeyboardInterrupt`` with ``result``.
         """
-        simulation = checked(
-            self.name,
-            self.filled(),
-            self.connections,
+        settings = SimulationSettings(
             start_time=start_time,
             stop_time=stop_time,
             step_size=step_size,
@@ -203,8 +202,9 @@ class System:
             record=record,
             inputs=inputs,
         )
-        begin, first, *_ = points = simulation.times
-        self.experiment = DefaultExperiment(begin, points[-1], first - begin if step_size is None else step_size)
+        simulation = checked(self.name, self.filled(), self.connections, settings)
+        start, first, *_ = points = simulation.times
+        self.experiment = DefaultExperiment(start, points[-1], first - start if step_size is None else step_size)
         return performed(simulation, progress=progress, verify=verify)
 
     @property
@@ -257,25 +257,37 @@ def simulate(
     start_time: float | None = None,
     times: ArrayLike | None = None,
     tolerance: float | None = None,
+    coupling: Coupling | None = None,
+    error_tolerance: float | None = None,
     record: str | Iterable[str] | None = None,
     inputs: Mapping[str, Function] | None = None,
+    verify: bool = False,
+    progress: bool = False,
     isolated: bool | float = False,
     solver: Solver | None = None,
     start_values: Mapping[str, ArrayLike | OperatorFmu] | None = None,
     **keywords: ArrayLike | OperatorFmu,
 ) -> Result:
-    """Simulate one FMU, and the operators that prescribe its coordinates; what is not given its experiment says.
+    """Simulate one FMU, and the operators that prescribe its coordinates.
+
+    Settings that :meth:`System.simulate` has, too, are the same here, but for the first five: None is the value in the
+    FMU's default experiment.
 
     :param fmu: path of the file; :func:`liaisons.simulate` takes a component by its name, file or class, too.
-    :param stop_time: end [s].
-    :param step_size: distance of the communication points [s], as in :meth:`System.simulate`.
-    :param start_time: start [s].
-    :param times: the communication points themselves [s], increasing, in place of the three above.
-    :param tolerance: relative tolerance of the FMU's solver.
-    :param record: a name of a variable or several; all outputs and inputs if None, else the local variables.
+    :param stop_time: stop [s].
+    :param step_size: distance of the communication points [s]; None, too: of an FMU of Model Exchange without a value,
+        a 500th of the time.
+    :param start_time: start [s]; None, too: 0 without a value.
+    :param times: the communication points themselves [s], increasing; None: those of the three above.
+    :param tolerance: relative tolerance of the solvers; None, too: the solvers' own without a value.
+    :param coupling: of the FMU and its operators.
+    :param error_tolerance: of a communication step; None: the communication points are fixed.
+    :param record: a name of a variable or several; None: all outputs and inputs, else the local variables.
     :param inputs: name -> function of time [s] that returns its value.  The function of an active coordinate ``s`` may
-        return (s, s_dot, s_ddot).  It is called for the communication points, and what it returns is handed over as
-        from a connected source.
+        return (s, s_dot, s_ddot).  It is called for the communication points, and its values are set as those of a
+        connected source; None: no functions.
+    :param verify: simulate once more at half the steps; ``result.error(name)`` is what that changes over time.
+    :param progress: show a progress bar on stderr.
     :param isolated: in a process of its own, as in :meth:`System.add`; ``solver``: the same.
     :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or the
         :func:`operator` of a coordinate.  An input that a function drives starts with the function's value.
@@ -285,28 +297,27 @@ def simulate(
     :raises SimulationError: as :meth:`System.add` and :meth:`System.simulate` do; so is :class:`Interrupted`.
     """
     path = as_path("fmu", fmu)
+    settings = SimulationSettings(
+        start_time=start_time,
+        stop_time=stop_time,
+        step_size=step_size,
+        times=times,
+        tolerance=tolerance,
+        coupling=coupling,
+        error_tolerance=error_tolerance,
+        record=record,
+        inputs=inputs,
+    )
     starts = merged(path.stem, start_values, keywords)
     system = System(path.stem or str(path))
     part = system._added(  # noqa: SLF001 - it may have a dot in its name
         path.stem, path, starts, isolated=isolated, solver=solver
     )
     with settings_beside(part.fmu.variables):
-        simulation = checked(
-            path.stem,
-            system.parts,
-            system.connections,
-            single=True,
-            start_time=start_time,
-            stop_time=stop_time,
-            step_size=step_size,
-            times=times,
-            tolerance=tolerance,
-            record=record,
-            inputs=inputs,
-        )
+        simulation = checked(path.stem, system.parts, system.connections, settings, single=True)
     for drive in simulation.drives:
-        for (_, name), begin in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
-            if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), begin, rtol=1e-9, atol=1e-9):
-                words = f"{name} = {shown(starts[name])}: the function of inputs says {begin:.10g} where it begins"
+        for (_, name), first in zip(drive.inputs, drive(simulation.times[0]).tolist(), strict=True):
+            if name in starts and not np.allclose(np.asarray(starts[name], dtype=float), first, rtol=1e-9, atol=1e-9):
+                words = f"{name} = {shown(starts[name])}: the function of inputs says {first:.10g} where it begins"
                 raise SimulationError(f"{path.stem}.{words}; leave one out")
-    return performed(simulation)
+    return performed(simulation, progress=progress, verify=verify)

@@ -34,7 +34,7 @@ Term = tuple[list[int], int]
 
 
 @final
-class Reordering:
+class Reassociation:
     """The nodes of a program once more, in another order where that pays.
 
     :param late: the input whose entries are known last, if there is one.

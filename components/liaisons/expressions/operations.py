@@ -1,30 +1,57 @@
-"""What CasADi's instructions are in C and in NumPy, and what they work on."""
+"""CasADi's scalar instructions: their interpretation, and their counterparts in C and NumPy."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self, final
+from typing import Any, NamedTuple, Self, TypeVar, final
 
 import casadi as ca
 import numpy as np
+
+T = TypeVar("T")
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Operation:
-    """What one CasADi instruction is in C, ``"{0} + {1}"``, and in NumPy."""
+    """One of CasADi's operations in C, ``"{0} + {1}"``, and in NumPy."""
 
     c: str
     numpy: Callable[..., Any]
 
 
-def instructions(function: ca.Function) -> Iterator[tuple[int, list[int], list[int], float]]:
-    """Of each instruction of a scalar function its code, where it reads and writes, and the value of a constant."""
+def interpret(
+    function: ca.Function,
+    *,
+    entry: Callable[[int, int], T],
+    constant: Callable[[float], T],
+    operation: Callable[[int, list[T]], T],
+) -> list[list[T]]:
+    """Outputs of a scalar function, evaluated instruction by instruction with values of any type.
+
+    :param entry: value of an entry of an input, by the indices of both.
+    :param constant: value of a number.
+    :param operation: value of an operation, by CasADi's code and its operands.
+    :returns: for each output its nonzero entries.
+    """
+    work: dict[int, T] = {}
+    outputs: list[dict[int, T]] = [{} for _ in range(function.n_out())]
     for k in range(function.n_instructions()):
-        code = function.instruction_id(k)
-        constant = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
-        yield code, function.instruction_input(k), function.instruction_output(k), constant
+        code, sources, targets = (
+            function.instruction_id(k),
+            function.instruction_input(k),
+            function.instruction_output(k),
+        )
+        if code == ca.OP_OUTPUT:
+            outputs[targets[0]][targets[1]] = work[sources[0]]
+        elif code == ca.OP_INPUT:
+            work[targets[0]] = entry(*sources)
+        elif code == ca.OP_CONST:
+            work[targets[0]] = constant(function.instruction_constant(k))
+        else:
+            work[targets[0]] = operation(code, [work[source] for source in sources])
+    return [[values[i] for i in sorted(values)] for values in outputs]
 
 
 _NOT_SMOOTH = {
@@ -34,19 +61,18 @@ _NOT_SMOOTH = {
 
 
 def is_smooth(expression: ca.SX, by: ca.SX) -> bool:
-    """Whether no operation with a kink or a jump in its result works on what depends on a symbol."""
-    others = [symbol for symbol in ca.symvar(expression) if not ca.is_equal(symbol, by)]
-    function = ca.Function("expression", [by, ca.vertcat(*others)], [expression])
-    depends = [False] * function.sz_w()
-    for code, read, written, _ in instructions(function):
-        if code == ca.OP_INPUT:
-            depends[written[0]] = read[0] == 0
-        elif code != ca.OP_OUTPUT:
-            found = code != ca.OP_CONST and any(depends[place] for place in read)
-            if found and code in _NOT_SMOOTH:
-                return False
-            depends[written[0]] = found
-    return True
+    """Whether no operand that depends on a symbol enters an operation with a kink or a jump."""
+    parameters = [symbol for symbol in ca.symvar(expression) if not ca.is_equal(symbol, by)]
+    function = ca.Function("expression", [by, ca.vertcat(*parameters)], [expression])
+    kinks: set[int] = set()
+
+    def depends(code: int, operands: list[bool]) -> bool:
+        if any(operands):
+            kinks.update({code} & _NOT_SMOOTH)
+        return any(operands)
+
+    interpret(function, entry=lambda i, _: i == 0, constant=lambda _: False, operation=depends)
+    return not kinks
 
 
 def _call(name: str, function: Callable[..., Any], arguments: int = 1) -> Operation:
@@ -123,7 +149,7 @@ OPERATIONS: dict[int, Operation] = {
 
 @final
 class Instruction(NamedTuple):
-    """A number: a constant, an entry of an input, or an operation on numbers before it."""
+    """Node of a program: a constant, an entry of an input, or an operation on earlier nodes."""
 
     operation: Operation | None
     arguments: tuple[int, ...]  # numbers of nodes; of an entry: which input, which entry
@@ -131,13 +157,13 @@ class Instruction(NamedTuple):
 
     @classmethod
     def of(cls, code: int, *arguments: int) -> Self:
-        """The node of an operation of CasADi's."""
+        """Instruction that performs CasADi's operation of a code."""
         return cls(OPERATIONS[code], arguments)
 
     def is_a(self, code: int) -> bool:
-        """Whether it is this operation."""
+        """Whether it performs CasADi's operation of a code."""
         return self.operation is OPERATIONS[code]
 
     def renumbered(self, new: Mapping[int, int] | Sequence[int]) -> Instruction:
-        """The same on nodes of other numbers."""
+        """Same operation on renumbered nodes."""
         return self if self.operation is None else Instruction(self.operation, tuple([new[x] for x in self.arguments]))

@@ -1,6 +1,6 @@
-"""Derivatives of programs along a row of links, as programs: no more code and no more steps for a longer row.
+"""Forward and reverse derivatives of programs along a row of links, as programs whose size is that of the original.
 
-With c carried, c⁺ = F(c, x), weights run the other way: λ = F_cᵀ λ⁺ + what else depends on c, and x gets F_xᵀ λ⁺.
+With c carried, c⁺ = F(c, x), adjoints run the other way: λ = F_cᵀ λ⁺ + ∂(all else)/∂c, and x gets F_xᵀ λ⁺.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from liaisons.expressions.rows import Carry, Each, RowProgram, Step, Sum, Vector
 
 
 def forward(original: RowProgram) -> RowProgram:
-    """Derivatives along a direction: (arguments, results, directions) → derivatives of the results."""
+    """Program of directional derivatives: (arguments, results, directions) → derivatives of the results."""
     directions = [_like(argument) for argument in original.arguments]
     pairs = [(a.entries, d.entries) for a, d in zip(original.arguments, directions, strict=True) if a.entries.numel()]
 
-    def of(expressions: ca.SX) -> ca.SX:
+    def derivative(expressions: ca.SX) -> ca.SX:
         symbols, seeds = (ca.vertcat(*column) for column in zip(*pairs, strict=True))
         return ca.densify(ca.jtimes(expressions, symbols, seeds))
 
@@ -30,43 +30,43 @@ def forward(original: RowProgram) -> RowProgram:
         symbols = direction(step.symbols)
         match step:
             case Carry():
-                carried = Carry(symbols, of(step.start), of(step.following), direction(step.last), step.inward)
-                steps += [step, carried]
+                start, following = derivative(step.start), derivative(step.following)
+                steps += [step, Carry(symbols, start, following, direction(step.last), step.inward)]
             case Each():
-                steps += [step, Each(symbols, of(step.read))]
+                steps += [step, Each(symbols, derivative(step.read))]
             case Sum():
-                steps += [step, Sum(symbols, of(step.read))]
+                steps += [step, Sum(symbols, derivative(step.read))]
     return row_program(
         f"{original.name}_forward",
         original.n,
         [*original.arguments, *map(_like, original.results), *directions],
         steps,
-        [Vector(of(result.entries), result.each) for result in original.results],
+        [Vector(derivative(result.entries), result.each) for result in original.results],
     )
 
 
 def reverse(original: RowProgram) -> RowProgram:
-    """Derivatives of a weighted sum of the results: (arguments, results, weights) → with respect to the arguments."""
+    """Program of adjoint derivatives: (arguments, results, weights) → gradient of the weighted sum of the results."""
     weights = [_like(result) for result in original.results]
-    back = _Back()
+    adjoints = _Adjoints()
     for result, weight in zip(original.results, weights, strict=True):
         for single in (True, False):  # what is one number a link, and the rest
-            places = [i for i, each in enumerate(result.each) if each is not single]
-            back.add(result.entries[places], weight.entries[places], single=single)
+            rows = [i for i, each in enumerate(result.each) if each is not single]
+            adjoints.add(result.entries[rows], weight.entries[rows], single=single)
     for step in reversed(original.steps):
-        back.through(step)
-    results = [Vector(back.singles(argument.entries, argument.each), argument.each) for argument in original.arguments]
+        adjoints.through(step)
+    results = [Vector(adjoints.pop(argument.entries, argument.each), argument.each) for argument in original.arguments]
     return row_program(
         f"{original.name}_reverse",
         original.n,
         [*original.arguments, *map(_like, original.results), *weights],
-        [*original.steps, *back.steps],
+        [*original.steps, *adjoints.steps],
         results,
     )
 
 
-class _Back:
-    """Weights of symbols, gathered from what depends on them."""
+class _Adjoints:
+    """Adjoints of symbols, accumulated from the expressions that depend on them."""
 
     def __init__(self) -> None:
         self.steps: list[Step] = []
@@ -74,7 +74,7 @@ class _Back:
         self._alone: dict[int, ca.SX] = {}
 
     def add(self, expressions: ca.SX, weights: ca.SX, *, single: bool) -> None:
-        """The weights of some expressions, which are single numbers or one a link, for what they depend on."""
+        """Accumulate the adjoints of the symbols in expressions from those of the expressions themselves."""
         if expressions.numel() == 0:
             return
         gathered = self._alone if single else self._at_links
@@ -84,36 +84,36 @@ class _Back:
             for symbol, share in zip(symbols, ca.vertsplit(ca.densify(shares)), strict=True):
                 gathered[key(symbol)] = gathered.get(key(symbol), 0) + share
 
-    def singles(self, symbols: ca.SX, each: Sequence[bool]) -> ca.SX:
-        """Weights of symbols; those of single numbers are summed up over the links."""
-        found = []
+    def pop(self, symbols: ca.SX, each: Sequence[bool]) -> ca.SX:
+        """Adjoints of symbols, removed; those of single numbers are sums over the links."""
+        popped = []
         for symbol, of_link in zip(ca.vertsplit(symbols) if symbols.numel() else (), each, strict=True):
             at_links = self._at_links.pop(key(symbol), ca.SX(0))
             if of_link:
-                found.append(at_links)
+                popped.append(at_links)
                 continue
             total = ca.SX.sym("total")
             self.steps.append(Sum(total, at_links))
-            found.append(total + self._alone.get(key(symbol), 0))
-        return ca.densify(ca.vertcat(*found)) if found else ca.SX(0, 1)
+            popped.append(total + self._alone.get(key(symbol), 0))
+        return ca.densify(ca.vertcat(*popped)) if popped else ca.SX(0, 1)
 
     def through(self, step: Step) -> None:
-        """From what a step defines to what it needs."""
+        """Propagate adjoints from what a step defines to what it reads."""
         count = step.symbols.shape[0]
         match step:
             case Each():
-                self.add(step.read, self._named(self.singles(step.symbols, [True] * count)), single=False)
+                self.add(step.read, self._named(self.pop(step.symbols, [True] * count)), single=False)
             case Sum():
-                self.add(step.read, self.singles(step.symbols, [False] * count), single=False)
+                self.add(step.read, self.pop(step.symbols, [False] * count), single=False)
             case Carry():
-                own = self.singles(step.symbols, [True] * count)
-                start = self.singles(step.last, [False] * count)
+                own = self.pop(step.symbols, [True] * count)
+                start = self.pop(step.last, [False] * count)
                 beyond = ca.SX.sym("w", count)
                 through = ca.jtimes(step.following, step.symbols, beyond, True)
                 carried = carry(beyond, start, through + own, inward=not step.inward)
                 self.steps.append(carried)
                 self.add(step.following, beyond, single=False)
-                for symbol in ca.vertsplit(step.symbols):  # these go on to the next link, not to a step before
+                for symbol in ca.vertsplit(step.symbols):  # their adjoints go to the next link, not to an earlier step
                     self._at_links.pop(key(symbol), None)
                 self.add(step.start, carried.last, single=True)
 

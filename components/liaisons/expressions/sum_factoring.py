@@ -2,12 +2,13 @@
 
 Lagrange's equations, d/dt ∂L/∂q̇ - ∂L/∂q, subtract much of what they differentiate before.  For a pendulum, whose
 inertia is m l² (sin² + cos²), that is a fifth of the time and more, elsewhere little; rounding errors are the same
-(``benchmarks/rewriting.py``).  Short sums of short products are looked at, so that the work stays in proportion to the
+(``benchmarks/rewriting.py``).  Only short sums of short products are expanded: the work is proportional to the
 number of operations.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import final
@@ -19,28 +20,28 @@ from liaisons.expressions.operations import Instruction
 _MOST_TERMS = 12
 _MOST_FACTORS = 8
 
-Scaled = tuple[float, int]
-"""A number that is not calculated yet: ±2ⁿ times a node."""
+ScaledNode = tuple[float, int]
+"""±2ⁿ times a node, by its number."""
 
-Product = tuple[int, ...]
-"""Factors, which are no products: numbers of nodes in ascending order."""
+Monomial = tuple[int, ...]
+"""Numbers of the nodes that are multiplied, none of them a product, in ascending order."""
 
 
 @final
 @dataclass(frozen=True, slots=True)
-class Sums:
-    """Knows the sums and products among nodes."""
+class Expansions:
+    """Sums and products among nodes, expanded."""
 
     nodes: Sequence[Instruction]
-    _terms: dict[int, tuple[Scaled, ...]] = field(default_factory=dict)
-    _factors: dict[int, Product] = field(default_factory=dict)
+    _terms: dict[int, tuple[ScaledNode, ...]] = field(default_factory=dict)
+    _factors: dict[int, Monomial] = field(default_factory=dict)
 
-    def shortened(self, first: Scaled, second: Scaled) -> list[tuple[float, Product]] | None:
-        """Products that add up to two numbers with fewer terms than these have now; None if there are none."""
+    def shortened(self, first: ScaledNode, second: ScaledNode) -> list[tuple[float, Monomial]] | None:
+        """Sum of two scaled nodes in fewer terms than they have together; None if there is none."""
         terms = [(outer * inner, number) for outer, number in (first, second) for inner, number in self.terms(number)]
         if len(terms) > _MOST_TERMS:
             return None
-        left: dict[Product, float] = {}
+        left: dict[Monomial, float] = {}
         for scale, number in terms:
             product = self.factors(number)
             left[product] = left.get(product, 0.0) + scale
@@ -49,17 +50,14 @@ class Sums:
             pass
         return [(scale, product) for product, scale in left.items()] if len(left) < len(terms) else None
 
-    def terms(self, number: int) -> tuple[Scaled, ...]:
-        """What a node is the sum of."""
-        found = self._terms.get(number)
-        if found is None:
-            found = self._split(number)
-            if len(found) > _MOST_TERMS:
-                found = ((1.0, number),)
-            self._terms[number] = found
-        return found
+    def terms(self, number: int) -> tuple[ScaledNode, ...]:
+        """Terms of a node as a sum."""
+        if number not in self._terms:
+            terms = self._split(number)
+            self._terms[number] = terms if len(terms) <= _MOST_TERMS else ((1.0, number),)
+        return self._terms[number]
 
-    def _split(self, number: int) -> tuple[Scaled, ...]:
+    def _split(self, number: int) -> tuple[ScaledNode, ...]:
         node = self.nodes[number]
         if node.is_a(ca.OP_ADD) or node.is_a(ca.OP_SUB):
             first, second = (self.terms(argument) for argument in node.arguments)
@@ -70,38 +68,36 @@ class Sums:
             return tuple((outer * scale, term) for scale, term in self.terms(node.arguments[0]))
         return ((1.0, number),)
 
-    def factors(self, number: int) -> Product:
-        """What a node is the product of."""
-        found = self._factors.get(number)
-        if found is None:
-            node, found = self.nodes[number], (number,)
+    def factors(self, number: int) -> Monomial:
+        """Factors of a node as a product."""
+        if number not in self._factors:
+            node, factors = self.nodes[number], (number,)
             if node.is_a(ca.OP_MUL) or node.is_a(ca.OP_SQ):
-                together = self.factors_of(node.arguments[0], node.arguments[-1])
-                found = together if len(together) <= _MOST_FACTORS else found
-            self._factors[number] = found
-        return found
+                factors = self.factors_of(node.arguments[0], node.arguments[-1])
+            self._factors[number] = factors if len(factors) <= _MOST_FACTORS else (number,)
+        return self._factors[number]
 
-    def factors_of(self, first: int, second: int) -> Product:
-        """The factors of two nodes together."""
+    def factors_of(self, first: int, second: int) -> Monomial:
+        """Factors of the product of two nodes."""
         return tuple(sorted(self.factors(first) + self.factors(second)))
 
-    def _cancel(self, left: dict[Product, float]) -> bool:
-        """Take out x (a + b) together with -x a and -x b."""
+    def _cancel(self, left: dict[Monomial, float]) -> bool:
+        """Remove x (a + b), -x a and -x b, if all of them are there."""
         for product, scale in left.items():
             for factor in set(product):
                 pieces = self.terms(factor)
                 if len(pieces) == 1 or len(pieces) >= len(left):
                     continue
-                others = _without(product, factor)
-                expanded = {tuple(sorted((*others, *self.factors(piece)))): scale * inner for inner, piece in pieces}
+                rest = _without(product, factor)
+                expanded = {tuple(sorted((*rest, *self.factors(piece)))): scale * inner for inner, piece in pieces}
                 if len(expanded) == len(pieces) and all(left.get(piece) == -expanded[piece] for piece in expanded):
-                    for piece in (product, *expanded):
-                        del left[piece]
+                    for monomial in (product, *expanded):
+                        del left[monomial]
                     return True
         return False
 
-    def _unite_squares(self, left: dict[Product, float]) -> bool:
-        """Put x for x sin² + x cos² of one angle."""
+    def _unite_squares(self, left: dict[Monomial, float]) -> bool:
+        """Replace x sin² + x cos² of one angle by x, if both are there."""
         for product, scale in left.items():
             for factor in set(product):
                 node = self.nodes[factor]
@@ -115,15 +111,17 @@ class Sums:
                         return True
         return False
 
-    def _has_square_of_cosine(self, product: Product, rest: Product, angle: tuple[int, ...]) -> bool:
-        more = list(product)
-        for factor in rest:
-            if factor not in more:
-                return False
-            more.remove(factor)
-        return len(more) == 2 and more[0] == more[1] and self.nodes[more[0]] == Instruction.of(ca.OP_COS, *angle)
+    def _has_square_of_cosine(self, product: Monomial, rest: Monomial, angle: tuple[int, ...]) -> bool:
+        remaining = Counter(product)
+        remaining.subtract(rest)
+        squares = [factor for factor, count in remaining.items() if count]
+        return (
+            len(squares) == 1
+            and remaining[squares[0]] == 2
+            and self.nodes[squares[0]] == Instruction.of(ca.OP_COS, *angle)
+        )
 
 
-def _without(product: Product, factor: int) -> Product:
-    place = product.index(factor)
-    return product[:place] + product[place + 1 :]
+def _without(product: Monomial, factor: int) -> Monomial:
+    index = product.index(factor)
+    return product[:index] + product[index + 1 :]

@@ -1,4 +1,4 @@
-"""From equations of motion to the Model that an FMU back end takes: vectors and functions."""
+"""Model of a mechanism: its equations of motion as vectors and functions."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.energy_accounting import definitions, function, memory_of
 from liaisons.mechanics.equations import Equations, derive
 from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import mechanism_picture
 from liaisons.mechanics.printing import of_mechanism
 
 CONSISTENT = 1e-6
-"""Residual of a constraint, in its own unit, at which a start is refused."""
+"""Residual of a constraint, in its own unit, from which on a start is refused."""
 
 
 @cache
 def mechanism_model(component: type[Mechanism]) -> Model:
-    """Derive a mechanism and lay it out as variables and functions (DESIGN: names in an FMU).
+    """Model of a mechanism, derived and laid out as variables and functions (DESIGN: names in an FMU).
 
     :param component: a subclass of Mechanism.
     """
@@ -42,8 +43,8 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     projection = equations.projection
     landed = ca.SX(0, 1) if projection is None else ca.vertcat(projection, m.internal, work, dissipated)
     lasting, at_start = _conditions(m), _start_conditions(equations)
-    read = _readable(equations, layout, rates)
-    z = stack(ca.SX(read.get(v.name, 0)) for v in layout.outputs)  # what is booked is filled in below
+    read = _outputs(equations, layout, rates)
+    z = stack(ca.SX(read.get(v.name, 0)) for v in layout.outputs)  # 0: the energy balance, filled in below
     distances, initial = stack((lasting | at_start).values()), ca.vertcat(*_initial(equations, symbols), 0, 0)
     # All in one: what the expressions share stays shared.
     columns = [initial, rates, equations.energy, z, _nominals(equations), distances, landed]
@@ -61,7 +62,7 @@ def mechanism_model(component: type[Mechanism]) -> Model:
         landed=None if projection is None else landed,
     )
     functions: dict[str, Any] = {
-        name: of and function(name.removesuffix("_function"), *of) for name, of in booked.items()
+        name: signature and function(name.removesuffix("_function"), *signature) for name, signature in booked.items()
     }
     shown = mechanism_picture(m, read | symbols)
     return Model(
@@ -79,39 +80,34 @@ def mechanism_model(component: type[Mechanism]) -> Model:
     )
 
 
-def _readable(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca.SX]:
-    """What can be read, by name, but for what is booked."""
-    m, kept = equations.mechanism, equations.constraints
-    found = dict(zip((state.derivative for state in layout.states), ca.vertsplit(rates), strict=True)) | m.symbols
+def _outputs(equations: Equations, layout: Layout, rates: ca.SX) -> dict[str, ca.SX]:
+    """Expressions by the names of variables, without those of the energy balance."""
+    m, residuals = equations.mechanism, equations.constraints.residuals
+    forces = ((equations.operator_forces[i], m.active.s_dot[i]) for i in range(len(m.actives)))
+    points = {name: (r, m.dot(r), m.dot(m.dot(r))) for name, r in equations.points.items()}
+    energies = equations.kinetic_energy, equations.potential_energy
     passive = [item.name for item in (*m.constraints, *m.non_holonomic)]
     names = [*passive, *(item.name for item in m.rheonomic_constraints)]
-    found |= {f"{name}_residual": kept.residuals[i] for i, name in enumerate(names)}
-    found |= {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
-    for i, s in enumerate(m.actives):
-        force = equations.operator_forces[i]
-        found |= {f"{s.name}_force": force, f"{s.name}_power": force * m.active.s_dot[i]}
-    for name, place in equations.points.items():
-        velocity = m.dot(place)
-        found |= {name: place, f"{name}_dot": velocity, f"{name}_ddot": m.dot(velocity)}
-    found |= {name: getattr(equations, name) for name in ("kinetic_energy", "potential_energy", "energy")}
-    return found | {item.name: getattr(m, item.name) for item in (*m.outputs, *m.calculated_parameters)}
+    outputs = mechanical_outputs(m, layout, rates, forces=forces, points=points, energies=energies)
+    outputs |= {f"{name}_residual": residuals[i] for i, name in enumerate(names)}
+    return outputs | {f"lambda_{name}": equations.multipliers[i] for i, name in enumerate(passive)}
 
 
 def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
-    """Configuration, momenta p = ∂L/∂q̇ (or given), and internal states at the start."""
+    """Configuration, momenta p = ∂L/∂q̇ (or as set) and internal states at the start."""
     m = equations.mechanism
     count = len(m.coordinates)
     names = [q.name for q in m.coordinates]
     rates = [f"{name}_dot" for name in names]
     p = m.free.frame @ equations.momenta
     unknown: list[ca.SX] = []  # rates of an orientation that starts from its momentum
-    for turn in m.orientations:
-        names += turn.quaternion
-        if turn.start == "rate":
-            rates += turn.rates
+    for orientation in m.orientations:
+        names += orientation.quaternion
+        if orientation.start == "rate":
+            rates += orientation.rates
         else:
             unknown = ca.vertsplit(m.free.q_dot[count:])
-            p = ca.vertcat(p[:count, 0], *(symbols[f"{name}_0"] for name in turn.momenta))
+            p = ca.vertcat(p[:count, 0], *(symbols[f"{name}_0"] for name in orientation.momenta))
     q_0 = stack(symbols[f"{name}_0"] for name in names)
     v_0 = stack([*(symbols[f"{name}_0"] for name in rates), *unknown])
     p_0 = ca.substitute(p, ca.vertcat(m.free.q, m.free.q_dot), ca.vertcat(q_0, v_0))
@@ -119,39 +115,38 @@ def _initial(equations: Equations, symbols: dict[str, ca.SX]) -> list[ca.SX]:
 
 
 def _nominals(equations: Equations) -> ca.SX:
-    """Sizes of the states: of q as declared, of p and of the energies what that size a second amounts to."""
+    """Nominal values of the states: of q as declared, of p and of the energies at that rate a second."""
     m = equations.mechanism
-    count, turns, internal = len(m.coordinates), len(m.orientations), len(m.internal_states)
-    sizes = ca.SX([*(q.nominal for q in m.coordinates), *([1.0] * 3 * turns)])
+    count, orientations, internal = len(m.coordinates), len(m.orientations), len(m.internal_states)
+    sizes = ca.SX([*(q.nominal for q in m.coordinates), *([1.0] * 3 * orientations)])
     inertia = ca.diag(equations.mass_matrix)
     energy = ca.dot(inertia, sizes**2) / 2
-    positions = ca.vertcat(sizes[:count, 0], ca.SX.ones(4 * turns, 1))
+    positions = ca.vertcat(sizes[:count, 0], ca.SX.ones(4 * orientations, 1))
     return ca.vertcat(positions, inertia * sizes, ca.SX.ones(internal, 1), energy, energy)
 
 
 def _conditions(m: Mechanism) -> dict[str, ca.SX]:
-    """What must stay positive, by the message to give when it does not."""
-    found = {item.description: ca.SX(getattr(m, item.name)) for item in m.assertions}
+    """Expressions that must stay positive, by the message for a violation."""
+    conditions = {item.description: ca.SX(getattr(m, item.name)) for item in m.assertions}
     for q in m.coordinates:
         if q.minimum is not None:
-            found[f"{q.name} must stay > {q.minimum:g} {q.unit}"] = m.symbols[q.name] - q.minimum
+            conditions[f"{q.name} must stay > {q.minimum:g} {q.unit}"] = m.symbols[q.name] - q.minimum
         if q.maximum is not None:
-            found[f"{q.name} must stay < {q.maximum:g} {q.unit}"] = q.maximum - m.symbols[q.name]
-    return found
+            conditions[f"{q.name} must stay < {q.maximum:g} {q.unit}"] = q.maximum - m.symbols[q.name]
+    return conditions
 
 
 def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
-    """The same, asked of the start alone: afterwards the state is put back onto its constraints."""
-    found: dict[str, ca.SX] = {}
-    m, kept = equations.mechanism, equations.constraints
-    rates = ca.substitute(kept.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)
+    """Same for the start alone: consistency with the constraints, onto which later states are projected."""
+    conditions: dict[str, ca.SX] = {}
+    m, constraints = equations.mechanism, equations.constraints
+    rates = ca.substitute(constraints.rate_residuals, m.free.q_dot, equations.unconstrained_velocities)
     for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
-        found[text] = CONSISTENT - ca.fabs(kept.residuals[i])
-        if i not in kept.of_position:
-            continue  # a constraint on rates has no other
-        found[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(rates[i])
-    for turn in m.orientations:
-        text = f"{', '.join(turn.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"
-        found[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(m, turn.name).quaternion) - 1)
-    return found
+        conditions[text] = CONSISTENT - ca.fabs(constraints.residuals[i])
+        if i in constraints.of_position:
+            conditions[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(rates[i])
+    for orientation in m.orientations:
+        text = f"{', '.join(orientation.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"
+        conditions[text] = CONSISTENT - ca.fabs(ca.norm_2(getattr(m, orientation.name).quaternion) - 1)
+    return conditions

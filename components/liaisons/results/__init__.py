@@ -1,5 +1,6 @@
 """What simulations, sweeps and ensembles give back: named signals with units; knows no symbols and no FMU."""
 
-from liaisons.results.result import IncompleteError, Interrupted, Result
+from liaisons.errors import IncompleteError, Interrupted
+from liaisons.results.result import Result
 
 __all__ = ["IncompleteError", "Interrupted", "Result"]

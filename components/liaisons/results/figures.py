@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from liaisons.array_names import split
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
+from liaisons.port_names import PortNames, port_names
 from liaisons.results.signals import LabelledSignals
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ _ROUNDING = 1e-9
 """Below this part of the largest value of its unit, or of 1 if the unit has no scale, a value is 0 but for rounding."""
 
 
-def essential(signals: Curves, units: Mapping[str, str]) -> list[str]:
+def essential(signals: Curves, units: Mapping[str, str], ports: Mapping[str, PortNames]) -> list[str]:
     """Names of the signals that are drawn by default.
 
     At most six units and eight signals of each: free coordinates first, then their rates, what is prescribed, energies,
@@ -41,7 +42,8 @@ def essential(signals: Curves, units: Mapping[str, str]) -> list[str]:
     moves, and signals that stay 0, cannot be told from 0 or from another one, or are so large or far away that nothing
     would be seen of those that tell more; unless there is nothing else.
     """
-    ranks = {name: _rank(name, units[name], signals) for name in signals}
+    called = {name: usual for value in ports for name, usual in zip(ports[value], port_names(value), strict=True)}
+    ranks = {name: _rank(called.get(name, name), units[name], signals) for name in signals}
     groups: dict[str, list[str]] = {}
     for name in sorted(signals, key=ranks.__getitem__):
         groups.setdefault(units[name], []).append(name)
@@ -62,7 +64,7 @@ def plot(result: LabelledSignals, names: Sequence[str], over: str | None, path: 
     if over is None and not timed and np.all(np.diff(result.values[0]) > 0):
         over = result.names[0]
     signals = {name: result.numbers(name) for name in names or result if names or name != over}
-    chosen = names or essential(signals, result.units)
+    chosen = names or essential(signals, result.units, result.ports)
     groups: dict[tuple[str, str], list[str]] = {}
     for name in dict.fromkeys(chosen):
         has_texts = result.element(name) in result.texts
@@ -181,10 +183,11 @@ def _rank(name: str, unit: str, names: Container[str]) -> int:
     def has(name: str) -> bool:
         return f"{owner}{dot}{name}" in names
 
-    if last.endswith("_dot"):
-        return 1 if has(f"p_{last.removesuffix('_dot')}") else 7
-    for ending, rank in {"_ddot": 8, "_force": 5, "_power": 6, "_load": 7}.items():
-        if last.endswith(ending):
+    ending = port_names("")
+    if last.endswith(ending.rate):
+        return 1 if has(f"p_{last.removesuffix(ending.rate)}") else 7
+    for other, rank in {ending.acceleration: 8, ending.force: 5, "_power": 6, ending.load: 7}.items():
+        if last.endswith(other):
             return rank
     if has(f"p_{last}"):
         return 0

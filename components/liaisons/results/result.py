@@ -45,6 +45,7 @@ class Result(LabelledSignals):
     :param compiled: of an ensemble, whether compiled code has done it, or NumPy.
     :param texts: name of a signal of strings -> its texts, which its values index from 0.
     :param jumping: names of signals that change in jumps only.
+    :param ports: value -> names of its port, where an FMU calls them otherwise than ours do; none from a file.
     :param scene: picture of what was simulated; None after reading from a file, a sweep or an ensemble.
     :param warnings: of a simulation, what was logged as a warning, each text once; of a sweep, with the number of the
         case, a hundred of them.
@@ -156,24 +157,3 @@ class Result(LabelledSignals):
 
     def _repr_html_(self) -> str:
         return notebook.html(self)
-
-
-@final
-class IncompleteError(SimulationError):
-    """An FMU failed on the way; ``result`` has all signals up to the last communication point that was reached."""
-
-    def __init__(self, message: str, result: Result) -> None:
-        super().__init__(message)
-        self.result = result
-
-
-@final
-class Interrupted(KeyboardInterrupt):
-    """The user stopped a run; ``result`` has all signals up to the last communication point that was reached.
-
-    A ``KeyboardInterrupt``, so that a script stops; catch it to continue with the partial result.
-    """
-
-    def __init__(self, message: str, result: Result) -> None:
-        super().__init__(message)
-        self.result = result

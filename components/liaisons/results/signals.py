@@ -15,6 +15,7 @@ from liaisons.arguments import shown
 from liaisons.array_names import Shape, complete, split
 from liaisons.errors import SimulationError, UnknownSignalError, suggestion
 from liaisons.pictures import Scene
+from liaisons.port_names import PortNames
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,6 +34,7 @@ class LabelledSignals:
     compiled: bool = False
     texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     jumping: frozenset[str] = frozenset()
+    ports: Mapping[str, PortNames] = field(default_factory=dict)
     scene: Scene | None = None
     warnings: tuple[str, ...] = ()
 

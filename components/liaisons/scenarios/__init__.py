@@ -30,6 +30,7 @@ same.  The first paragraph of the file's docstring is what the scenario claims a
 * ``crossings(time, signal, rate)``, ``frequencies(cosines, step)``, ``slope``: what is read off a motion.
 """
 
+from liaisons.check import slope, table
 from liaisons.scenarios.claims import Bound, Claims, within
 from liaisons.scenarios.drawing import dots, panels
 from liaisons.scenarios.running import Outcome, Scenario, execute, load, names, report, scenario
@@ -46,5 +47,7 @@ __all__ = [
     "panels",
     "report",
     "scenario",
+    "slope",
+    "table",
     "within",
 ]

@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 from liaisons.arguments import finite
 from liaisons.cosim import System
 from liaisons.cosim.description.fmu import DefaultExperiment, usable
+from liaisons.cosim.structure.simulation import common_experiment
 from liaisons.ssp.xml import path, tag
 
 _TOLERANCE = 1e-4  # what OMSimulator takes by itself
@@ -26,16 +27,14 @@ def chosen(
     for label, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
         if value is not None:
             finite(label, value)
-    last, of_fmus = system.experiment, [part.fmu.experiment for part in system.parts.values()]
+    last, usual = system.experiment, common_experiment(part.fmu for part in system.parts.values())
     if start_time is None:  # that of a run goes with its end
         start_time = (last.start_time or 0.0) if stop_time is None and last.stop_time is not None else 0.0
     if stop_time is None:
-        stops = [stop for e in of_fmus if (stop := e.stop_time) is not None]
-        known = [stop for stop in (last.stop_time, max(stops, default=None)) if stop is not None and stop > start_time]
-        stop_time = known[0] if known else None
+        later = (stop for stop in (last.stop_time, usual.stop_time) if stop is not None and stop > start_time)
+        stop_time = next(later, None)
     if step_size is None:
-        steps = [step for e in of_fmus if (step := e.step_size) is not None]
-        step_size = min(steps, default=None) if last.step_size is None else last.step_size
+        step_size = usual.step_size if last.step_size is None else last.step_size
     return DefaultExperiment(*(None if time is None else _meant(time) for time in (start_time, stop_time, step_size)))
 
 
@@ -64,8 +63,8 @@ def add_master(system: Element, experiment: DefaultExperiment) -> None:
 def add_experiment(root: Element, experiment: DefaultExperiment) -> None:
     """Add the default experiment, with the step size for libcosim."""
     times = {"startTime": experiment.start_time, "stopTime": experiment.stop_time}
-    given = {name: repr(float(value)) for name, value in times.items() if value is not None}
-    element = SubElement(root, tag("ssd:DefaultExperiment"), given)
+    attributes = {name: repr(float(value)) for name, value in times.items() if value is not None}
+    element = SubElement(root, tag("ssd:DefaultExperiment"), attributes)
     if experiment.step_size is not None:
         algorithm = SubElement(_annotation(element, "com.opensimulationplatform"), tag("osp:Algorithm"))
         SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(experiment.step_size))
@@ -81,8 +80,8 @@ def read_experiment(root: Element) -> DefaultExperiment:
     steps = [
         step
         for name, attribute in (("osp:FixedStepAlgorithm", "baseStepSize"), ("oms:FixedStepMaster", "stepSize"))
-        for found in root.iter(tag(name))
-        if (step := found.get(attribute)) is not None
+        for algorithm in root.iter(tag(name))
+        if (step := algorithm.get(attribute)) is not None
     ]
     start = 0.0 if element is None else float(element.get("startTime", 0.0))
     span = usable(start, None if stop is None else float(stop), float(steps[0]) if steps else None)

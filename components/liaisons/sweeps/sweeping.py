@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from liaisons.arguments import as_path, named, whole
 from liaisons.cosim import System
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import Coupling, VariableReference
-from liaisons.cosim.structure.simulation import checked, owned
+from liaisons.cosim.structure.simulation import SimulationSettings, checked, owned
 from liaisons.errors import SimulationError, SweepError
 from liaisons.logs import Warnings, logger
 from liaisons.progress import progress_bar
@@ -93,13 +94,15 @@ def sweep(
         Cases.of(cases),
         measures(keep),
         named("start_values", {} if start_values is None else start_values, SweepError),
-        record,
-        start_time=start_time,
-        stop_time=stop_time,
-        step_size=step_size,
-        times=times,
-        tolerance=tolerance,
-        coupling=coupling,
+        SimulationSettings(
+            start_time=start_time,
+            stop_time=stop_time,
+            step_size=step_size,
+            times=times,
+            tolerance=tolerance,
+            coupling=coupling,
+            record=record,
+        ),
     )
     shape = study.cases.count, len(study.keep)
     book = nullcontext() if journal is None else Journal(as_path("journal", journal), study.key(), *shape, retry=retry)
@@ -141,8 +144,7 @@ def _study(
     cases: Cases,
     keep: Mapping[str, Measure],
     starts: Mapping[str, float | bool | str],
-    record: str | Iterable[str] | None,
-    **settings: Any,
+    settings: SimulationSettings,
 ) -> Study:
     _check_names(cases, keep, starts)
     single = not isinstance(subject, System)
@@ -154,9 +156,9 @@ def _study(
     else:
         title, parts, connections = subject.name, subject.filled(), subject.connections
     kept = [split(measure)[0] for measure in keep.values() if isinstance(measure, str)]
-    if record is None and len(kept) == len(keep):  # else a function wants to see everything
-        record = ()
-    simulation = checked(title, parts, connections, single=single, record=record, also=kept, **settings)
+    if settings.record is None and len(kept) == len(keep):  # else a function wants to see everything
+        settings = replace(settings, record=())
+    simulation = checked(title, parts, connections, settings, single=single, also=kept)
 
     def scalar(name: str) -> VariableReference:
         owner, variable = owned(title, parts, "the sweep of", name, single=single)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping, Sequence
-from typing import get_args
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final, get_args
 
 import numpy as np
 
 from liaisons.arguments import chosen
+from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
@@ -19,27 +22,61 @@ from liaisons.errors import SimulationError
 
 ITERATING = {"implicit", "waveform"}
 """Couplings that repeat steps."""
+_NO_COMPILER = "no C compiler is found: pip install ziglang"
 
 
-def coupling(
-    parts: Mapping[str, SystemComponent],
-    connections: Sequence[Connection],
-    driven: Collection[VariableReference],
-    asked: Coupling | None,
-) -> Coupling:
-    """The coupling that is asked for; else implicit where it gains something, else Gauss-Seidel.
+@final
+@dataclass(frozen=True, eq=False)
+class ConnectionGraph:
+    """The components of a system as nodes, their connections as edges.
 
-    That is where a cycle has a port that goes two ways, and where something that moves feeds, outside of cycles, an FMU
-    that can be told how.
+    :param parts: components by name.
+    :param driven: inputs that functions of time drive.
+    """
 
-    :raises SimulationError: if there is no such coupling, or an FMU that would have to repeat steps cannot.
+    parts: Mapping[str, SystemComponent]
+    connections: Sequence[Connection]
+    driven: Collection[VariableReference]
+
+    @cached_property
+    def feeds(self) -> Feeds:
+        """Input -> the output that feeds it."""
+        return {connection.target.place: connection.source.place for connection in self.connections}
+
+    @cached_property
+    def groups(self) -> Sequence[Sequence[str]]:
+        """Strongly connected components, in execution order."""
+        return schedule.groups(self.parts, self.feeds)
+
+    @cached_property
+    def cyclic(self) -> Collection[str]:
+        """Names of the components in cycles."""
+        return schedule.in_cycles(self.groups, self.feeds)
+
+    def late(self, coupling: Coupling) -> Collection[VariableReference]:
+        """Inputs whose value at the end of a step is not known when their component is stepped."""
+        return schedule.late_inputs([name for group in self.groups for name in group], self.feeds, coupling)
+
+    @cached_property
+    def loops(self) -> Sequence[str]:
+        """Algebraic loops, as text."""
+        loops = schedule.algebraic_loops(self.feeds, lambda o, i: self.parts[o[0]].fmu.depends(o[1], i[1]))
+        return [" -> ".join(".".join(variable) for variable in loop) for loop in loops]
+
+
+def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
+    """The coupling that is asked for; else implicit where it reduces the error, else Gauss-Seidel.
+
+    It does where a cycle has a bidirectional port, and where, outside of cycles, a continuous signal feeds an FMU that
+    takes input derivatives.
+
+    :raises SimulationError: if there is no such coupling, an FMU that would have to repeat steps cannot, or there is no
+        C compiler for a coupling that repeats steps.
     """
     if asked is not None:
         chosen("coupling", asked, get_args(Coupling))
-    feeds = {connection.target.place: connection.source.place for connection in connections}
-    groups = schedule.groups(parts, feeds)
-    cyclic = schedule.in_cycles(groups, feeds)
-    cycles = [group for group in groups if len(group) > 1]
+    parts, connections = graph.parts, graph.connections
+    cycles = [group for group in graph.groups if len(group) > 1]
     stuck = [name for group in cycles for name in group if not parts[name].fmu.can_get_and_set_state]
     if asked in ITERATING:
         if stuck:
@@ -47,24 +84,28 @@ def coupling(
                 f"coupling = {asked!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
                 "back: its canGetAndSetFMUstate is false; choose coupling='gauss-seidel'"
             )
+        if compiled.steps() is None:
+            raise SimulationError(
+                f"coupling = {asked!r} is made by compiled code, and {_NO_COMPILER}; or choose coupling='gauss-seidel'"
+            )
         return asked
     two_ways = [connection for connection in connections if connection.back]
     hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
     hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
-    if asked is None and two_ways and not hurdles:
-        return "implicit"
-    if asked is None and two_ways:
+    if asked is None and (two_ways or (not graph.cyclic and _gains(parts, connections, graph.driven))):
+        if compiled.steps() is None:
+            hurdles.append(_NO_COMPILER)
+        if not hurdles:
+            return "implicit"
         logger.warning(
-            "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order, unstable "
-            "where effective masses are large",
-            two_ways[0].source,
+            "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order%s",
+            two_ways[0].source if two_ways else "a signal",
             hurdles[0],
+            ", unstable where effective masses are large" if two_ways else "",
         )
-    if asked is None and not cyclic and _gains(parts, connections, driven):
-        return "implicit"
     for group in cycles:
         logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
-    for loop in _loops(parts, feeds):
+    for loop in graph.loops:
         logger.log(
             logging.WARNING if asked is None else logging.INFO,
             "algebraic loop, which explicit coupling solves by one sweep a step (unstable where its gain exceeds 1; "
@@ -83,7 +124,7 @@ def _gains(
     if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
         return False
     fed = {connection.target.place[0] for connection in connections if connection.source.variable.continuous}
-    return any(parts[name].follows for name in {*fed, *(owner for owner, _ in driven)})
+    return any(parts[name].approximation.follows_polynomials for name in {*fed, *(owner for owner, _ in driven)})
 
 
 def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
@@ -110,12 +151,7 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
             )
 
 
-def prepared(
-    parts: Mapping[str, SystemComponent],
-    connections: Sequence[Connection],
-    driven: Collection[VariableReference],
-    chosen: Coupling,
-) -> Mapping[str, SystemComponent]:
+def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemComponent]:
     """The components as the coupling needs them.
 
     In an iteration, FMUs of ours that cannot be told how inputs move interpolate them.  In explicit coupling those do
@@ -123,30 +159,30 @@ def prepared(
 
     :raises SimulationError: if the user has said that one that has to interpolate does something else.
     """
-    feeds = {connection.target.place: connection.source.place for connection in connections}
+    parts, feeds, driven = graph.parts, graph.feeds, graph.driven
     if chosen not in ITERATING:
         # What a source that samples gives jumps at each communication point.
         stepwise = {
-            c.target.part.name for c in connections if c.source.part.samples or not c.source.variable.continuous
+            c.target.part.name
+            for c in graph.connections
+            if c.source.part.approximation.samples or not c.source.variable.continuous
         }
         stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
-        late = {name for name, _ in schedule.late_inputs(schedule.order(parts, feeds), feeds, chosen)}
-        late |= {name for name, _ in driven if chosen == "jacobi"}
-        known = {*feeds, *driven}
-        partial = {name for name, variable in known if not _whole(parts[name], variable, known)}
-        able = {name for name, _ in known} - stepwise - late - partial
+        delayed = {name for name, _ in (*graph.late(chosen), *(driven if chosen == "jacobi" else ()))}
+        connected = {*feeds, *driven}
+        partial = {name for name, variable in connected if not _whole(parts[name], variable, connected)}
+        able = {name for name, _ in connected} - stepwise - delayed - partial
         return {name: part.interpolating() if name in able and _free(part) else part for name, part in parts.items()}
     fed = {name for name, _ in feeds}
-    cyclic = schedule.in_cycles(schedule.groups(parts, feeds), feeds)
     ready = dict(parts)
     for name, part in parts.items():
-        if name not in fed or part.reconstruction is None or part.way != "mean":
+        if name not in fed or part.approximation.method is None or part.approximation.interface != "mean value":
             continue
-        if part.left_alone and name not in cyclic:
+        if part.approximation.is_prescribed and name not in graph.cyclic:
             continue
         if INPUT_RECONSTRUCTION in part.starts:
             raise SimulationError(
-                f"{name}: {INPUT_RECONSTRUCTION}={part.reconstruction} cannot be coupled by {chosen!r}: this FMU "
+                f"{name}: {INPUT_RECONSTRUCTION}={part.approximation.method} cannot be coupled by {chosen!r}: this FMU "
                 f"takes no derivatives of inputs; leave {INPUT_RECONSTRUCTION} out, or set 2"
             )
         ready[name] = part.interpolating()
@@ -155,7 +191,7 @@ def prepared(
 
 def _free(part: SystemComponent) -> bool:
     """Whether it extrapolates its inputs, and nobody has said that it should."""
-    return part.reconstruction == 1 and INPUT_RECONSTRUCTION not in part.starts
+    return part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
 
 
 def _whole(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:
@@ -164,32 +200,30 @@ def _whole(part: SystemComponent, name: str, fed: Collection[VariableReference])
     return all(port.place in fed for port in triple or ())
 
 
-def _loops(parts: Mapping[str, SystemComponent], feeds: Feeds) -> list[str]:
-    """Algebraic loops, as one reads them."""
-    found = schedule.algebraic_loops(feeds, lambda o, i: parts[o[0]].fmu.depends(o[1], i[1]))
-    return [" -> ".join(".".join(place) for place in loop) for loop in found]
-
-
 def steps(
-    parts: Mapping[str, SystemComponent], feeds: Feeds, times: Sequence[float], chosen: Coupling, *, adaptive: bool
+    parts: Mapping[str, SystemComponent],
+    graph: ConnectionGraph,
+    times: Sequence[float],
+    chosen: Coupling,
+    *,
+    adaptive: bool,
 ) -> None:
-    """Whether all FMUs can take the steps that are planned.
+    """Check that all FMUs, prepared for the coupling, can take the steps.
 
     :raises SimulationError: naming the one that cannot, and what it lacks.
     """
-    for name, variable in schedule.late_inputs(schedule.order(parts, feeds), feeds, chosen):
-        if parts[name].interpolates:
+    for name, variable in graph.late(chosen):
+        if parts[name].approximation.interpolates:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(
                 f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs inputs at the end of a step, but "
-                f"{'.'.join(feeds[name, variable])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
+                f"{'.'.join(graph.feeds[name, variable])} is not known there yet: choose {INPUT_RECONSTRUCTION}=1{cure}"
             )
     if adaptive:
-        loops = [] if chosen in ITERATING else _loops(parts, feeds)
-        if loops:
+        if chosen not in ITERATING and graph.loops:
             raise SimulationError(
                 f"error_tolerance cannot be kept by {chosen!r}, which solves this algebraic loop by one sweep a step "
-                f"however short it is: choose coupling='implicit': {loops[0]}"
+                f"however short it is: choose coupling='implicit': {graph.loops[0]}"
             )
         for name, part in parts.items():
             needed = ("canGetAndSetFMUstate", part.fmu.can_get_and_set_state), (_VARIABLE_STEP, part.fmu.variable_step)
@@ -209,19 +243,21 @@ def steps(
             )
 
 
-def inputs(parts: Mapping[str, SystemComponent], feeds: Feeds, driven: Collection[VariableReference]) -> None:
-    """Whether every input that needs a source has one, and whole ports are connected.
+def inputs(parts: Mapping[str, SystemComponent], graph: ConnectionGraph) -> None:
+    """Check that every input that needs a source has one, and whole ports are connected.
 
     :raises SimulationError: for an input without connection and without start value, or with two sources.
     """
-    for place in driven:
-        if place in feeds:
-            raise SimulationError(f"inputs: {'.'.join(place)} is connected with {'.'.join(feeds[place])} already")
-    known = {*feeds, *driven}
+    feeds = graph.feeds
+    for variable in graph.driven:
+        if variable in feeds:
+            text = f"inputs: {'.'.join(variable)} is connected with {'.'.join(feeds[variable])} already"
+            raise SimulationError(text)
+    fed = {*feeds, *graph.driven}
     for name, part in parts.items():
         for variable in part.fmu.reals("input", longest=_LONGEST):
-            given = (name, variable) in known or variable in part.starts
-            if not given and part.fmu.variables[variable].start is None:
+            has_value = (name, variable) in fed or variable in part.starts
+            if not has_value and part.fmu.variables[variable].start is None:
                 raise SimulationError(
                     f"{name}.{variable} is an input without a start value and nothing feeds it: connect it, or "
                     f"set {variable}=... where {name} is added"
@@ -229,8 +265,8 @@ def inputs(parts: Mapping[str, SystemComponent], feeds: Feeds, driven: Collectio
     for name, variable in feeds:
         triple, order = Port(parts[name], variable).curve()
         if triple and order == 0:
-            missing = [end for end in triple if end.place not in known and end.name not in parts[name].starts]
-            if missing and parts[name].reconstruction != 0:
+            missing = [end for end in triple if end.place not in fed and end.name not in parts[name].starts]
+            if missing and parts[name].approximation.method != 0:
                 logger.warning(
                     "%s.%s is fed, but %s is not and keeps its start value: connect the whole port, or set %s=0 (hold)",
                     name,

@@ -1,6 +1,6 @@
-"""What is connected when two ports are: triples and points, found from the names of variables, or two single variables.
+"""The scalar connections between two ports: terminals whose members have equal names, arrays, or single variables.
 
-A coordinate is one port with two causalities, and so is a component of a named point::
+A coordinate is one port with two causalities, and so is a component of a named point; as our FMUs call variables::
 
     what moves                              what is moved
     q, q_dot, q_ddot         ------->       s, s_dot, s_ddot        outputs onto inputs
@@ -12,11 +12,13 @@ load; what is moved is an active coordinate ``s``.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import final
 
 from liaisons.cosim.description.model_description import SAME, Conversion
 from liaisons.cosim.description.start_values import RANGES
+from liaisons.cosim.description.terminals import TerminalDescription
 from liaisons.cosim.description.variables import RECORDED, Scalar
 from liaisons.cosim.structure.components import Port
 from liaisons.errors import ConnectError
@@ -34,8 +36,7 @@ class Connection:
     @property
     def back(self) -> bool:
         """Whether it takes the force of a moved mechanism back to what moves it, so that the port goes two ways."""
-        moved, mover = self.source.without("_force"), self.target.without("_load")
-        return moved is not None and mover is not None and bool(moved.triple() and mover.triple())
+        return all(port.force == port.name for port in (self.source, self.target))
 
     def __str__(self) -> str:
         factor, offset = (f"{number:.10g}" for number in self.conversion)
@@ -50,19 +51,13 @@ def connect(first: Port, second: Port) -> list[Connection]:
 
     :raises ConnectError: if they do not fit; the message names both.
     """
-    if not (first.exists and second.exists):
-        return _point_connections(first, second)
-    if first.is_array or second.is_array:
-        return _array_connections(first, second)
-    first, second = _ordered(first, second)
-    source, target = first.triple(), second.triple()
-    if source is None or target is None:
+    both_exist = first.exists and second.exists
+    if both_exist and (first.is_array or second.is_array):
+        return [connection for pair in _elements(first, second) for connection in connect(*pair)]
+    if both_exist and not (first.triple() and second.triple()):
         return [connect_scalars(first, second)]
-    joined = [connect_scalars(output, input_) for output, input_ in zip(source, target, strict=True)]
-    load, force = first.beside("_load"), second.beside("_force")
-    if load is not None and force is not None:
-        joined.append(connect_scalars(force, load))
-    return joined
+    none = TerminalDescription("")
+    return _terminal_connections(first, first.terminal or none, second, second.terminal or none)
 
 
 def _ordered(first: Port, second: Port) -> tuple[Port, Port]:
@@ -70,28 +65,53 @@ def _ordered(first: Port, second: Port) -> tuple[Port, Port]:
     return (second, first) if turned else (first, second)
 
 
-def _array_connections(first: Port, second: Port) -> list[Connection]:
+def _elements(first: Port, second: Port) -> Iterable[tuple[Port, Port]]:
+    """Scalars of two variables or arrays, in pairs."""
     one, other = first.elements(), second.elements()
     if len(one) != len(other):
         raise ConnectError(
             f"{first} has {len(one)} elements, {second} has {len(other)}: connect single elements, "
             f"for example '{(one if first.is_array else other)[0].name}'"
         )
-    return [connection for pair in zip(one, other, strict=True) for connection in connect(*pair)]
+    return zip(one, other, strict=True)
 
 
-def _point_connections(first: Port, second: Port) -> list[Connection]:
-    one, other = first.axes(), second.axes()
-    if one.keys() != other.keys():
+def _terminal_connections(
+    first: Port, one: TerminalDescription, second: Port, other: TerminalDescription
+) -> list[Connection]:
+    """Members and nested terminals of equal names, joined; of flows into both sides, one is the other's opposite."""
+    if one.nested.keys() != other.nested.keys():
         raise ConnectError(
-            f"{first} has the port components {_listed(one)}, {second} has {_listed(other)}: "
+            f"{first} has the port components {_listed(one.nested)}, {second} has {_listed(other.nested)}: "
             "connect single components, for example 'bob_x' with 'pivot_x'"
         )
-    return [connection for axis in one for connection in connect(one[axis], other[axis])]
+    if not (one.motion and other.motion) and one.kind and other.kind and one.kind != other.kind:
+        raise ConnectError(
+            f"{first} ({one.kind}) and {second} ({other.kind}) cannot be connected: their terminals are of other kinds"
+        )
+    joined = [
+        connection
+        for name in one.nested
+        for connection in _terminal_connections(first, one.nested[name], second, other.nested[name])
+    ]
+    members = [name for name in one.members if name in other.members]
+    complete = one.members.keys() == other.members.keys() or "bus" in {one.rule, other.rule}
+    if not complete or not (members or joined):
+        raise ConnectError(
+            f"{first} has the members {_listed(one.members)}, {second} has {_listed(other.members)}: "
+            "connect single variables"
+        )
+    for name in members:
+        member, counterpart = one.members[name], other.members[name]
+        ends = Port(first.part, member.variable), Port(second.part, counterpart.variable)
+        for output, input_ in (_ordered(*pair) for pair in _elements(*ends)):
+            opposite = _of_units(output, input_).then(Conversion(-1.0)) if member.opposes(counterpart) else None
+            joined.append(connect_scalars(output, input_, opposite))
+    return joined
 
 
-def _listed(axes: dict[str, Port]) -> str:
-    return ", ".join(axes) or "none"
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"
 
 
 def connect_scalars(first: Port, second: Port, conversion: Conversion | None = None) -> Connection:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import final
@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liaisons.arguments import finite, listed, named, numbers
-from liaisons.cosim.description.fmu import Fmu
+from liaisons.array_names import split
+from liaisons.cosim.description.fmu import DefaultExperiment, Fmu
 from liaisons.cosim.description.model_description import SAME, Conversion
 from liaisons.cosim.structure import checks
 from liaisons.cosim.structure.components import SystemComponent
@@ -21,8 +22,9 @@ from liaisons.cosim.structure.memory import check_memory
 from liaisons.cosim.structure.scenes import FmuScene
 from liaisons.cosim.structure.schedule import Coupling, Feeds, VariableReference
 from liaisons.cosim.structure.sources import Drive, Function, drives
-from liaisons.errors import SimulationError, suggestion
+from liaisons.errors import InvalidValueError, SimulationError, suggestion
 from liaisons.logs import collected_warnings
+from liaisons.port_names import PortNames
 
 _DEFAULT_TOLERANCE = 1e-8
 """That of our FMUs, where neither the user nor anything else says more."""
@@ -33,15 +35,33 @@ _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 
 
 @final
+@dataclass(frozen=True, kw_only=True)
+class SimulationSettings:
+    """When and how a system is simulated; :meth:`liaisons.cosim.System.simulate` says what each is, and what None."""
+
+    start_time: float | None = None
+    stop_time: float | None = None
+    step_size: float | None = None
+    times: ArrayLike | None = None
+    tolerance: float | None = None
+    coupling: Coupling | None = None
+    error_tolerance: float | None = None
+    record: str | Iterable[str] | None = None
+    inputs: Mapping[str, Function] | None = None
+
+
+@final
 @dataclass(frozen=True, eq=False)
 class Simulation:
     """What is simulated, and how; made by :func:`checked`.
 
     :param parts: by name, in the order of addition, with the start values that the coupling needs.
     :param recorded: name in the result -> variable.
-    :param times: communication points [s]; with steps of adapted size the begin, the end of the first step, the end.
+    :param times: communication points [s]; with steps of adapted size the start, the end of the first step, the stop.
     :param tolerance: relative tolerance for the FMUs' solvers; None for their own.
     :param error_tolerance: error of a communication step, relative to the size of signals; None for fixed steps.
+    :param groups: strongly connected components of the connection graph, in execution order.
+    :param cyclic: components in cycles.
     :param adapts: whether steps between the communication points are as short as the estimate of their error asks for.
     :param warnings: what was warned of when it was checked.
     """
@@ -55,6 +75,8 @@ class Simulation:
     tolerance: float | None
     coupling: Coupling
     error_tolerance: float | None
+    groups: Sequence[Sequence[str]]
+    cyclic: Collection[str]
     adapts: bool = False
     warnings: tuple[str, ...] = ()
 
@@ -62,7 +84,7 @@ class Simulation:
     def feeds(self) -> Feeds:
         """Input -> the output, or function of time, that feeds it."""
         driven = {place: source for d in self.drives for place, source in zip(d.inputs, d.places, strict=True)}
-        return driven | _feeds(self.connections)
+        return driven | {connection.target.place: connection.source.place for connection in self.connections}
 
     @cached_property
     def conversions(self) -> dict[VariableReference, Conversion]:
@@ -73,6 +95,17 @@ class Simulation:
     def jumping(self) -> frozenset[str]:
         """Names in the result of what changes in jumps only."""
         return frozenset(n for n, (p, v) in self.recorded.items() if not self.parts[p].fmu.variables[v].continuous)
+
+    @property
+    def ports(self) -> dict[str, PortNames]:
+        """Value in the result -> names of its port there, where these are not as in :func:`port_names`."""
+        found: dict[str, PortNames] = {}
+        for recorded, (part, variable) in self.recorded.items():
+            for name, value in ((recorded, variable), (split(recorded)[0], split(variable)[0])):
+                if names := self.parts[part].fmu.terminals.renamed.get(value):
+                    prefix = name.removesuffix(value)
+                    found[name] = PortNames(*(f"{prefix}{member}" if member else "" for member in names))
+        return found
 
     @property
     def scene(self) -> FmuScene:
@@ -113,50 +146,31 @@ class Simulation:
 def checked(
     title: str,
     parts: Mapping[str, SystemComponent],
-    connections: Sequence[Connection] = (),
+    connections: Sequence[Connection],
+    settings: SimulationSettings,
     *,
     single: bool = False,
-    start_time: float | None = None,
-    stop_time: float | None = None,
-    step_size: float | None = None,
-    times: ArrayLike | None = None,
-    tolerance: float | None = None,
-    coupling: Coupling | None = None,
-    error_tolerance: float | None = None,
-    record: str | Iterable[str] | None = None,
     also: Iterable[str] = (),
-    inputs: Mapping[str, Function] | None = None,
 ) -> Simulation:
-    """Whatever is asked of a simulation, checked; see :meth:`liaisons.cosim.System.simulate` for what it means.
+    """A simulation whose settings are checked and complete.
 
-    :param single: it is of one FMU, the first, whose variables go by their own names, and which says what is not
-        given; the others are its operators.
-    :param also: is recorded besides.
-    :raises SimulationError: for a bad argument.
+    :param single: of one FMU, the first, whose variables have no prefix and whose default experiment counts; the
+        others are its operators.
+    :param also: names that are recorded besides.
+    :raises SimulationError: for a bad setting.
     """
-    if single:
-        fmu = next(iter(parts.values())).fmu
-        own = fmu.experiment
-        tolerance = own.tolerance if tolerance is None else tolerance
-        if times is None:
-            start_time = own.start_time if start_time is None else start_time
-            stop_time = own.stop_time if stop_time is None else stop_time
-            step_size = _own_step(fmu, start_time or 0.0, stop_time) if step_size is None else step_size
-            if stop_time is None or step_size is None:
-                missing = "stop_time" if stop_time is None else "step_size"
-                raise SimulationError(f"{title}.fmu has no default {missing}: give one")
-    recorded = _recorded(title, parts, record, also, single=single)
-    if start_time is None:
-        start_time = _common_start(parts) if times is None else 0.0
-    chooses = step_size is None and times is None
-    step_size = _shortest(parts, start_time, stop_time) if chooses else step_size
+    recorded = _recorded(title, parts, settings.record, also, single=single)
+    start_time, stop_time, step_size = _span(title, parts, settings, single=single)
+    tolerance, error_tolerance = settings.tolerance, settings.error_tolerance
+    if tolerance is None and single:
+        tolerance = next(iter(parts.values())).fmu.experiment.tolerance
     if error_tolerance is None:
-        points = communication_points(start_time, stop_time, step_size, times, signals=len(recorded))
-    elif times is None:
+        points = communication_points(start_time, stop_time, step_size, settings.times, signals=len(recorded))
+    elif settings.times is None:
         points = first_points(start_time, stop_time, step_size)
     else:
-        raise SimulationError("times and error_tolerance both choose the communication points: leave one out")
-    functions = named("inputs", {} if inputs is None else inputs)
+        raise InvalidValueError("times and error_tolerance both choose the communication points: leave one out")
+    functions = named("inputs", {} if settings.inputs is None else settings.inputs)
     driving = drives(
         {owned(title, parts, "input", name, single=single): function for name, function in functions.items()},
         parts,
@@ -166,17 +180,16 @@ def checked(
         if value is not None:
             finite(name, value)
             if value <= 0:
-                raise SimulationError(f"{name} = {value!r}: must be > 0")
-    feeds = _feeds(connections)
-    driven = [place for drive in driving for place in drive.inputs]
+                raise InvalidValueError(f"{name} = {value!r}: must be > 0")
+    graph = checks.ConnectionGraph(parts, connections, [input_ for drive in driving for input_ in drive.inputs])
     with collected_warnings() as warned:
-        chosen = checks.coupling(parts, connections, driven, coupling)
+        chosen = checks.coupling(graph, settings.coupling)
         checks.signals(connections, chosen)
-        parts = checks.prepared(parts, connections, driven, chosen)
-        checks.steps(parts, feeds, points, chosen, adaptive=error_tolerance is not None)
-        checks.inputs(parts, feeds, driven)
+        parts = checks.prepared(graph, chosen)
+        checks.steps(parts, graph, points, chosen, adaptive=error_tolerance is not None)
+        checks.inputs(parts, graph)
     free = all(part.fmu.can_get_and_set_state and part.fmu.variable_step for part in parts.values())
-    adapts = chooses and not single and free and error_tolerance is None and chosen in checks.ITERATING
+    chooses = settings.step_size is None and settings.times is None and error_tolerance is None and not single
     return Simulation(
         title,
         parts,
@@ -187,30 +200,42 @@ def checked(
         tolerance,
         chosen,
         error_tolerance,
-        adapts,
+        graph.groups,
+        graph.cyclic,
+        adapts=chooses and free and chosen in checks.ITERATING,
         warnings=warned.texts,
     )
 
 
-def _own_step(fmu: Fmu, start_time: float, stop_time: float | None) -> float | None:
-    """The communication step of an FMU [s]; in Model Exchange, where it says nothing, a part of the whole."""
-    if fmu.experiment.step_size is None and fmu.is_model_exchange and stop_time is not None:
-        return (stop_time - start_time) / _POINTS
-    return fmu.experiment.step_size
+def common_experiment(fmus: Iterable[Fmu]) -> DefaultExperiment:
+    """The default experiment of several FMUs: the start that all have in common, else 0, latest stop, shortest step."""
+    experiments = [fmu.experiment for fmu in fmus]
+    starts = {experiment.start_time or 0.0 for experiment in experiments}
+    stops = [stop for experiment in experiments if (stop := experiment.stop_time) is not None]
+    steps = [step for experiment in experiments if (step := experiment.step_size) is not None]
+    start = starts.pop() if len(starts) == 1 else 0.0
+    return DefaultExperiment(start, max(stops, default=None), min(steps, default=None))
 
 
-def _shortest(parts: Mapping[str, SystemComponent], start_time: float, stop_time: float | None) -> float | None:
-    """The shortest step that an FMU says [s], else a part of the whole."""
-    steps = [step for part in parts.values() if (step := part.fmu.experiment.step_size) is not None]
-    if stop_time is not None:
-        finite("stop_time", stop_time)
-    return min(steps, default=None if stop_time is None else (stop_time - start_time) / _POINTS)
-
-
-def _common_start(parts: Mapping[str, SystemComponent]) -> float:
-    """The begin [s] that all FMUs say of themselves, else 0."""
-    starts = {part.fmu.experiment.start_time or 0.0 for part in parts.values()}
-    return starts.pop() if len(starts) == 1 else 0.0
+def _span(
+    title: str, parts: Mapping[str, SystemComponent], settings: SimulationSettings, *, single: bool
+) -> tuple[float, float | None, float | None]:
+    """Start, stop and step [s], from the settings, else from the default experiments."""
+    start, stop, step = settings.start_time, settings.stop_time, settings.step_size
+    if settings.times is not None:
+        return 0.0 if start is None else start, stop, step
+    fmus = [part.fmu for part in parts.values()][: 1 if single else None]
+    usual = common_experiment(fmus)
+    start = usual.start_time if start is None else start
+    stop = usual.stop_time if stop is None and single else stop
+    step = usual.step_size if step is None else step
+    if step is None and stop is not None and (fmus[0].is_model_exchange or not single):
+        finite("stop_time", stop)
+        finite("start_time", start)
+        step = (stop - start) / _POINTS
+    if single and (stop is None or step is None):
+        raise InvalidValueError(f"{title}.fmu has no default {'stop_time' if stop is None else 'step_size'}: give one")
+    return start, stop, step
 
 
 def owned(title: str, parts: Mapping[str, SystemComponent], what: str, name: str, *, single: bool) -> VariableReference:
@@ -245,10 +270,6 @@ def _recorded(
     return {place[1] if single else ".".join(place): place for place in places}
 
 
-def _feeds(connections: Iterable[Connection]) -> dict[VariableReference, VariableReference]:
-    return {connection.target.place: connection.source.place for connection in connections}
-
-
 def communication_points(
     start_time: float,
     stop_time: float | None,
@@ -267,7 +288,7 @@ def communication_points(
     """
     if times is not None:
         return _given(times, start_time, stop_time, step_size)
-    stop_time, step_size = _span(start_time, stop_time, step_size)
+    stop_time, step_size = _finite_span(start_time, stop_time, step_size)
     check_memory(start_time, stop_time, step_size, signals)
     steps = max(1, math.ceil((stop_time - start_time) / step_size - 1e-6))
     return [*(start_time + step_size * np.arange(steps)).tolist(), float(stop_time)]
@@ -278,32 +299,32 @@ def first_points(start_time: float, stop_time: float | None, step_size: float | 
 
     :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time.
     """
-    stop_time, step_size = _span(start_time, stop_time, step_size)
+    stop_time, step_size = _finite_span(start_time, stop_time, step_size)
     return [float(start_time), float(min(start_time + step_size, stop_time)), float(stop_time)]
 
 
-def _span(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
+def _finite_span(start_time: float, stop_time: float | None, step_size: float | None) -> tuple[float, float]:
     if stop_time is None or step_size is None:
-        raise SimulationError("give stop_time and step_size, or the communication points themselves as times")
+        raise InvalidValueError("give stop_time and step_size, or the communication points themselves as times")
     for name, value in (("start_time", start_time), ("stop_time", stop_time), ("step_size", step_size)):
         finite(name, value)
     if step_size <= 0:
-        raise SimulationError(f"step_size = {step_size!r}: must be > 0")
+        raise InvalidValueError(f"step_size = {step_size!r}: must be > 0")
     if stop_time <= start_time:
-        raise SimulationError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
+        raise InvalidValueError(f"stop_time = {stop_time!r}: must be greater than start_time = {start_time!r}")
     if stop_time - step_size == stop_time or start_time + step_size == start_time:
-        raise SimulationError(f"step_size = {step_size!r}: smaller than the rounding of times up to {stop_time!r} s")
+        raise InvalidValueError(f"step_size = {step_size!r}: smaller than the rounding of times up to {stop_time!r} s")
     return stop_time, step_size
 
 
 def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
     if (stop_time, step_size) != (None, None) or start_time != 0.0:
-        raise SimulationError("times are the communication points; leave out start_time, stop_time and step_size")
+        raise InvalidValueError("times are the communication points; leave out start_time, stop_time and step_size")
     points = numbers("times", times)
     if points.ndim != 1 or points.size < 2 or not np.all(np.isfinite(points)):
-        raise SimulationError(f"times of shape {points.shape}: give two finite numbers at least")
+        raise InvalidValueError(f"times of shape {points.shape}: give two finite numbers at least")
     late = np.flatnonzero(np.diff(points) <= 0)
     if late.size:
         here, before = float(points[late[0] + 1]), float(points[late[0]])
-        raise SimulationError(f"times[{late[0] + 1}] = {here!r}: must be greater than {before!r}, the one before")
+        raise InvalidValueError(f"times[{late[0] + 1}] = {here!r}: must be greater than {before!r}, the one before")
     return points.tolist()

@@ -21,7 +21,8 @@ from itertools import combinations
 
 import casadi as ca
 
-from liaisons.expressions.operations import instructions
+from liaisons.expressions.operations import interpret
+from liaisons.fmu.functions import operation_codes
 
 Number = Fraction | float
 Exponent = int | Fraction
@@ -176,18 +177,10 @@ class Algebra:
 
     def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
         """The scalar result of a function of scalars with these names."""
-        work: dict[int, Polynomial] = {}
-        result: Polynomial = {}
-        for code, sources, targets, constant in instructions(function):
-            if code == ca.OP_OUTPUT:
-                result = work[sources[0]]
-            elif code == ca.OP_INPUT:
-                work[targets[0]] = self.symbol(names[sources[0]])
-            elif code == ca.OP_CONST:
-                work[targets[0]] = self.number(constant)
-            else:
-                work[targets[0]] = self._apply(code, [work[source] for source in sources])
-        return self.simplified(result)
+        (values,) = interpret(
+            function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._apply
+        )
+        return self.simplified(values[0] if values else {})
 
     def number(self, value: float) -> Polynomial:
         """A constant: a fraction, a fraction of π or the root of a fraction where it is one to the last bit."""
@@ -214,7 +207,7 @@ class Algebra:
 def is_supported(function: ca.Function) -> bool:
     """Whether all operations of a function can be written here; calls of others cannot."""
     plain = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_POW, ca.OP_CONSTPOW, *_ARITHMETIC, *_FUNCTIONS}
-    return all(code in plain for code, *_ in instructions(function))
+    return operation_codes(function) <= plain
 
 
 def is_number(p: Polynomial) -> bool:

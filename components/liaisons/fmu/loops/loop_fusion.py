@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from liaisons.expressions.operations import instructions
 from liaisons.expressions.rows import Carry, Each, RowProgram, Sum, key, keys, scalars, substituted
+from liaisons.fmu.functions import operation_codes
 
 _CHEAP = {ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE}
 _CHEAP |= {ca.OP_ASSIGN, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
@@ -95,4 +95,4 @@ def depends_on_neighbours(program: RowProgram) -> bool:
 
 def _is_cheap(expressions: ca.SX) -> bool:
     function = ca.Function("expressions", ca.symvar(expressions), [expressions])
-    return {code for code, *_ in instructions(function)} <= _CHEAP
+    return operation_codes(function) <= _CHEAP

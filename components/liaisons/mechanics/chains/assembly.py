@@ -1,4 +1,4 @@
-"""From a chain of n links to the Model that an FMU back end takes."""
+"""Model of a chain of n links: its sweeps as vectors and functions."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import Any
 import casadi as ca
 
 from liaisons.expressions.algebra import stack
-from liaisons.expressions.row_graphs import graph
+from liaisons.expressions.row_functions import row_function
 from liaisons.expressions.rows import RowProgram, Step, Sum, Vector, carry, renamed, row_program, substituted
 from liaisons.language.chain import Chain
 from liaisons.language.variables import Variable
 from liaisons.mechanics.chains.sweeps import Base, ChainLink, LinkMotion, inertias, link_of, momenta, motion
 from liaisons.mechanics.energy_accounting import definitions, memory_of
 from liaisons.mechanics.model import Model, described
+from liaisons.mechanics.output_variables import mechanical_outputs
 from liaisons.mechanics.pictures import chain_picture
 from liaisons.mechanics.printing import of_chain
 
@@ -27,44 +28,43 @@ _VECTORS = {
     "remember": ("tyukm", "m"),
     "nominals": ("tyuk", "y"),
 }
-"""Which vectors of Model the functions take, and which they return."""
+"""Vectors of Model that the functions take, and those that they return."""
 
 
 @cache
 def chain_model(component: type[Chain], n: int) -> Model:
-    """Lay the chain of n links out as variables and functions (DESIGN: names in an FMU).
+    """Model of a chain of n links, laid out as variables and functions (DESIGN: names in an FMU).
 
     :param component: a subclass of Chain.
     :param n: how many links, at least ``component.n.minimum``.
     """
     m = component(n)
     layout = m.layout()
-    given = {v.name: m.symbols.get(v.name, ca.SX.sym(v.name)) for v in (*layout.parameters, *layout.inputs)}
-    link = link_of(m, given)
+    symbols = {v.name: m.symbols.get(v.name, ca.SX.sym(v.name)) for v in (*layout.parameters, *layout.inputs)}
+    link = link_of(m, symbols)
 
     # The vectors of Model, with one symbol for a number, or for the numbers of all links.
     t, work, dissipated = (ca.SX.sym(name) for name in ("t", "work", "dissipated"))
     y = ca.vertcat(link.q, link.p, work, dissipated)
-    u, k = (stack(given[v.name] for v in group) for group in (layout.inputs, layout.parameters))
+    u, k = (stack(symbols[v.name] for v in group) for group in (layout.inputs, layout.parameters))
 
     base, slope = _base(m)
     moving = motion(link, base)
     steps = [carry(link.bonded, ca.SX(m.base() is not None), ca.SX(1)), *moving.steps]
     energy = moving.kinetic_energy + moving.potential_energy
-    to_start, initial, energy_at_start = _start(link, base, given, steps, energy)
+    to_start, initial, energy_at_start = _start(link, base, symbols, steps, energy)
     to_sizes, nominals = _nominals(component, link)
 
     forces = slope.T @ moving.base_force  # λ of the operator (M eq. 27)
     rates = ca.vertcat(moving.rates, moving.momentum_rates, ca.dot(forces, m.s_dot) + moving.power, moving.dissipation)
-    read = dict(zip((state.derivative for state in layout.states), ca.vertsplit(rates), strict=True))
-    read |= _readable(m, link, moving, forces)
-    found = definitions(
+    read = _outputs(m, link, moving, forces, rates)
+    defined = definitions(
         [t, y, u, k],
         layout,
         initial=ca.vertcat(initial, 0, 0),
         rates=rates,
         energy=energy,
-        outputs=[read.get(v.name, ca.SX(0)) for v in layout.outputs],  # what is booked is filled in there
+        outputs=[read.get(v.name, ca.SX(0)) for v in layout.outputs],  # 0: the energy balance, filled in there
         nominals=nominals,
         energy_at_start=energy_at_start,
     )
@@ -77,52 +77,53 @@ def chain_model(component: type[Chain], n: int) -> Model:
         "m": (False,) * len(memory),
         "z": _shape(layout.outputs),
     }
-    known = given | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
+    drawable = symbols | {q.name: m.symbols[q.name] for q in m.coordinates} | m.point_components()
     vectors = {name: Vector(x, shapes[name]) for name, x in (("t", t), ("y", y), ("u", u), ("k", k))}
-    shown, draw = chain_picture(m, known, vectors)
-    programs = _programs(found, [*steps, *to_start, *to_sizes], shapes, n)
-    functions: dict[str, Any] = {name: graph(of) for name, of in programs.items()}
-    at = [ca.MX.sym(name, functions["derivatives"].numel_in(i)) for i, name in enumerate("tyuk")]
+    drawing, draw = chain_picture(m, drawable, vectors)
+    programs = _programs(defined, [*steps, *to_start, *to_sizes], shapes, n)
+    functions: dict[str, Any] = {name: row_function(program) for name, program in programs.items()}
+    arguments = [ca.MX.sym(name, functions["derivatives"].numel_in(i)) for i, name in enumerate("tyuk")]
     return Model(
         **described(m),
         memory=memory,
         **functions,
         programs=tuple(programs.values()),
-        conditions=ca.Function("conditions", at, [ca.MX(0, 1)]),
+        conditions=ca.Function("conditions", arguments, [ca.MX(0, 1)]),
         condition_texts=(),
-        events=ca.Function("events", at[3:], [ca.MX(0, 1)]),
+        events=ca.Function("events", arguments[3:], [ca.MX(0, 1)]),
         equations=of_chain(m),
-        picture=shown.document,
-        drawn=shown.variables,
+        picture=drawing.document,
+        drawn=drawing.variables,
         draw=draw,
     )
 
 
-def _readable(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX) -> dict[str, ca.SX]:
-    """What can be read, by name, but for what is booked."""
-    found: dict[str, ca.SX] = {}
+def _outputs(m: Chain, link: ChainLink, moving: LinkMotion, forces: ca.SX, rates: ca.SX) -> dict[str, ca.SX]:
+    """Expressions by the names of variables, without those of the energy balance."""
+    columns = (moving.points, moving.point_rates, moving.point_accelerations)
+    outputs = mechanical_outputs(
+        m,
+        m.layout(),
+        rates,
+        forces=((forces[i], m.s_dot[i]) for i in range(len(m.actives))),
+        points={name: [column[i] for column in columns] for i, name in enumerate(m.point_components())},
+        energies=(moving.kinetic_energy, moving.potential_energy),
+    )
     for i, q in enumerate(m.coordinates):
-        found |= {q.name: link.q[i], f"{q.name}_ddot": moving.accelerations[i], f"p_{q.name}": link.p[i]}
-    for i, s in enumerate(m.actives):
-        found |= {f"{s.name}_force": forces[i], f"{s.name}_power": forces[i] * m.s_dot[i]}
-    for i, name in enumerate(m.point_components()):
-        columns = {"": moving.points, "_dot": moving.point_rates, "_ddot": moving.point_accelerations}
-        found |= {f"{name}{end}": column[i] for end, column in columns.items()}
-    kinetic, potential = moving.kinetic_energy, moving.potential_energy
-    found |= {"kinetic_energy": kinetic, "potential_energy": potential, "energy": kinetic + potential}
-    return found | {item.name: ca.SX(getattr(m, item.name)) for item in m.calculated_parameters}
+        outputs |= {f"{q.name}_ddot": moving.accelerations[i], f"p_{q.name}": link.p[i]}
+    return outputs
 
 
 def _programs(
-    found: Mapping[str, Any], steps: Sequence[Step], shapes: Mapping[str, tuple[bool, ...]], n: int
+    defined: Mapping[str, Any], steps: Sequence[Step], shapes: Mapping[str, tuple[bool, ...]], n: int
 ) -> dict[str, RowProgram]:
     return {
         name: row_program(
             name.removesuffix("_function"),
             n,
-            [Vector(x, shapes[vector]) for x, vector in zip(found[name][0], taken, strict=True)],
+            [Vector(x, shapes[vector]) for x, vector in zip(defined[name][0], taken, strict=True)],
             steps,
-            [Vector(ca.densify(x), shapes[vector]) for x, vector in zip(found[name][1:], returned, strict=True)],
+            [Vector(ca.densify(x), shapes[vector]) for x, vector in zip(defined[name][1:], returned, strict=True)],
         )
         for name, (taken, returned) in _VECTORS.items()
     }
@@ -134,16 +135,16 @@ def _base(m: Chain) -> tuple[Base, ca.SX]:
     if components is None:
         d = m.w.shape[0]
         return Base(*(ca.SX.zeros(d) for _ in range(3))), ca.SX(d, 0)
-    place = m.place(components)
-    velocity = m.dot(place)
-    return Base(place, velocity, m.dot(velocity)), ca.jacobian(place, m.s)
+    position = m.place(components)
+    velocity = m.dot(position)
+    return Base(position, velocity, m.dot(velocity)), ca.jacobian(position, m.s)
 
 
 def _start(
-    link: ChainLink, base: Base, given: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
+    link: ChainLink, base: Base, symbols: Mapping[str, ca.SX], steps: Sequence[Step], energy: ca.SX
 ) -> tuple[list[Step], ca.SX, ca.SX]:
-    """(steps, q and p, energy) at the start."""
-    q_0, v_0 = (stack(given[f"{q}{end}"] for q in ca.vertsplit(link.q)) for end in ("_0", "_dot_0"))
+    """Steps, q and p, and energy at the start."""
+    q_0, v_0 = (stack(symbols[f"{q}{end}"] for q in ca.vertsplit(link.q)) for end in ("_0", "_dot_0"))
     before, p_0 = renamed(*momenta(link, base))
     at_start = [(link.q, q_0), (link.v, v_0)]
     before, p_0 = [step.rewritten(lambda x: substituted(x, at_start)) for step in before], substituted(p_0, at_start)
@@ -154,7 +155,7 @@ def _start(
 
 
 def _nominals(component: type[Chain], link: ChainLink) -> tuple[list[Step], ca.SX]:
-    """Sizes of the states: of q as declared, of p and of the energies what that size a second amounts to."""
+    """Nominal values of the states: of q as declared, of p and of the energies at that rate a second."""
     sizes, energy = ca.SX(ca.DM([q.nominal for q in component.coordinates])), ca.SX.sym("energy")
     steps, inertia = inertias(link)
     return [*steps, Sum(energy, ca.dot(inertia, sizes**2) / 2)], ca.vertcat(sizes, inertia * sizes, energy, energy)

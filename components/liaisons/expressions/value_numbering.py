@@ -13,8 +13,9 @@ from typing import TypeGuard, final
 
 import casadi as ca
 
-from liaisons.expressions.operations import Instruction
-from liaisons.expressions.sum_factoring import Product, Scaled, Sums
+from liaisons.errors import ComponentError
+from liaisons.expressions.operations import OPERATIONS, Instruction
+from liaisons.expressions.sum_factoring import Expansions, Monomial, ScaledNode
 
 _LARGEST_POWER = 16  # integer powers up to here are products; more would cost accuracy
 _LARGEST_SCALE = 2.0**16
@@ -29,9 +30,9 @@ class Builder:
     def __init__(self) -> None:
         self.nodes: list[Instruction] = []
         self._numbers: dict[object, int] = {}
-        self._sums = Sums(self.nodes)
-        self._products: dict[Product, int] = {}
-        self._rewritten: dict[int, Callable[..., Scaled]] = {
+        self._sums = Expansions(self.nodes)
+        self._products: dict[Monomial, int] = {}
+        self._rewritten: dict[int, Callable[..., ScaledNode]] = {
             ca.OP_ASSIGN: lambda x: x,
             ca.OP_NEG: lambda x: (-x[0], x[1]),
             ca.OP_TWICE: lambda x: (2 * x[0], x[1]),
@@ -47,15 +48,15 @@ class Builder:
             ca.OP_HYPOT: self._length,
         }
 
-    def entry(self, place: Sequence[int]) -> Scaled:
-        """An entry of an input."""
-        return 1.0, self._number(Instruction(None, tuple(place)))
+    def entry(self, column: int, row: int) -> ScaledNode:
+        """Entry of an input."""
+        return 1.0, self._number(Instruction(None, (column, row)))
 
-    def constant(self, value: float) -> Scaled:
+    def constant(self, value: float) -> ScaledNode:
         """A number that is known."""
         return 1.0, self._number(Instruction(None, (), float(value)))
 
-    def node(self, number: Scaled) -> int:
+    def node(self, number: ScaledNode) -> int:
         """The node that is the number itself."""
         scale, core = number
         if scale == 1:
@@ -69,8 +70,15 @@ class Builder:
             return self._operation(ca.OP_NEG if scale == -1 else ca.OP_TWICE, core)
         return self._operation(ca.OP_MUL, core, self.constant(scale)[1])
 
-    def perform(self, code: int, arguments: Sequence[Scaled]) -> Scaled:
-        """The result of one of CasADi's instructions."""
+    def perform(self, code: int, arguments: Sequence[ScaledNode]) -> ScaledNode:
+        """Result of CasADi's operation of a code, simplified.
+
+        :raises ComponentError: for an operation that has no counterpart in C.
+        """
+        if code not in OPERATIONS:
+            raise ComponentError(
+                f"an expression has CasADi's instruction {code}, which is no scalar operation of C; expand the function"
+            )
         if code in self._rewritten:
             return self._moderate(self._rewritten[code](*arguments))
         scale, x = arguments[0]
@@ -79,22 +87,22 @@ class Builder:
             return (sign if code in _EVEN else -sign), core
         return 1.0, self._operation(code, *map(self.node, arguments))
 
-    def _moderate(self, number: Scaled) -> Scaled:
+    def _moderate(self, number: ScaledNode) -> ScaledNode:
         """The same with a scale that adds no rounding, and that cannot grow from one link of a chain to the next."""
         scale = number[0]
         if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
             return number
         return 1.0, self.node(number)
 
-    def _inverse(self, number: Scaled) -> Scaled:
+    def _inverse(self, number: ScaledNode) -> ScaledNode:
         scale, x = number
         return 1 / scale, self._operation(ca.OP_INV, x)
 
-    def _choice(self, condition: Scaled, number: Scaled) -> Scaled:
+    def _choice(self, condition: ScaledNode, number: ScaledNode) -> ScaledNode:
         scale, x = number
         return scale, self._operation(ca.OP_IF_ELSE_ZERO, self.node(condition), x)
 
-    def _product(self, first: Scaled, second: Scaled) -> Scaled:
+    def _product(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         (scale, x), (other, y) = first, second
         for number, factor in ((x, second), (y, first)):
             constant = self.nodes[number].constant
@@ -107,19 +115,19 @@ class Builder:
         core = self._products.setdefault(self._sums.factors_of(x, y), self._operation(*operation))
         return scale * other, core
 
-    def _quotient(self, first: Scaled, second: Scaled) -> Scaled:
+    def _quotient(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         (scale, x), (other, y) = first, second
         constant = self.nodes[y].constant
         if _is_power_of_two(constant):
             return scale / (other * constant), x
         return scale / other, self._operation(ca.OP_DIV, x, y)
 
-    def _length(self, first: Scaled, second: Scaled) -> Scaled:
+    def _length(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         """√(x² + y²): ``hypot``, which no overflow of the squares harms, takes five times as long."""
         squares = self._sum(self._product(first, first), self._product(second, second))
         return 1.0, self._operation(ca.OP_SQRT, self.node(squares))
 
-    def _sum(self, first: Scaled, second: Scaled) -> Scaled:
+    def _sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         for number, term in ((first[1], second), (second[1], first)):
             if self.nodes[number].constant == 0:
                 return term
@@ -129,7 +137,7 @@ class Builder:
         products = self._sums.shortened(first, second)
         return self._plain_sum(first, second) if products is None else self._added(products)
 
-    def _plain_sum(self, first: Scaled, second: Scaled) -> Scaled:
+    def _plain_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
         if abs(second[0]) == 1:  # a scale of one is best put in front of both
             first, second = second, first
         (scale, x), (other, y) = first, second
@@ -142,14 +150,14 @@ class Builder:
             return -abs(scale), self._operation(ca.OP_SUB, minus, plus)
         return abs(scale), self._operation(ca.OP_SUB, plus, minus)
 
-    def _added(self, products: Sequence[tuple[float, Product]]) -> Scaled:
+    def _added(self, products: Sequence[tuple[float, Monomial]]) -> ScaledNode:
         total = self.constant(0.0)
         for scale, product in products:
             inner, core = reduce(self._product, ((1.0, factor) for factor in product), self.constant(1.0))
             total = self._sum(total, (scale * inner, core))
         return total
 
-    def _power(self, base: Scaled, exponent: Scaled) -> Scaled:
+    def _power(self, base: ScaledNode, exponent: ScaledNode) -> ScaledNode:
         value = self.nodes[exponent[1]].constant
         if value is not None:
             value *= exponent[0]
@@ -160,7 +168,7 @@ class Builder:
                 return power if value > 0 else self.perform(ca.OP_INV, [power])
         return 1.0, self._operation(ca.OP_POW, self.node(base), self.node(exponent))
 
-    def _integer_power(self, base: Scaled, exponent: int) -> Scaled:
+    def _integer_power(self, base: ScaledNode, exponent: int) -> ScaledNode:
         if exponent == 1:
             return base
         half = self._integer_power(base, exponent // 2)

@@ -1,0 +1,214 @@
+"""Terminals of an FMU: variables that are connected together, as ``terminalsAndIcons.xml`` or their names say.
+
+A *port* is a terminal with a value, its rate and its acceleration, all inputs or all outputs, and in most cases a
+force the other way.  Member names are those of the Modelica Standard Library: s, v, a, f of a translation, and
+phi, w, a, tau of a rotation, which are read as s, v, a, f.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import IO, NamedTuple, final
+from xml.etree.ElementTree import Element
+
+from liaisons.array_names import split
+from liaisons.cosim.description.archive import Archive
+from liaisons.cosim.description.variables import Variables
+from liaisons.cosim.description.xml_documents import tree
+from liaisons.port_names import PortNames, port_names
+
+logger = logging.getLogger(__name__)
+
+TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
+"""Where an FMU of FMI 3.0, or of FMI 2.0 made here, has its terminals."""
+
+_MOTION = ("s", "v", "a")
+_FORCE = "f"
+_OF_ROTATION = {"phi": "s", "w": "v", "tau": "f"}
+_FLOWS = {"inflow", "outflow"}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class MemberVariable:
+    """A variable of a terminal; ``kind`` is ``signal``, ``inflow``, ``outflow`` or what else the FMU says."""
+
+    variable: str
+    kind: str = "signal"
+
+    def opposes(self, other: MemberVariable) -> bool:
+        """Whether the two add up to zero when they are connected: flows into both sides, or out of both."""
+        return self.kind == other.kind and self.kind in _FLOWS
+
+
+class PointComponent(NamedTuple):
+    """Names of a point and of one of its components."""
+
+    point: str
+    axis: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class TerminalDescription:
+    """A terminal.
+
+    :param kind: ``terminalKind``; empty if the FMU gives none.
+    :param rule: ``matchingRule``: ``plug``, ``bus``, ``sequence``, ...
+    :param members: variables by member name.
+    :param nested: terminals inside this one, by name: of a point, its components.
+    :param point: name of the terminal around this one, if there is one, and of this one within it.
+    """
+
+    name: str
+    kind: str = ""
+    rule: str = "bus"
+    members: Mapping[str, MemberVariable] = field(default_factory=dict)
+    nested: Mapping[str, TerminalDescription] = field(default_factory=dict)
+    point: PointComponent | None = None
+
+    @property
+    def motion(self) -> tuple[str, str, str] | None:
+        """Variables of value, rate and acceleration; None unless it has all three."""
+        if not all(name in self.members for name in _MOTION):
+            return None
+        value, rate, acceleration = (self.members[name].variable for name in _MOTION)
+        return value, rate, acceleration
+
+    @property
+    def force(self) -> str | None:
+        """The variable of the force that goes the other way; None if it has none."""
+        return self.members[_FORCE].variable if _FORCE in self.members else None
+
+    def element(self, index: str) -> TerminalDescription:
+        """The terminal of one element of the arrays that are its members; ``index`` is for example ``[3]``."""
+        return TerminalDescription(
+            f"{self.name}{index}",
+            self.kind,
+            self.rule,
+            {name: MemberVariable(f"{m.variable}{index}", m.kind) for name, m in self.members.items()},
+            {name: terminal.element(index) for name, terminal in self.nested.items()},
+            self.point and PointComponent(f"{self.point.point}{index}", self.point.axis),
+        )
+
+
+@final
+class Terminals:
+    """The terminals of an FMU, and those of them that are ports, by variable.
+
+    :ivar named: those that are in no other one, by name.
+    :ivar renamed: value -> members, of ports whose variables are not called as :func:`port_names` does.
+    :ivar points: component of a point -> by the name of its value, without an index.
+    """
+
+    def __init__(self, variables: Variables, declared: tuple[TerminalDescription, ...] = ()) -> None:
+        self.named: dict[str, TerminalDescription] = {}
+        self.renamed: dict[str, PortNames] = {}
+        self.points: dict[str, PointComponent] = {}
+        self._ports: dict[str, TerminalDescription] = {}  # by variable
+        for terminal in declared:
+            self._add(terminal, variables)
+        points: dict[str, dict[str, TerminalDescription]] = {}
+        for name in variables.entries:
+            names = port_names(name)
+            if name not in self._ports and {names.rate, names.acceleration} <= variables.entries.keys():
+                self._add(_conventional(names, variables), variables)
+            port = self._ports.get(name)
+            if names.axis and port is not None and port.point is None and port.motion and port.motion[0] == name:
+                points.setdefault(names.point, {})[names.axis] = port
+                self.points[split(name)[0]] = PointComponent(split(names.point)[0], names.axis)
+        for name, nested in points.items():
+            self.named.setdefault(name, TerminalDescription(name, nested=nested))
+
+    def _add(self, terminal: TerminalDescription, variables: Variables) -> None:
+        if terminal.point is None:
+            self.named.setdefault(terminal.name, terminal)
+        for nested in terminal.nested.values():
+            self._add(nested, variables)
+        motion = terminal.motion
+        if motion is None:
+            return
+        entries = [variables.entry(name) for name in motion]
+        kinds = {(entry.like.type, entry.like.causality, entry.shape) for entry in entries}
+        if len(kinds) == 1 and entries[0].like.type == "Real" and entries[0].like.causality in {"input", "output"}:
+            usual, force = port_names(motion[0]), terminal.force or ""
+            if motion != usual[:3] or force not in {"", usual.force, usual.load}:
+                self.renamed[motion[0]] = PortNames(*motion, force, "", "", "")
+            if terminal.point is not None:
+                point = PointComponent(split(terminal.point.point)[0], terminal.point.axis)
+                self.points.setdefault(split(motion[0])[0], point)
+            for member in terminal.members.values():  # of two terminals with the same variables, the first
+                self._ports.setdefault(member.variable, terminal)
+
+    def get(self, name: str) -> TerminalDescription | None:
+        """The terminal of this name, or of an element of it; None if there is none."""
+        return _looked_up(self.named, name)
+
+    def port(self, variable: str) -> TerminalDescription | None:
+        """The port that a variable, an array or an element of one is a member of; None if of none."""
+        return _looked_up(self._ports, variable)
+
+
+def _looked_up(terminals: Mapping[str, TerminalDescription], name: str) -> TerminalDescription | None:
+    if name in terminals or not name.endswith("]"):
+        return terminals.get(name)
+    base = name.partition("[")[0]
+    whole = terminals.get(base)
+    return whole and whole.element(name[len(base) :])
+
+
+def _conventional(names: PortNames, variables: Variables) -> TerminalDescription:
+    """What the names of variables say, where no terminal does."""
+    entry = variables.entries[names.value].like
+    force, flow = (names.force, "inflow") if entry.causality == "input" else (names.load, "outflow")
+    motion = names.value, names.rate, names.acceleration
+    members = {member: MemberVariable(name) for member, name in zip(_MOTION, motion, strict=True)}
+    if force in variables.entries:
+        members[_FORCE] = MemberVariable(force, flow)
+    return TerminalDescription(names.value, members=members)
+
+
+def read_terminals(archive: Archive, variables: Variables) -> Terminals:
+    """The terminals of an FMU; if its file of them is unusable, a warning, and what the names of variables say."""
+    if TERMINALS not in archive.names:
+        return Terminals(variables)
+    try:
+        with archive.open(TERMINALS) as file:
+            return Terminals(variables, tuple(_parsed(file, variables)))
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        logger.warning("%s: its %s is not used, names of variables tell its ports: %s", archive.path, TERMINALS, reason)
+        return Terminals(variables)
+
+
+def _parsed(file: IO[bytes], variables: Variables) -> Iterator[TerminalDescription]:
+    root = tree(file)
+    if root.tag != "fmiTerminalsAndIcons":
+        raise ValueError("its root is not fmiTerminalsAndIcons")
+    for element in root.iterfind("Terminals/Terminal"):
+        yield _terminal(element, variables)
+
+
+def _terminal(element: Element, variables: Variables, around: str = "") -> TerminalDescription:
+    name = _attribute(element, "name")
+    members = {
+        _OF_ROTATION.get(role, role): MemberVariable(
+            _attribute(member, "variableName"), member.get("variableKind", "signal")
+        )
+        for member in element.iterfind("TerminalMemberVariable")
+        for role in [member.get("memberName", member.get("variableName", ""))]
+    }
+    for member in members.values():
+        if member.variable not in variables.entries and member.variable not in variables:
+            raise ValueError(f"the terminal {name!r} has a variable {member.variable!r} that does not exist")
+    nested = {n.name: n for n in (_terminal(e, variables, name) for e in element.iterfind("Terminal"))}
+    kind, rule = element.get("terminalKind", ""), element.get("matchingRule", "bus")
+    return TerminalDescription(name, kind, rule, members, nested, PointComponent(around, name) if around else None)
+
+
+def _attribute(element: Element, name: str) -> str:
+    if name not in element.attrib:
+        raise ValueError(f"a {element.tag} has no attribute {name!r}")
+    return element.attrib[name]

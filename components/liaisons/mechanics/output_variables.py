@@ -1,0 +1,36 @@
+"""Expressions of the output variables that mechanisms and chains have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import casadi as ca
+
+from liaisons.language.layout import Layout
+from liaisons.language.mechanical import MechanicalComponent
+
+
+def mechanical_outputs(
+    m: MechanicalComponent,
+    layout: Layout,
+    rates: ca.SX,
+    *,
+    forces: Iterable[tuple[ca.SX, ca.SX]],
+    points: Mapping[str, Sequence[ca.SX]],
+    energies: tuple[ca.SX, ca.SX],
+) -> dict[str, ca.SX]:
+    """Expressions by the names of variables, without those of the energy balance.
+
+    :param rates: of the states, in the order of the layout.
+    :param forces: for each active coordinate λ (M eq. 27) and the rate σ̇.
+    :param points: position, velocity and acceleration of each component of a point.
+    :param energies: T and V.
+    """
+    outputs = dict(zip((state.derivative for state in layout.states), ca.vertsplit(rates), strict=True)) | m.symbols
+    for s, (force, rate) in zip(m.actives, forces, strict=True):
+        outputs |= {f"{s.name}_force": force, f"{s.name}_power": force * rate}
+    for name, motion in points.items():
+        outputs |= {f"{name}{end}": x for end, x in zip(("", "_dot", "_ddot"), motion, strict=True)}
+    kinetic, potential = energies
+    outputs |= {"kinetic_energy": kinetic, "potential_energy": potential, "energy": kinetic + potential}
+    return outputs | {item.name: ca.SX(getattr(m, item.name)) for item in (*m.outputs, *m.calculated_parameters)}

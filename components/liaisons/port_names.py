@@ -1,0 +1,28 @@
+"""Names of the variables of a port, as FMUs of liaisons have them: for FMUs without terminals, and for results."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class PortNames(NamedTuple):
+    """Names of variables; ``point`` and ``axis`` are empty unless the port is a component of a point."""
+
+    value: str
+    rate: str
+    acceleration: str
+    force: str
+    load: str
+    point: str
+    axis: str
+
+
+def port_names(value: str) -> PortNames:
+    """Names that belong to that of a value: ``bob_x[3]`` has the rate ``bob_x_dot[3]`` and the point ``bob[3]``."""
+    base = value.partition("[")[0] if value.endswith("]") else value
+    index = value[len(base) :]
+    rate, acceleration, force, load = (f"{base}{end}{index}" for end in ("_dot", "_ddot", "_force", "_load"))
+    point, _, axis = base.rpartition("_")
+    if not point or axis not in {"x", "y", "z"}:
+        return PortNames(value, rate, acceleration, force, load, "", "")
+    return PortNames(value, rate, acceleration, force, load, f"{point}{index}", axis)
