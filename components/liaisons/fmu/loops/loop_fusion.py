@@ -14,7 +14,7 @@ _CHEAP |= {ca.OP_ASSIGN, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class FusedLoop:
     """One loop over the links: what is carried, and what is calculated at each of them."""
 
     inward: bool | None  # direction; None: nothing is carried, the links are independent of each other
@@ -27,7 +27,7 @@ class LoopFusion:
     """The loops of a program in the order of execution; their expressions are inlined."""
 
     def __init__(self, program: RowProgram) -> None:
-        self.loops: list[Loop] = []
+        self.loops: list[FusedLoop] = []
         self.definitions: list[tuple[ca.SX, ca.SX]] = []  # symbols, expressions
         self.neighbours: dict[int, tuple[Carry, int]] = {}  # calculated from the neighbours instead of carried
         self.ends: dict[int, tuple[Carry, int]] = {}  # their values behind the last link
@@ -53,13 +53,13 @@ class LoopFusion:
         """The expression in terms of what is no definition."""
         return substituted(expression, self.definitions)
 
-    def at_links(self, expression: ca.SX) -> Loop:
+    def at_links(self, expression: ca.SX) -> FusedLoop:
         """The first loop that can calculate what is not carried, apart from carries it does not need."""
         needed = keys(expression)
         for loop in self.loops[self._earliest(expression) :]:
             if loop.inward is None or any(needed & keys(carry.symbols) for carry in loop.carries):
                 return loop
-        self.loops.append(Loop(None))
+        self.loops.append(FusedLoop(None))
         return self.loops[-1]
 
     def _carry(self, carry: Carry) -> None:
@@ -68,7 +68,7 @@ class LoopFusion:
         while index < len(self.loops) and self.loops[index].inward is not carry.inward:
             index += 1
         if index == len(self.loops):
-            self.loops.append(Loop(carry.inward))
+            self.loops.append(FusedLoop(carry.inward))
         self.loops[index].carries.append(carry)
         self._first |= dict.fromkeys(keys(carry.symbols), index)
         self._first |= dict.fromkeys(keys(carry.last), index + 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -13,7 +13,7 @@ from liaisons.expressions import OPERATIONS, Instruction
 from liaisons.expressions import program as operations
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.rows import Carry, RowProgram, Vector, key, scalars, substituted
-from liaisons.fmu.loops.loop_fusion import Loop, LoopFusion
+from liaisons.fmu.loops.loop_fusion import FusedLoop, LoopFusion
 
 CHEAP = {OPERATIONS[code] for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE)}
 """Operations that cost no more than storing a number and reading it again."""
@@ -106,14 +106,14 @@ class LoopPlans:
         node = self.nodes[number]
         return self._leaves[node.arguments[1]] if node.operation is None and node.constant is None else None
 
-    def needed(self, targets: Iterable[int], is_kept: Callable[[int], bool]) -> tuple[set[int], set[int]]:
+    def needed(self, targets: Iterable[int], kept: Container[int]) -> tuple[set[int], set[int]]:
         """Nodes that a link has to calculate for targets, and kept ones that it has to read."""
         needed: set[int] = set()
         read: set[int] = set()
         ahead = [number for number in targets if self.each[number]]
         while ahead:
             number = ahead.pop()
-            if is_kept(number):
+            if number in kept:
                 read.add(number)
             elif number not in needed:
                 needed.add(number)
@@ -145,7 +145,7 @@ class LoopPlans:
             else:
                 yield f"result[{index}][{offset}]", entry
 
-    def _plan(self, index: int, loop: Loop) -> LoopPlan:
+    def _plan(self, index: int, loop: FusedLoop) -> LoopPlan:
         symbols, last, starts, following = (
             [x for carry in loop.carries for x in scalars(column(carry))]
             for column in (lambda s: s.symbols, lambda s: s.last, lambda s: s.start, lambda s: s.following)
@@ -212,13 +212,13 @@ class LoopPlans:
 
     def _keep(self, named: set[int]) -> None:
         """Assign work space to nodes that later loops use and that are carried, expensive or named."""
-        times = Counter(chain.from_iterable(self.needed(plan.targets, lambda _: False)[0] for plan in self.plans))
+        times = Counter(chain.from_iterable(self.needed(plan.targets, ())[0] for plan in self.plans))
         operation = [node.operation for node in self.nodes]
         shared = {i for i, count in times.items() if count > 1 and operation[i]}
         shared = {i for i in shared if operation[i] not in CHEAP or i in named}
         calculated: dict[int, int] = {}  # by which loop
         for index, plan in enumerate(self.plans):
-            needed, read = self.needed(plan.targets, calculated.__contains__)
+            needed, read = self.needed(plan.targets, calculated)
             for number in needed:
                 leaf = self.leaf(number)
                 if leaf and leaf.home not in {-1, index}:

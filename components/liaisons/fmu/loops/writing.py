@@ -146,12 +146,12 @@ class _Link:
 
     def __init__(self, writer: _Writer, index: int, plan: LoopPlan) -> None:
         plans = writer.plans
-        kept = {i: array for i, (array, since) in plans.kept.items() if since < index}
-        needed, read = plans.needed(plan.targets, kept.__contains__)
+        arrays = {i: array for i, (array, since) in plans.kept.items() if since < index}
+        needed, read = plans.needed(plan.targets, arrays)
         nodes = [plans.nodes[i] for i in sorted(needed)]
         quotients = Counter(node.arguments[1] for node in nodes if _is_quotient(node))
         self.lines: list[str] = []
-        self._writer, self._texts = writer, {i: f"{kept[i]}[i]" for i in sorted(read)}
+        self._writer, self._texts = writer, {i: f"{arrays[i]}[i]" for i in sorted(read)}
         self._divisors = {i for i, count in quotients.items() if count > 1 or not plans.each[i]}
         self._inverses: set[int] = set()
         self._uses = _uses(

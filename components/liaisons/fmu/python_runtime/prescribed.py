@@ -22,9 +22,9 @@ from .vectors import Vectors
 JUMPS, MIXES = 1, 2  # in the table of jumps: one moves states; rates of both are factors in those of the states
 
 _ROUNDING = 1e-14  # jumps below this part of σ are rounding errors
-# Parts of σ, and of the way by its rate, that are the tolerance of the source of σ.
+# Parts of σ, and of the distance by its rate, that are the tolerance of the source of σ.
 _VALUE, _RATE = 1e-6, 1e-3
-_FAR = 5.0  # a difference so many times the way by rate and acceleration is a jump
+_FAR = 5.0  # a difference so many times the distance by rate and acceleration is a jump
 
 
 class Prescribed:
@@ -149,29 +149,29 @@ class Prescribed:
 
 @lru_cache(maxsize=64)
 def _comparison(table: Table) -> ca.Function:
-    """(H, u at the start of a step, u at its end, m) → (m with the mismatches, ways, largest mismatch, jumps).
+    """(H, u at the start of a step, u at its end, m) → (m with the mismatches, distances, largest mismatch, jumps).
 
-    The way of σ is the most that rates and accelerations explain; a difference far beyond is a jump.  The mismatch is
-    the difference between σ and where its rates led, if the step does not explain it.
+    Distances are the most that rates and accelerations explain; a difference far beyond is a jump.  A mismatch is the
+    difference between σ and where its rates led, if the step does not explain it.
     """
     H, u_0, u_1 = _step_symbols(table)
     m = ca.SX.sym("m", table.functions["start"].numel_out(1))
-    m_next, ways, leaping = ca.SX(m), [], []
+    m_next, distances, leaping = ca.SX(m), [], []
     for index, indices in zip(table.mismatches, table.active, strict=True):
         before, now = ([u[i] for i in indices] for u in (u_0, u_1))
         difference = now[0] - _followed(EXTRAPOLATE, H, before)
         rate, acceleration = (ca.fmax(ca.fabs(before[i]), ca.fabs(now[i])) for i in (1, 2))
-        way = H * (rate + H * acceleration / 2)
-        # A rate that jumps on the way moves σ by up to H times the jump, an acceleration by up to half of H².
-        explained = H * (ca.fabs(now[1] - before[1]) + H * ca.fabs(now[2] - before[2]) / 2) + _RATE * way
+        distance = H * (rate + H * acceleration / 2)
+        # A rate that jumps inside the step moves σ by up to H times the jump, an acceleration by up to half of H².
+        explained = H * (ca.fabs(now[1] - before[1]) + H * ca.fabs(now[2] - before[2]) / 2) + _RATE * distance
         explained += _VALUE * ca.fmax(ca.fabs(before[0]), ca.fabs(now[0])) + math.ulp(1.0)
-        ways.append(way)
-        leaping.append(ca.fabs(difference) > _FAR * way)
+        distances.append(distance)
+        leaping.append(ca.fabs(difference) > _FAR * distance)
         if index >= 0:
             m_next[index] = ca.if_else(ca.fabs(difference) > explained, difference, 0)
     mismatches = [index for index in table.mismatches if index >= 0]
     largest = ca.norm_inf(m_next[mismatches]) if mismatches else ca.SX(0)
-    results = [m_next, ca.vertcat(*ways), largest, ca.vertcat(*leaping)]
+    results = [m_next, ca.vertcat(*distances), largest, ca.vertcat(*leaping)]
     return ca.Function("comparison", [H, u_0, u_1, m], [ca.densify(result) for result in ca.cse(results)])
 
 

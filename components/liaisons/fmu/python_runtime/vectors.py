@@ -17,8 +17,8 @@ class Vectors:
         the first parameter belong to none.
     :ivar moving: what a step changes: t, y, u (inputs at the present time), m, past.
     :ivar now: (t, y, u), the first part of it.
-    :ivar past: H and u of the last step at its start, H = 0 if there was none; then the way of each σ and the time at
-        the last comparison.
+    :ivar past: H and u of the last step at its start, H = 0 if there was none; then the distances and the time of the
+        last comparison, see :mod:`~.prescribed`.
     :ivar H: length of the present step, shape (1,).
     :ivar size: nominal values of y, which the tolerance is relative to.
     """
