@@ -65,7 +65,7 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
     parts, space = c_parts(
         [(argument, f"arguments[{i}][{{}}]") for i, argument in enumerate(arguments)],
         written,
-        kept="reals[{}]",
+        spill="reals[{}]",
         most=_LONGEST,
         late=_STATES,
     )
