@@ -15,9 +15,9 @@ from liaisons.mechanics.equations import Equations
 
 def frozen(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
     """The expression with numbers for all symbols of the mechanism but the moving ones."""
-    kept = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
+    variables = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
     numbers = numbers_of(equations, values)
-    symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in kept}
+    symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in variables}
     column = ca.DM([float(numbers[name]) for name in symbols])
     return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.SX(column))
 

@@ -1,4 +1,4 @@
-"""From a component to the Model that an FMU back end takes."""
+"""Model of a component, as FMU back ends take it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from liaisons.mechanics.printing import of_operator
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
-    """Derive a component and lay it out as variables and functions (DESIGN: names in an FMU).
+    """Model of a component: derived, and laid out as variables and functions (DESIGN: names in an FMU).
 
     :param component: a subclass of Mechanism, Chain or Operator.
-    :param n: how many links a chain has; as declared where none is given.
-    :raises ComponentError: if n is no whole number or too small, or given for what has no links.
+    :param n: number of links of a chain; as declared by default.
+    :raises ComponentError: if n is no whole number, is too small, or the component is no chain.
     """
     if issubclass(component, Chain):
         return chain_model(component, component(n).sizes["n"])
@@ -36,14 +36,14 @@ def assemble(component: type[Component], n: object = None) -> Model:
 
 
 def _operator_model(component: type[Operator]) -> Model:
-    """Lay an operator out as variables and functions."""
+    """Model of an operator: variables and functions."""
     picture = component()
     picture.lookups = []
     t, x, u = picture.clock, picture.internal, picture.input_column
     rates, triple, next_event = stack(map(ca.SX, picture.rates())), picture.triple(), picture.next_event_time()
     announced = ca.SX(0, 1) if next_event is None else next_event
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
-    k, none = ca.vertcat(picture.parameter_column, start), ca.SX(0, 1)  # an operator has nothing to remember
+    k, none = ca.vertcat(picture.parameter_column, start), ca.SX(0, 1)
     outputs = ca.densify(stack([*triple, x, rates]))
     equations = of_operator(picture, triple[0])
     table = None
@@ -78,7 +78,7 @@ def _operator_model(component: type[Operator]) -> Model:
 
 
 def _table(picture: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced: ca.SX) -> LookupTable:
-    """What is calculated from the two rows of each look-up."""
+    """Functions of the two rows of each look-up."""
     t, x, u, lookups = picture.clock, picture.internal, picture.input_column, picture.lookups or []
     names = [column.name for column in picture.table]
     rows = picture.table[0].dimension.count
@@ -107,7 +107,7 @@ def _elements(picture: Operator) -> set[str]:
 
 
 def _of_all_rows(picture: Operator, *expressions: ca.SX) -> list[ca.SX]:
-    """The same with the rows of each look-up chosen among all."""
+    """Expressions of all rows in place of those of each look-up."""
     lookups, picture.lookups = picture.lookups or [], None
     symbols, rows = [], []
     for lookup in lookups:

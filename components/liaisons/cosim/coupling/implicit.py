@@ -38,11 +38,11 @@ class Coupled:
         self._bus = bus
         self._times = simulation.times
         parts, feeds = simulation.parts, simulation.feeds
-        places = [place for name in (SIGNALS, *parts) for place in bus.outputs(name, every=False)]
+        references = [reference for name in (SIGNALS, *parts) for reference in bus.outputs(name, every=False)]
         groups, cyclic = simulation.groups, simulation.cyclic
         alone = {name for name, part in parts.items() if part.approximation.is_prescribed and name not in cyclic}
-        self.signals = signals = Signals(parts, feeds, places, alone)
-        self._drives = [(drive, [signals.index[place] for place in drive.places]) for drive in simulation.drives]
+        self.signals = signals = Signals(parts, feeds, references, alone)
+        self._drives = [(drive, [signals.index[r] for r in drive.places]) for drive in simulation.drives]
         self._slopes = [signals.slope(drive.places[2]) if len(drive.places) == 3 else -1 for drive, _ in self._drives]
         self._components: list[StrongComponent] = []
         for names in groups:
@@ -60,9 +60,8 @@ class Coupled:
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
         self._record = self._prepared()
-        function = library.advance_coupled
-        call = Call(function, byref(self._record), bus.start, bus.size).of("couple", self._failure)
-        self.advance = call.recorded(COUPLED, function=function, instance=addressof(self._record))
+        advance = Call(library.advance_coupled, byref(self._record), bus.start, bus.size)
+        self.advance = advance.recorded(COUPLED, addressof(self._record)).with_failure("couple", self._failure)
 
     def _prepared(self) -> SystemRecord:
         """The system, for compiled code."""
@@ -82,7 +81,7 @@ class Coupled:
         record.point(before=signals.before, now=signals.now, earlier=signals.earlier, since=signals.since)
         record.point(sizes=signals.sizes, result=signals.result, rates=signals.rates, kind=signals.kinds, inside=INSIDE)
         nodes = [node for component in records for node in component.nodes[: component.count]]
-        record.point(held=signals.held, room=np.empty(max((n.known + n.derivatives for n in nodes), default=0)))
+        record.point(held=signals.held, room=np.empty(max((n.data + n.derivatives for n in nodes), default=0)))
         record.point(scratch=np.empty(_ROOM * max((r.n for r in records), default=0) + len(signals.sizes)))
         return record
 
@@ -172,11 +171,11 @@ class Coupled:
         """An instant of the piece that begins at this one [s], if there is one, and anything that asks for it."""
         if not self._drives:
             return None
-        place = bisect_right(self._times, time + rounding(time))
-        if place == len(self._times):
+        reference = bisect_right(self._times, time + rounding(time))
+        if reference == len(self._times):
             return None
         breaks = [(time + instant) / 2 for drive, _ in self._drives if (instant := drive.next_break(time)) is not None]
-        return min([self._times[place], *breaks])
+        return min([self._times[reference], *breaks])
 
     def _step_in_thirds(self, k: int) -> int:
         """Step a source in thirds, for its outputs have no past yet; returns 1."""

@@ -125,7 +125,7 @@ class Run:
         self._errors: list[float] = []  # of steps between communication points
         for instance in self._instances.values():
             instance.reset()
-        bus.turn(begin, begin)
+        bus.set_step(begin, begin)
         self._breaks.begin_piece(begin)
         self._inside.reset()
         bus.perform(self._back)
@@ -233,7 +233,7 @@ class Run:
     def _cross(self, now: float, then: float) -> Vector:
         """Make the tiny step to a break, and look for the next one; returns what is on the bus then."""
         bus, coupled = self._bus, self._coupled
-        bus.turn(now, then)
+        bus.set_step(now, then)
         self._breaks.begin_piece(then)
         if coupled is None:
             bus.perform(self._step)
@@ -297,9 +297,9 @@ class Run:
         if not self._simulation.iterates:
             return explicit.prepared(self._simulation, self._instances, self._bus)
         self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
-        others = [call for name in self._instances for call in self._other_readings(name)]
+        recorded_only = [call for name in self._instances for call in self._other_readings(name)]
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
-        return [first], [settle, *others], [coupled.advance, *others]
+        return [first], [settle, *recorded_only], [coupled.advance, *recorded_only]
 
     def _estimating(self) -> tuple[InitialDerivatives, Estimate]:
         """The derivatives at the start, and what estimates coupling errors."""
@@ -311,7 +311,7 @@ class Run:
         return initial, Estimate(inputs, bus.index, kinds(simulation, bus))
 
     def _other_readings(self, name: str) -> list[Call]:
-        places = self._bus.others(name)
+        places = self._bus.recorded_only(name)
         variables = self._simulation.parts[name].fmu.variables
         read = [variables[variable] for _, variable in places]
         return [self._instances[name].getter(read, self._bus.buffer(places))] if places else []
