@@ -1,4 +1,4 @@
-"""From the parameters of a set to start values: names mapped, values transformed, units converted."""
+"""Start values from parameter sets: names mapped, values transformed, units converted."""
 
 from __future__ import annotations
 
@@ -19,40 +19,42 @@ Number = float | int | bool | str
 
 
 Quantity = tuple[tuple[Number, ...], UnitDefinition | None]
-"""Values of a parameter (several: an array), and the unit that they are in, if it is defined."""
+"""Values of a parameter (several: an array), and their unit, if defined."""
 
 
 def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
-    """The parameters of a set by name, as often as they are there.
+    """Names and values of the parameters of a set, with duplicates.
 
-    :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
+    :raises SimulationError: for a type that is not supported, or a value of another type.
     """
-    known = units(parameter_set, "ssv:Units")
+    defined = units(parameter_set, "ssv:Units")
     return [
-        (name, (_values(name, element), known.get(element.get("unit", ""))))
+        (name, (_values(name, element), defined.get(element.get("unit", ""))))
         for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
     ]
 
 
-def mapped(found: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str) -> Iterator[tuple[str, Quantity]]:
-    """The parameters under the names of their targets; all of them under their own where there is no mapping."""
-    known = {f"{prefix}{name}": quantity for name, quantity in found}
+def mapped(
+    listed: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str
+) -> Iterator[tuple[str, Quantity]]:
+    """The parameters under the names of their targets; without a mapping, under their own."""
+    quantities = {f"{prefix}{name}": quantity for name, quantity in listed}
     if not entries:
-        yield from known.items()
+        yield from quantities.items()
     for entry in entries:
-        if entry.get("source", "") in known:
-            values, unit = known[entry.get("source", "")]
+        if entry.get("source", "") in quantities:
+            values, unit = quantities[entry.get("source", "")]
             target = entry.get("target", "")
             suppressed = entry.get("suppressUnitConversion") in {"true", "1"}
             yield target, (tuple(_transformed(target, value, entry) for value in values), None if suppressed else unit)
 
 
 def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
-    """The value as the variable takes it, in its unit.
+    """The value in the type and unit of the variable.
 
-    :raises SimulationError: if the units are of different kinds, or there is no such whole number.
+    :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
     entry = fmu.variables.entry(variable)
     like, (values, unit) = entry.like, quantity
@@ -78,7 +80,7 @@ def _values(name: str, element: Element) -> tuple[Number, ...]:
             return tuple({"true": True, "1": True, "false": False, "0": False}[word] for word in text.split())
     except (KeyError, ValueError):
         raise SimulationError(f"parameter {name} = {text!r}: that is no {kind}") from None
-    if kind in {"String", "Enumeration"}:  # of an enumeration, the name of an item of the variable's type
+    if kind in {"String", "Enumeration"}:  # of an enumeration, the name of an item
         return (text,)
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
 
@@ -90,7 +92,7 @@ def _item(label: str, value: Number, items: Mapping[str, int]) -> Number:
 
 
 def _items(fmu: Fmu, variable: str) -> dict[str, int]:
-    """The items of a variable's enumeration."""
+    """Values of the items of a variable's enumeration type, by name."""
     with Archive(fmu.path) as archive, archive.open("modelDescription.xml") as file:
         root = tree(file)
     typed = [*root.iterfind("ModelVariables/Enumeration"), *root.iterfind("ModelVariables/ScalarVariable")]
@@ -121,9 +123,9 @@ _MAPPINGS: Mapping[str, Callable[[str], Number]] = {
 }
 
 
-def _converted(label: str, value: Number, given: UnitDefinition | None, wanted: UnitDefinition | None) -> Number:
-    if isinstance(value, str) or given is None or wanted is None:
+def _converted(label: str, value: Number, unit: UnitDefinition | None, target: UnitDefinition | None) -> Number:
+    if isinstance(value, str) or unit is None or target is None:
         return value
-    if given.exponents != wanted.exponents:
+    if unit.exponents != target.exponents:
         raise SimulationError(f"{label} = {value!r}: the unit of the parameter is of another kind than the variable's")
-    return value if (conversion := given.to(wanted)) == SAME else conversion.of(value)
+    return value if (conversion := unit.to(target)) == SAME else conversion.of(value)

@@ -1,6 +1,6 @@
-"""An archive as a system: flat or nested, of any make, with parameter sets inline and beside, mappings, units.
+"""SSP archives as systems: flat or nested, of any tool, with inline and external parameter sets, mappings, units.
 
-Not by ``pyssp_standard``, which reads of connections neither indices nor transformations, and no signal dictionaries.
+``pyssp_standard`` reads neither indices and transformations of connections nor signal dictionaries.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ S = TypeVar("S", bound=System)
 def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object] | None = None) -> S:
     """Read an archive; its FMUs are unpacked into a directory that lives as long as the system.
 
-    :param make: makes a system of a name.
-    :param starts: start values that count more than those of the archive, by ``"component.variable"``.
-    :returns: the system, its experiment that of the archive.
-    :raises SimulationError: if the archive is missing, damaged, of another version, lacks a file, or has something
-        that cannot be simulated here; one line that names it.
+    :param make: creates a system of a name.
+    :param starts: start values that override those of the archive, by ``"component.variable"``.
+    :returns: the system, with the default experiment of the archive.
+    :raises SimulationError: if the archive is missing, damaged, of another version, lacks a file, or has elements
+        that cannot be simulated here.
     :raises ConnectError: if a connection does not fit.
     """
     file = as_path("archive", file)
@@ -63,9 +63,9 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
 
 
 def _name_of(archive: Archive, source: str, owner: str) -> str:
-    """The file of the archive that a relative URI names.
+    """Name of a file in the archive from a relative URI.
 
-    :param owner: what names it, for messages.
+    :param owner: of the URI, for messages.
     """
     if ":" in source or source.startswith("/") or ".." in PurePosixPath(unquote(source)).parts:
         raise SimulationError(f"{owner} lies at {source!r}, outside the archive; put it inside")
@@ -98,7 +98,7 @@ def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
 
 
 def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
-    if STRUCTURE not in archive.names:  # half an archive can end in a whole one, that of an FMU inside
+    if STRUCTURE not in archive.names:  # a truncated archive can end in the whole archive of an FMU
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
     root = _xml(archive, STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
     if root.get("version") not in _VERSIONS:
@@ -109,7 +109,7 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
     fmus = _unpacked(archive, structure, directory)
     starts = _starts(archive, structure, fmus)
-    owners = {_name(place): place for place in fmus}
+    owners = {_name(path_): path_ for path_ in fmus}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
         if owner not in owners:
@@ -119,48 +119,48 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
         starts[owners[owner]].pop(variable, None)
         starts[owners[owner]][variable] = value
     system = make(structure.name)
-    parts = {place: system.add(_name(place), fmu.path, start_values=starts[place]) for place, fmu in fmus.items()}
+    parts = {path_: system.add(_name(path_), fmu.path, start_values=starts[path_]) for path_, fmu in fmus.items()}
     system.join(_connections(structure, parts))
     system.experiment = experiment
     return system
 
 
 def _name(place: VariableReference) -> str:
-    return "_".join(place).replace(".", "_")  # names of components have no dots here
+    return "_".join(place).replace(".", "_")  # names of components have no dots
 
 
 def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[VariableReference, Fmu]:
     fmus: dict[str, Fmu] = {}
     size = archive.size
-    for place, source in structure.sources.items():
+    for component, source in structure.sources.items():
         if source not in fmus:
-            name = _name_of(archive, source, f"the FMU of component {'.'.join(place)}")
+            name = _name_of(archive, source, f"the FMU of component {'.'.join(component)}")
             path = directory / str(len(fmus)) / PurePosixPath(name).name
             archive.copy(name, path)
             try:
                 fmus[source] = read_fmu(path)
-            except SimulationError as error:  # it names a file that nobody has seen
+            except SimulationError as error:  # it names a temporary file
                 raise SimulationError(str(error).replace(str(path), name)) from error
             size += fmus[source].unpacked
             if size > unpacked_limit():
                 raise too_big(f"{archive.path} with its FMUs", size)
-    return {place: fmus[source] for place, source in structure.sources.items()}
+    return {component: fmus[source] for component, source in structure.sources.items()}
 
 
 def _starts(
     archive: Archive, structure: Structure, fmus: dict[VariableReference, Fmu]
 ) -> dict[VariableReference, dict[str, Any]]:
-    starts: dict[VariableReference, dict[str, Any]] = {place: {} for place in fmus}
+    starts: dict[VariableReference, dict[str, Any]] = {component: {} for component in fmus}
     for element, binding in structure.bindings:
         for name, quantity in _bound(archive, element, binding):
             meant = structure.meant(element, name)
             if not meant:
                 logger.warning("%s: parameter %s fits nothing and is ignored", archive.path, name)
-            for place, variable in meant:
-                fmu = fmus[place]
+            for component, variable in meant:
+                fmu = fmus[component]
                 if variable in fmu.arrays or variable in fmu.variables:
-                    starts[place].pop(variable, None)  # what is named later counts
-                    starts[place][variable] = fitted(_name(place), fmu, variable, quantity)
+                    starts[component].pop(variable, None)  # later values override
+                    starts[component][variable] = fitted(_name(component), fmu, variable, quantity)
                 else:
                     logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
     return starts
@@ -191,17 +191,17 @@ def _bound(archive: Archive, element: VariableReference, binding: Element) -> It
 
 def _connections(structure: Structure, parts: dict[VariableReference, SystemComponent]) -> list[Connection]:
     """The scalar connections."""
-    found: list[Connection] = []
-    for way in structure.connections():
-        start, end = way[0].start, way[-1].end
+    joined: list[Connection] = []
+    for chain in structure.connections():
+        start, end = chain[0].start, chain[-1].end
         try:
             pairs = _matched(start, _ends(start, parts), end, _ends(end, parts))
-            found += [connect_scalars(*pair, structure.conversion(way, *map(_unit, pair))) for pair in pairs]
+            joined += [connect_scalars(*pair, structure.conversion(chain, *map(_unit, pair))) for pair in pairs]
         except ConnectError as error:
             if str(start) in str(error) and str(end) in str(error):
                 raise
             raise ConnectError(f"{error}; that is the connection from {start} to {end}") from error
-    return found
+    return joined
 
 
 def _unit(port: Port) -> UnitDefinition | None:
@@ -209,7 +209,7 @@ def _unit(port: Port) -> UnitDefinition | None:
 
 
 def _ends(node: Pin, parts: dict[VariableReference, SystemComponent]) -> list[Port]:
-    """The scalars that a connector or an element of it stands for."""
+    """The scalars of a connector or of one element of it."""
     name = f"{node.connector}[{','.join(map(str, node.indices))}]" if node.indices else node.connector
     return parts[node.element][name].elements()
 

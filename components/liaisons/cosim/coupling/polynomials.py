@@ -11,15 +11,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.coupling.signals import Curve, Indices, Vector
+from liaisons.cosim.coupling.signals import Curve, Indices
 
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
 
 _MOST = 6
 """Data at both ends, of a port."""
-_POWERS = _MOST + 2
-"""So many powers of the size of a step occur."""
 
 # Coefficients of the powers m+1 ... 2m+1 of θ = (τ - t)/H, for a polynomial that has value and m derivatives 0 at
 # θ = 0, from its value and derivatives at θ = 1 (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
@@ -42,42 +40,24 @@ def coefficients(count: int) -> NDArray[np.float64]:
     return np.block([[first, np.zeros((count, count))], [-last @ taylor, last]])
 
 
-def powers(size: float) -> Vector:
-    """1, H, H², ...: products, which compiled code rounds alike."""
-    return np.multiply.accumulate([1.0] + [size] * (_POWERS - 1))
-
-
 @final
 @dataclass(frozen=True)
 class Polynomials:
     """Derivatives of some inputs at the begin of a step, a linear function of the signals at both its ends.
 
     :param which: input and order of each derivative.
-    :param known: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.
+    :param signals: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.
     :param terms: of each derivative those of the known that it is a sum of, with ``factors``; shape (derivatives,
         terms).
     :param after: by which power of H it is divided then.
     """
 
     which: Sequence[tuple[int, int]]
-    known: Indices
+    signals: Indices
     scaling: Indices
     terms: Indices
     factors: NDArray[np.float64]
     after: Indices
-
-    def __call__(self, ends: Vector, size: float) -> Vector:
-        """The derivatives.
-
-        :param ends: the signals at t and t + H, flat.
-        :param size: H [s].
-        """
-        scales = powers(size)
-        data = ends[self.known] * scales[self.scaling]
-        total = np.zeros(len(self.which))
-        for terms, factors in zip(self.terms.T, self.factors.T, strict=True):  # in this order: rounded alike everywhere
-            total += factors * data[terms]
-        return total / scales[self.after]
 
 
 def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomials:
@@ -88,15 +68,15 @@ def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomial
     :param highest: order of the highest derivative; 1 leaves straight lines.
     """
     curves = curves if highest > 1 else [curve.alone() for curve in curves]
-    known: dict[tuple[int, int], int] = {}
+    signals: dict[tuple[int, int], int] = {}
     for curve in curves:
         for end in (0, width):
             for i, index in enumerate(curve.data):
-                known.setdefault((end + index, i), len(known))
-    terms = [tuple(known[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
+                signals.setdefault((end + index, i), len(signals))
+    terms = [tuple(signals[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
     orders = tuple(curve.order for curve in curves)
-    indices = np.array([index for index, _ in known], dtype=np.intp)
-    return Polynomials(known=indices, **_alike(tuple(terms), orders, tuple(i for _, i in known), highest))
+    indices = np.array([index for index, _ in signals], dtype=np.intp)
+    return Polynomials(signals=indices, **_alike(tuple(terms), orders, tuple(i for _, i in signals), highest))
 
 
 @lru_cache(maxsize=1024)

@@ -77,7 +77,7 @@ class Cvode:
     def __init__(self, size: int, count: int, rates: Function, indicators: Function, tolerance: float) -> None:
         self._said, self._tolerance = "", tolerance
         self._time, address = c.c_double(), cache(_data)
-        view = cache(lambda there: _numbers(there, count))
+        view = cache(lambda address: _numbers(address, count))
 
         def right_hand_side(t: float, y: int, result: int, _: object) -> int:
             if not size:  # one that stays as it is

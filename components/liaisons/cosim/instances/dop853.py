@@ -25,7 +25,7 @@ _HERE = Path(__file__).parent
 _RUNTIME = _HERE.parents[1] / "fmu" / "runtime"
 _SOURCES = (
     _HERE / "dop853.c",
-    _HERE.parent / "calls.h",
+    _HERE.parent / "compiled" / "calls.h",
     *(_RUNTIME / name for name in ("solver.c", "solver.h")),  # the solver that our FMUs of Co-Simulation have inside
 )
 _EVENT, _STIFF, _HARD, _REFUSED = range(1, 5)  # as dop853.c has them
@@ -49,11 +49,11 @@ class _Equations(c.Structure):
 
 def library() -> c.CDLL | None:
     """Its code; None where it cannot be compiled."""
-    found = loaded(_SOURCES, "Model Exchange is solved by CVODE")
-    if found is not None:
-        found.dop853_room.restype, found.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
-        found.dop853_step.argtypes = [c.c_void_p, c.c_double]
-    return found
+    code = loaded(_SOURCES, "Model Exchange is solved by CVODE")
+    if code is not None:
+        code.dop853_room.restype, code.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
+        code.dop853_step.argtypes = [c.c_void_p, c.c_double]
+    return code
 
 
 @final

@@ -77,7 +77,7 @@ class Stepper:
 
     def step(self, start: float, stop: float) -> Vector:
         """Step from one instant to another [s]; returns what is on the bus then."""
-        self.bus.turn(start, stop)
+        self.bus.set_step(start, stop)
         self.inside.look(start, stop, locate=False)
         self.bus.perform(self.calls)
         return self.bus.values.copy()

@@ -56,7 +56,7 @@ class InputReconstruction:
     """
 
     name: str
-    given: int
+    column: int
     data: tuple[int, ...]
     order: int
     shape: Shape
@@ -119,9 +119,9 @@ class Estimate:
         alike: dict[tuple[Shape, int, int], list[InputReconstruction]] = {}
         for item in followed:
             alike.setdefault((item.shape, len(item.data), item.order), []).append(item)
-        self._alike = [(key, np.array([(item.given, *item.data) for item in items])) for key, items in alike.items()]
+        self._alike = [(key, np.array([(item.column, *item.data) for item in items])) for key, items in alike.items()]
         self._followed = [item for items in alike.values() for item in items]
-        self._names = {column: ".".join(place) for place, column in columns.items()}
+        self._names = {column: ".".join(reference) for reference, column in columns.items()}
         effects = sorted(effect for k, item in enumerate(self._followed) for effect in _effects(k, item))
         targets, self._of, gains, once = np.array(effects, dtype=np.intp).reshape(-1, 4).T
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
@@ -193,7 +193,7 @@ class Estimate:
             largest = np.maximum(np.maximum.accumulate(scales[targets].max(axis=0)), self._sizes[k])
             self._sizes[k] = largest[-1]
             scales[targets] = np.where(largest > 0, largest, 1.0)
-        integrals = [_integrals(key, of, signals, steps, crossing) for key, of in self._alike]
+        integrals = [_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
         once, twice = (np.concatenate([both[k] for both in integrals]) for k in range(2))
         added = np.where(self._once[:, None], once[self._of], twice[self._of])
         recorded, behind = self._gains < len(signals), self._gains >= len(signals)
@@ -224,7 +224,7 @@ class Estimate:
 def _effects(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:
     """Column of what an input spoils, input, column of the derivative (-1: unknown), whether integrated once."""
     if not item.effects:
-        yield item.given, k, -1, 1
+        yield item.column, k, -1, 1
     smooth = item.shape in {"hermite", "quintic"}
     for gain, rate, value in item.effects:
         if rate >= 0 and (item.order == 0 or (item.order == 1 and not smooth)):
@@ -271,12 +271,12 @@ def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
     ends = [data[k, :, end : end + many] * scales[k] for end in (0, 1) for k in range(m)]
     powers = x ** np.arange(2 * m)[:, None]
     slopes = np.arange(1, 2 * m)[:, None] * powers[:-1]
-    at, weight = coefficients(m), (x * (x - 1)) ** m
-    value = sum(values * (row @ powers) for row, values in zip(at.T, ends, strict=True))
+    weights, weight = coefficients(m), (x * (x - 1)) ** m
+    value = sum(values * (row @ powers) for row, values in zip(weights.T, ends, strict=True))
     first = (data[0, :, point].T - value) / weight
     second = np.zeros_like(first)
     if m > 1:
-        slope = sum(values * (row[1:] @ slopes) for row, values in zip(at.T, ends, strict=True))
+        slope = sum(values * (row[1:] @ slopes) for row, values in zip(weights.T, ends, strict=True))
         tilt = m * (x * (x - 1)) ** (m - 1) * (2 * x - 1)
         second = (data[1, :, point].T * scales[1] - slope - tilt * first) / weight
     bulge = (-1) ** m * gamma(m + 1) ** 2 / gamma(2 * m + 2)

@@ -117,7 +117,7 @@ class Loop:
         values, start, size, end, calls = bus.values.data, bus.start, bus.size, bus.end, self._calls
         place = self.done * width
         for now, then in pairwise(self.times[self.done - 1 : self.done + wanted].tolist()):
-            start.value = now  # Bus.turn and Bus.perform written out: two Python calls less a step
+            start.value = now  # Bus.set_step and Bus.perform written out: two Python calls less a step
             size.value = then - now
             end.value = then
             for call in calls:

@@ -44,14 +44,14 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
         _known.add(fmu)
         return
     library, resources = (directory / fmu.binary).resolve(), directory.resolve() / "resources"
-    place = resources.as_uri() if fmu.version == 2 else f"{resources}/"
+    resource_location = resources.as_uri() if fmu.version == 2 else f"{resources}/"
     starts = [_start(part, name) for name in part.starts]
     settings = (fmu.binary, times[0], times[1] - times[0], starts, sys.version)
     key = sha256(repr((digest, *settings)).encode()).hexdigest()
     if cache.knows(key):
         _known.add(fmu)
         return
-    words = part.name, fmu.guid, place
+    words = part.name, fmu.guid, resource_location
     task = os.getpid(), fmu.version, fmu.is_model_exchange, str(library), words, starts, (times[0], times[1] - times[0])
     script = (Path(__file__).parents[1] / "instances/trial.py").read_text(
         encoding="utf-8"

@@ -1,8 +1,7 @@
-"""A picture of a system as SVG: its FMUs as blocks with ports, what is connected, and in which order they are called.
+"""A block diagram of a system as SVG: FMUs with ports, connections, and the execution order.
 
-Sources stand left of what they feed.  A triple, a point or an array is one port, an arrow with two heads takes the
-force back.  The mouse over a block shows start values, over an arrow the variables.  Whatever text is shown is escaped:
-names come from FMUs of any make.
+Sources are left of their targets.  A port, a point or an array is one port, an arrow with two heads includes the
+force.  Tooltips of blocks show start values, those of arrows the variables.  All text is escaped.
 """
 
 from __future__ import annotations
@@ -21,25 +20,25 @@ from liaisons.cosim.structure.connections import Connection
 from liaisons.files import replacing
 
 _MOST = 60
-"""So many blocks are drawn."""
+"""Largest number of blocks."""
 _WIDTH, _HEAD, _LINE = 170, 47, 16
-"""Of a block, of its title, of a port [px]."""
+"""Width of a block, heights of its title and of a port [px]."""
 _GAP, _SPACE, _MARGIN = 70, 34, 32
-"""Between columns, between blocks of one, around all [px]."""
+"""Distances between columns, between blocks of a column, and to the border [px]."""
 _COLUMNS = 6
-"""So many stand side by side; longer rows are broken."""
+"""Largest number of columns side by side."""
 _LANE = 7
-"""Between arrows that run side by side [px]."""
+"""Distance of parallel arrows [px]."""
 _FREE = 4
-"""So many ports of an FMU are drawn that are not connected."""
+"""Largest number of unconnected ports of an FMU that are drawn."""
 _LETTER = 6.0
-"""Width of one [px]."""
+"""Width of a character [px]."""
 
 _ARROW = (
     '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" markerHeight="7" '
     'orient="auto-start-reverse"><path d="M0 0 8 4 0 8z" fill="currentColor"/></marker></defs>'
 )
-_STYLE = 'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11"'
+_STYLE = 'fill="none" stroke="currentColor" stroke-linejoin="round" font-family="sans-serif" font-size="11"'
 
 
 @final
@@ -50,7 +49,7 @@ class Diagram:
     svg: str
 
     def write(self, path: Path | str) -> None:
-        """Write it as a file."""
+        """Write the file."""
         with replacing(Path(path)) as whole:
             whole.write_text(self.svg, encoding="utf-8")
 
@@ -61,7 +60,7 @@ class Diagram:
 @final
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """What one port hands to another: names of parts and ports, and the connections that it is made of."""
+    """An arrow: names of component and port at both ends, and its connections."""
 
     source: tuple[str, str]
     target: tuple[str, str]
@@ -71,7 +70,7 @@ class _Wire:
 @final
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Where an FMU stands, and its ports from above: left what it takes, right what it gives."""
+    """Column and ports of an FMU, from above; inputs are left, outputs right."""
 
     part: SystemComponent
     column: int
@@ -84,10 +83,7 @@ class _Block:
 
 
 def diagram(name: str, parts: Mapping[str, SystemComponent], connections: Collection[Connection]) -> Diagram:
-    """The picture of a system.
-
-    :param name: of the system.
-    """
+    """The block diagram of a system of this name."""
     feeds = {c.target.place: c.source.place for c in connections}
     forward = {c.target.place: c.source.place for c in connections if not c.back}
     groups = schedule.groups(parts, feeds)
@@ -115,30 +111,31 @@ def diagram(name: str, parts: Mapping[str, SystemComponent], connections: Collec
 
 
 def _wires(connections: Iterable[Connection]) -> list[_Wire]:
-    """What ports are connected with; what takes a force back belongs to the port that moves."""
-    found: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
+    """The arrows of a diagram; a force that goes back belongs to the arrow of its port."""
+    wires: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
     for c in connections:
-        source, target = (_whole(port, back=c.back) for port in (c.source, c.target))
-        one, other = c.source.part.fmu.terminals.points.get(source), c.target.part.fmu.terminals.points.get(target)
-        if one and other and one.axis == other.axis:
-            source, target = one.point, other.point
+        ports = [_whole(port, back=c.back) for port in (c.source, c.target)]
+        points = [port.terminal.point for port in ports if port.terminal and port.triple()]
+        joined = len(points) == 2 and len({point and point.axis for point in points}) == 1
+        names = [point.point if joined and point else port.name for port, point in zip_longest(ports, points)]
+        source, target = (split(name)[0] for name in names)
         ends = (c.source.place[0], source), (c.target.place[0], target)
         ends = (ends[1], ends[0]) if c.back else ends
-        found.setdefault(ends, _Wire(*ends, [])).connections.append(c)
-    return list(found.values())
+        wires.setdefault(ends, _Wire(*ends, [])).connections.append(c)
+    return list(wires.values())
 
 
-def _whole(port: Port, *, back: bool) -> str:
-    """The value of the port that a variable is a member of, or the array; a force only if it goes back with a port."""
-    return split((port.leading if back or port.curve()[0] else port).name)[0]
+def _whole(port: Port, *, back: bool) -> Port:
+    """The value of the port that a variable is a member of; a force is itself unless it goes back with a port."""
+    return port.leading if back or port.curve()[0] else port
 
 
 def _free(part: SystemComponent, causality: str) -> list[str]:
-    """Ports of an FMU of ours, the same on the page: coordinates, and points for their coordinates."""
-    points = part.fmu.terminals.points
+    """Names of the ports of a causality, points instead of their components."""
     entries = part.fmu.variables.entries
-    values = [name for name in entries if entries[name].like.causality == causality and Port(part, name).triple()]
-    return list(dict.fromkeys(points[name].point if name in points else name for name in values))
+    ports = [Port(part, name) for name in entries if entries[name].like.causality == causality]
+    terminals = [port.terminal for port in ports if port.triple()]
+    return list(dict.fromkeys(t.point.point if t.point else t.motion[0] for t in terminals if t and t.motion))
 
 
 def _blocks(
@@ -147,26 +144,26 @@ def _blocks(
     pairs: Collection[tuple[str, str]],
     wires: Collection[_Wire],
 ) -> dict[str, _Block]:
-    """Each right of what feeds it, with the ports that are connected, and then a few that are not."""
+    """Blocks by name, each right of its sources, with connected ports and then a few others."""
     before: dict[str, list[str]] = {}
     for source, target in pairs:
         before.setdefault(target, []).append(source)
-    found: dict[str, _Block] = {}
+    blocks: dict[str, _Block] = {}
     for name in drawn:
         part = parts[name]
-        column = max((found[source].column + 1 for source in before.get(name, ()) if source in found), default=0)
+        column = max((blocks[source].column + 1 for source in before.get(name, ()) if source in blocks), default=0)
         ends = [wire.target[1] for wire in wires if wire.target[0] == name]
         begins = [wire.source[1] for wire in wires if wire.source[0] == name]
         left, right = (
             list(dict.fromkeys([*used, *(free if len(free) <= _FREE else ())]))
             for used, free in ((ends, _free(part, "input")), (begins, _free(part, "output")))
         )
-        found[name] = _Block(part, column, left, right)
-    return found
+        blocks[name] = _Block(part, column, left, right)
+    return blocks
 
 
 def _corners(blocks: Mapping[str, _Block]) -> tuple[dict[str, tuple[int, int]], list[int]]:
-    """Upper left corners of the blocks, and where each row of columns ends."""
+    """Upper left corners of the blocks, and the lower ends of the rows."""
     corners: dict[str, tuple[int, int]] = {}
     bottoms: list[int] = []
     top = _MARGIN + 10
@@ -216,7 +213,7 @@ def _arrows(
     corners: Mapping[str, tuple[int, int]],
     bottoms: list[int],
 ) -> list[str]:
-    """From the right of a block to the left of the next one; all others below what lies between."""
+    """Arrows to the next column directly, others below the blocks between."""
     lanes = 0
     drawn = []
     for wire in wires:
@@ -232,32 +229,15 @@ def _arrows(
             lanes += 1
             out, into = x + 12 + lane, to_x - 12 - lane
             low = bottoms[min(row, to_row)] - _SPACE + 14 + lane
-            path = _cornered([(x, y), (out, y), (out, low), (into, low), (into, to_y), (to_x, to_y)])
+            path = f"M{x} {y}H{out}V{low}H{into}V{to_y}H{to_x}"
         both = ' marker-start="url(#liaisons-head)"' if any(c.back for c in wire.connections) else ""
         variables = escape("\n".join(map(str, wire.connections)))
         drawn.append(f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/></g>')
     return drawn
 
 
-def _cornered(points: list[tuple[float, float]]) -> str:
-    """A line of horizontal and vertical pieces with round corners."""
-    words = [f"M{points[0][0]:g} {points[0][1]:g}"]
-    for before, at, after in zip(points, points[1:], points[2:], strict=False):
-        (ax, ay), (bx, by) = (_towards(at, other) for other in (before, after))
-        words.append(f"L{ax:g} {ay:g}Q{at[0]:g} {at[1]:g} {bx:g} {by:g}")
-    return "".join([*words, f"L{points[-1][0]:g} {points[-1][1]:g}"])
-
-
-def _towards(at: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
-    """A little way from one point to another, half of it at most."""
-    dx, dy = other[0] - at[0], other[1] - at[1]
-    length = max(abs(dx), abs(dy))
-    part = min(6.0, length / 2) / length if length else 0.0
-    return at[0] + part * dx, at[1] + part * dy
-
-
 def _cut(words: str, most: int) -> str:
-    """Shortened to the width that there is."""
+    """The text, shortened to so many characters."""
     return words if len(words) <= most else f"{words[: most - 1]}…"
 
 
