@@ -1,4 +1,4 @@
-"""Closed forms: solutions that stand beside a component's declarations and share nothing else with it."""
+"""Closed forms: analytical solutions beside a component's declarations, independent of its derivation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
 
 @final
 class Values:
-    """What a closed form is asked for: ``at.gravity`` is the value that was given, else that of the declaration."""
+    """Arguments of a closed form: ``at.gravity`` is the value of the call, else that of the declaration."""
 
     def __init__(self, label: str, declared: Mapping[str, Variable], given: Mapping[str, object]) -> None:
         self._label, self._declared = label, declared
@@ -47,7 +47,7 @@ class Values:
         return np.array([getattr(self, name) for name in names])
 
     def reject_unread(self, text: str) -> None:
-        """Refuse what was given, differs from the declaration, and was not asked for."""
+        """Raise a ValidityError for values that differ from the declaration but were not read."""
         for name, value in self._given.items():
             start = _start(self._declared[name])
             if name not in self._read and not np.array_equal(value, start):
@@ -73,12 +73,12 @@ class Values:
 
 @final
 class ClosedForm(Generic[R]):
-    """A solution that a component is checked against, called with the names of its parameters, start values and inputs.
+    """An analytical solution of a component, called with the names of its parameters, start values and inputs.
 
-    ``Pendulum.exact(t, theta_0=0.5)``: ``t`` are times [s], of any shape; what is not given is as declared.  What comes
-    back has the names and the units of the component's variables.
+    ``Pendulum.exact(t, theta_0=0.5)``: ``t`` are times [s], of any shape; other values are as declared.  Results have
+    the names and the units of the component's variables.
 
-    :raises ValidityError: for an unknown name, a value outside of its domain, or one that the solution does not cover.
+    :raises ValidityError: for an unknown name, a value outside its domain, or one that the solution does not cover.
     """
 
     def __init__(self, function: Callable[..., R], text: str, conditions: Mapping[str, str]) -> None:
@@ -125,18 +125,18 @@ class ClosedForm(Generic[R]):
 
 
 def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], ClosedForm[R]]:
-    """Make a function of a component its closed form.
+    """Decorator of a function of a component: its closed form.
 
-    It takes times ``t`` or what else it needs, and ``at``: :class:`Values` of the component's variables, whose names,
-    start values and domains are those of the declarations; where it asks for it, also its class as ``component``.
-    It returns values by the names of variables::
+    It takes times ``t`` or other arguments, and ``at``: :class:`Values` of the component's variables, with the names,
+    start values and domains of the declarations; a parameter ``component`` is the class.  It returns values by the
+    names of variables::
 
         @closed_form("the motion with fixed pivot: Jacobi's elliptic functions", gravity="> 0", friction="== 0")
         @staticmethod
         def exact(t: NDArray, at: Values) -> dict[str, NDArray]: ...
 
-    :param text: which solution it is, for the page of the FMU and for messages.
-    :param conditions: what it asks of values beyond their domains: a relation and a number or another name.
+    :param text: name of the solution, for the FMU's documentation and for messages.
+    :param conditions: of values, beyond their domains: a relation and a number or another name.
     """
     for name, condition in conditions.items():
         relation, _, limit = condition.partition(" ")
@@ -168,7 +168,7 @@ def _start(variable: Variable) -> Any:
 
 
 def _value(word: str, bound: Mapping[str, Any], at: Values) -> Any:
-    """What a word of a condition stands for: a number, an argument of the function, or a variable."""
+    """Value of a word in a condition: a number, an argument of the function, or a variable."""
     try:
         return float(word)
     except ValueError:
