@@ -48,11 +48,11 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
-    model_c, *others = sources(fmi)
+    model_c, *c_files = sources(fmi)
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
-        **{name: (runtime / name).read_bytes() for name in (*_HEADERS, *["knots.h"] * bool(model.table), *others)},
+        **{name: (runtime / name).read_bytes() for name in (*_HEADERS, *["knots.h"] * bool(model.table), *c_files)},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
 

@@ -343,7 +343,7 @@ def _refuse_momenta(symbols: GoalSymbols, end: list[Row]) -> None:
     """Refuse an end at rest where a momentum is conserved."""
     still = {row.label for row in end if row.low == row.high == 0}
     starts = symbols.start_parameters
-    axes = {rate for turn in getattr(symbols.component, "orientations", ()) for rate in turn.rates}
+    axes = {rate for orientation in getattr(symbols.component, "orientations", ()) for rate in orientation.rates}
     rates = [name for name in starts if name in axes or name in {f"{q}_dot" for q in symbols.state_names}]
     if not rates or not still.issuperset([*rates, *(f"{name}_dot" for name in symbols.goal.moves)]):
         return

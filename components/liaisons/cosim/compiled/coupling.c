@@ -45,7 +45,7 @@ typedef struct { /* see node.py */
     const size_t *sources, *rates, *roots;
     double *set_values, *rate_values;
     const double *read, *slopes;
-    size_t derivatives, terms, known; /* of the polynomials */
+    size_t derivatives, terms, data; /* of the polynomials */
     const size_t *signals, *scaling, *term, *after, *begun, *of;
     const double *factors;
     double *shape; /* derivatives; inputs inside; means */
@@ -170,7 +170,7 @@ static int prepare(System *system, Newton *newton, const double powers[], double
 
 static void differentiate(const System *system, const Node *node, const double powers[], double derivatives[]) {
     double *const data = system->room;
-    for (size_t i = 0; i < node->known; i++) data[i] = system->before[node->signals[i]] * powers[node->scaling[i]];
+    for (size_t i = 0; i < node->data; i++) data[i] = system->before[node->signals[i]] * powers[node->scaling[i]];
     for (size_t i = 0; i < node->derivatives; i++) {
         double total = 0;
         for (size_t k = i * node->terms; k < (i + 1) * node->terms; k++)
@@ -182,7 +182,7 @@ static void differentiate(const System *system, const Node *node, const double p
 
 /* Inputs at the instants of intermediate update. */
 static void set_intermediate_inputs(const System *system, const Node *node, const double powers[]) {
-    double *const derivatives = system->room + node->known;
+    double *const derivatives = system->room + node->data;
     differentiate(system, node, powers, derivatives);
     for (size_t t = 0; t < system->instants; t++)
         for (size_t i = 0; i < node->inputs; i++) {

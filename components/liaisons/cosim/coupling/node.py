@@ -55,7 +55,7 @@ class Node:
         inputs, outputs, variables = bus.inputs[self.name], bus.outputs(self.name, every=False), part.fmu.variables
         self.inputs = [variables[name] for _, name in inputs]
         self.outputs = [variables[name] for _, name in outputs]
-        self.curves = [signals.curve(place, cycle) for place in inputs]
+        self.curves = [signals.curve(input_, cycle) for input_ in inputs]
         self.sources: Indices = np.array([c.data[c.order] for c in self.curves], dtype=np.intp)
         self.rates: Indices = np.array([c.rate for c in self.curves], dtype=np.intp)
         first = signals.index[outputs[0]] if outputs else 0
@@ -138,7 +138,7 @@ class Node:
             self._slope_values += part
             return status
 
-        return Call(add).of("derive", self._instance.failure)
+        return Call(add).with_failure("derive", self._instance.failure)
 
     def _set_input_derivatives(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Call]:
         """A call that sets derivatives of inputs, (input, order) each, and the numbers that it takes."""
@@ -161,11 +161,11 @@ class Node:
         """Step in three parts, without inputs; returns the outputs after the first two, shape (2, outputs)."""
         bus, outputs = self._bus, []
         start, size, end = bus.start.value, bus.size.value, bus.end.value
-        for now, then in pairwise([start, start + size / 3, start + 2 * size / 3, end]):
-            bus.turn(now, then)
+        for first, last in pairwise([start, start + size / 3, start + 2 * size / 3, end]):
+            bus.set_step(first, last)
             bus.perform(self._step)
             outputs.append(self._read.copy())
-        bus.turn(start, end)
+        bus.set_step(start, end)
         return np.array(outputs[:2])
 
     def program(self, phase: Phase) -> tuple[list[Call], NodeRecord]:
@@ -191,8 +191,8 @@ class Node:
         record.point(shape=self._shape)
         if (curves := self._polynomials) is not None:
             record.derivatives, record.terms = curves.terms.shape
-            record.known = len(curves.known)
-            record.point(signals=curves.known, scaling=curves.scaling, after=curves.after)
+            record.data = len(curves.signals)
+            record.point(signals=curves.signals, scaling=curves.scaling, after=curves.after)
             zeros = [self._signals.zero] * HIGHEST
             data = [(*curve.data[curve.order :], *zeros) for curve in self.curves]
             record.point(
@@ -227,14 +227,14 @@ class Node:
         pairs: list[tuple[int, int]] = []
         calls: list[Call] = []
         values: list[Vector] = []
-        for k, known in enumerate(self.inputs if self.part.fmu.provides_directional_derivatives else ()):
-            rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, known.name))]
+        for k, input_ in enumerate(self.inputs if self.part.fmu.provides_directional_derivatives else ()):
+            rows = [i for i, o in enumerate(self.outputs) if depends((self.name, o.name), (self.name, input_.name))]
             if rows:
                 first, column, buffer = self._bus.room(len(rows)) if record else (0, *_buffer(len(rows)))
                 if record:
-                    of = (self.name, known.name)
-                    self.gains |= {((self.name, self.outputs[i].name), of): first + j for j, i in enumerate(rows)}
-                calls.append(self._instance.directional([self.outputs[i] for i in rows], [known], _ALONG, buffer))
+                    for j, i in enumerate(rows):
+                        self.gains[(self.name, self.outputs[i].name), (self.name, input_.name)] = first + j
+                calls.append(self._instance.directional([self.outputs[i] for i in rows], [input_], _ALONG, buffer))
                 values.append(column)
                 pairs += [(i, k) for i in rows]
         return pairs, list(self._instance.together(calls)), values

@@ -77,7 +77,7 @@ class NodeRecord(_Record):
         ("calls", POINTER(CallRecord)),
         *_numbers("count", "inputs", "outputs", "value", "slope"),
         *_pointers("sources", "rates", "roots", "set_values", "rate_values", "read", "slopes"),
-        *_numbers("derivatives", "terms", "known"),
+        *_numbers("derivatives", "terms", "data"),
         *_pointers("signals", "scaling", "term", "after", "begun", "of", "factors", "shape"),
     ]
 
@@ -135,5 +135,5 @@ DIVERGED = -2
 
 def records(calls: Iterable[Call]) -> Any:
     """An array of how calls are made."""
-    found = [call.compiled() for call in calls]
-    return (CallRecord * len(found))(*found)
+    array = [call.compiled() for call in calls]
+    return (CallRecord * len(array))(*array)
