@@ -1,4 +1,4 @@
-"""Communication steps by compiled code: the same bits as by Python, and Python where there is no compiler.
+"""Communication steps by compiled code, and explicit ones by Python, to the same bits, where there is no compiler.
 
 What is refused or interrupted is tested with either loop where that belongs, in test_system.py and test_fmi3.py.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import subprocess
 from collections.abc import Callable
+from ctypes import byref, c_void_p
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -19,11 +20,11 @@ from making import wired
 from liaisons import compiler
 from liaisons.cosim import Result, simulate
 from liaisons.cosim.compiled import library as compiled
+from liaisons.cosim.compiled.calls import COUPLED, Call
 from liaisons.cosim.coupling.elimination import Elimination
-from liaisons.cosim.coupling.implicit import Coupled
 from liaisons.cosim.running import loop
 from liaisons.cosim.structure.schedule import Coupling
-from liaisons.errors import BuildError
+from liaisons.errors import BuildError, SimulationError
 from liaisons.fmu import build
 from liaisons.fmu.layout import Fmi
 from liaisons.library import catalogue
@@ -45,24 +46,42 @@ def versions(tmp_path_factory: pytest.TempPathFactory) -> Versions:
 
 @pytest.fixture
 def same_by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
-    """Holds a run against the same by Python, and makes sure that Python has no part in the first."""
+    """Compares a run with the same by Python, and makes sure that Python has no part in the first."""
 
     def compare(run: Run) -> None:
-        def refuse(*_: object) -> None:
-            raise AssertionError("Python makes the steps")
-
         with monkeypatch.context() as only_compiled:
-            only_compiled.setattr(loop.Loop, "_advance", refuse)
-            only_compiled.setattr(Coupled, "_step", refuse)
+            only_compiled.setattr(loop.Loop, "_advance", lambda *_: pytest.fail("Python makes the steps"))
             first = run()
         with monkeypatch.context() as without:
             without.setattr(compiled, "steps", lambda: None)
             second = run()
-        assert len(first.names) > 10
-        assert first.time.tobytes() == second.time.tobytes()
-        assert all(first[name].tobytes() == second[name].tobytes() for name in first.names)
+        _assert_same_bits(first, second)
 
     return compare
+
+
+@pytest.fixture
+def same_by_calls_of_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
+    """Compares a coupled run with the same whose FMUs are called by Python, from within the compiled step."""
+    recorded = Call.recorded
+
+    def only_coupled(call: Call, kind: int, **fields: Any) -> Call:
+        return recorded(call, kind, **fields) if kind == COUPLED else call
+
+    def compare(run: Run) -> None:
+        first = run()
+        with monkeypatch.context() as without:
+            without.setattr(Call, "recorded", only_coupled)
+            second = run()
+        _assert_same_bits(first, second)
+
+    return compare
+
+
+def _assert_same_bits(first: Result, second: Result) -> None:
+    assert len(first.names) > 10
+    assert first.time.tobytes() == second.time.tobytes()
+    assert all(first[name].tobytes() == second[name].tobytes() for name in first.names)
 
 
 @pytest.mark.parametrize("fmi", ["2", "3"])
@@ -88,7 +107,7 @@ OURS, ASKING, OTHERS = "Pendulum", "fmi3/Pendulum", "python/Pendulum"
 @pytest.mark.parametrize("coupling", ["implicit", "waveform"])
 @pytest.mark.parametrize("names", [(OURS, OURS), (ASKING, OURS), (OTHERS, OURS)])
 @pytest.mark.parametrize("H", [0.005, 0.05])
-def test_coupled_pendulums(component, same_by_python, names, coupling: Coupling, H: float) -> None:
+def test_coupled_pendulums(component, same_by_calls_of_python, names, coupling: Coupling, H: float) -> None:
     """Polynomials, answers inside a step, values at its end; some iterations, and many with secants."""
 
     def run() -> Result:
@@ -96,10 +115,10 @@ def test_coupled_pendulums(component, same_by_python, names, coupling: Coupling,
         system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
         return system.simulate(30 * H, H, coupling=coupling)
 
-    same_by_python(run)
+    same_by_calls_of_python(run)
 
 
-def test_a_coupled_chain(component, same_by_python) -> None:
+def test_a_coupled_chain(component, same_by_calls_of_python) -> None:
     """Many unknowns, several groups, a source before them, driven by a function of time."""
 
     def run() -> Result:
@@ -110,10 +129,10 @@ def test_a_coupled_chain(component, same_by_python) -> None:
         force = {"m2.x_force": lambda t: float(t > 0.72), "m3.support": lambda t: (t**3, 3 * t**2, 6 * t)}
         return system.simulate(2.0, 0.05, coupling="implicit", inputs=force)
 
-    same_by_python(run)
+    same_by_calls_of_python(run)
 
 
-def test_a_port_with_a_kink(component, same_by_python) -> None:
+def test_a_port_with_a_kink(component, same_by_calls_of_python) -> None:
     """It is announced, and the past is forgotten there."""
 
     def run() -> Result:
@@ -123,10 +142,10 @@ def test_a_port_with_a_kink(component, same_by_python) -> None:
         assert np.max(np.abs(result["mass.x"][result.time < 1.05])) < 1e-15
         return result
 
-    same_by_python(run)
+    same_by_calls_of_python(run)
 
 
-def test_a_coupling_of_other_makes(fmu, same_by_python) -> None:
+def test_a_coupling_of_other_makes(fmu, same_by_calls_of_python) -> None:
     """They hold their inputs, and give no derivatives."""
 
     def run() -> Result:
@@ -134,28 +153,26 @@ def test_a_coupling_of_other_makes(fmu, same_by_python) -> None:
         system = wired("cart.q -> spring.length", cart=(fmu("cart"), {"q_0": 1.0}), spring=spring)
         return system.simulate(1.0, 0.05, coupling="implicit")
 
-    same_by_python(run)
+    same_by_calls_of_python(run)
 
 
-def test_adapted_coupled_steps(component, monkeypatch) -> None:
-    upper, lower = ((component("Pendulum"), {"theta_0": 0.2 + k}) for k in range(2))
-    system = wired("upper.bob -> lower.pivot", upper=upper, lower=lower)
-    first = system.simulate(1.0, 0.01, error_tolerance=1e-6)
-    monkeypatch.setattr(compiled, "steps", lambda: None)
-    second = system.simulate(1.0, 0.01, error_tolerance=1e-6)
-    assert len(first.time) > 10
-    assert first.time.tobytes() == second.time.tobytes()
-    assert all(first[name].tobytes() == second[name].tobytes() for name in first.names)
+def test_adapted_coupled_steps(component, same_by_calls_of_python) -> None:
+    def run() -> Result:
+        upper, lower = ((component("Pendulum"), {"theta_0": 0.2 + k}) for k in range(2))
+        return wired("upper.bob -> lower.pivot", upper=upper, lower=lower).simulate(1.0, 0.01, error_tolerance=1e-6)
+
+    same_by_calls_of_python(run)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_elimination_solves_what_a_dense_one_does(seed: int, monkeypatch) -> None:
+def test_elimination_solves_what_a_dense_one_does(seed: int) -> None:
     """By pivots that were chosen for other numbers, too, where these will do, and by new ones, where they will not."""
     random = np.random.default_rng(seed)
     n = int(random.integers(1, 40))
     pattern = {(k, k) for k in range(n)} | {(int(i), int(k)) for i, k in random.integers(0, n, (3 * n, 2))}
     pattern = sorted(pattern)
-    by_c, by_python = (Elimination(n, pattern) for _ in range(2))
+    elimination, library = Elimination(n, pattern), compiled.steps()
+    assert library is not None
     for scale in (1.0, 1.1, 0.0, 1e3):
         numbers, right = random.normal(size=len(pattern)), random.normal(size=n)
         numbers[[i == k for i, k in pattern]] += scale
@@ -163,18 +180,27 @@ def test_elimination_solves_what_a_dense_one_does(seed: int, monkeypatch) -> Non
         matrix[tuple(zip(*pattern, strict=True))] = numbers
         if np.linalg.cond(matrix) > 1e10:
             continue
-        found = []
-        for elimination in (by_c, by_python):
-            elimination.values[:] = numbers
-            elimination.factorize()
-            found.append(elimination.solve(right))
-            monkeypatch.setattr(compiled, "steps", lambda: None)
-        monkeypatch.undo()
-        assert found[0].tobytes() == found[1].tobytes()
+        elimination.values[:] = numbers
+        if not (elimination.record.ordered and library.eliminate(byref(elimination.record))):
+            elimination.order()
+        solution = np.empty(n)
+        library.solve(byref(elimination.record), c_void_p(right.ctypes.data), c_void_p(solution.ctypes.data))
         # pivots of a thousandth let rounding grow by 1e3, times that of a random system of this size
         np.testing.assert_allclose(
-            matrix @ found[0], right, atol=1e-9 * float(np.linalg.norm(matrix) * np.linalg.norm(found[0]))
+            matrix @ solution, right, atol=1e-9 * float(np.linalg.norm(matrix) * np.linalg.norm(solution))
         )
+
+
+@pytest.mark.parametrize("inputs", [{}, {"upper.theta_force": lambda t: t}], ids=["a port", "a function of time"])
+def test_coupling_without_a_compiler_is_explicit(component, monkeypatch, caplog, inputs) -> None:
+    parts = {name: (component("Pendulum"), {"theta_0": 0.1}) for name in ("upper", "lower")}
+    system = wired("upper.bob -> lower.pivot", **parts) if not inputs else wired(upper=parts["upper"])
+    monkeypatch.setattr(compiled, "steps", lambda: None)
+    first = system.simulate(0.02, 0.01, inputs=inputs)
+    assert "would be coupled implicitly, but no C compiler is found: pip install ziglang: coupled by" in caplog.text
+    _assert_same_bits(first, system.simulate(0.02, 0.01, inputs=inputs, coupling="gauss-seidel"))
+    with pytest.raises(SimulationError, match="coupling = 'implicit' is made by compiled code, and no C compiler"):
+        system.simulate(0.02, 0.01, inputs=inputs, coupling="implicit")
 
 
 def test_functions_of_time_are_called_by_python(versions) -> None:
@@ -189,12 +215,15 @@ def test_functions_of_time_are_called_by_python(versions) -> None:
     assert {type(instant) for instant in instants} == {float}
 
 
-@pytest.mark.parametrize("source", ["loop.c", "coupling.c", "instances/isolated.c", "instances/dop853.c"])
+@pytest.mark.parametrize(
+    "source", ["compiled/loop.c", "compiled/coupling.c", "instances/isolated.c", "instances/dop853.c"]
+)
 def test_its_source_is_clean(source: str) -> None:
     cc = compiler.system_compiler() or compiler.zig_compiler() or []
     flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror", "-fsyntax-only"]
-    here = Path(loop.__file__).parent
-    subprocess.run([*cc, *flags, f"-I{here}", f"-I{here.parent / 'fmu/runtime'}", here / source], check=True)
+    cosim = Path(compiled.__file__).parents[1]
+    headers = cosim / "compiled", cosim.parent / "fmu/runtime"
+    subprocess.run([*cc, *flags, *(f"-I{header}" for header in headers), cosim / source], check=True)
 
 
 _loaded = partial(compiled.loaded.__wrapped__, compiled.STEPS, "steps are made by Python")

@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from liaisons.errors import FormulaError, suggestion
+from liaisons.errors import FormulaError, LiaisonsError, suggestion
 
 _LONGEST, _DEEPEST = 1000, 200
 """Characters, and levels of brackets and signs."""
@@ -56,6 +56,8 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
     except SyntaxError as error:
         words = "a number runs into a name; write 5*t, not 5t" if "decimal literal" in error.msg else error.msg
         raise _unclear(text, (error.offset or 1) - 1, words if text else "there is nothing") from None
+    except LiaisonsError:  # of the names: a ValueError, too
+        raise
     except (ValueError, RecursionError, MemoryError):
         raise FormulaError(f"{quoted(text)}: too deep, or characters that do not belong here") from None
 

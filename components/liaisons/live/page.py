@@ -53,14 +53,14 @@ def live_page(subject: Path | System, starts: Mapping[str, object] | None = None
     parts = dict(sorted(parts.items(), key=lambda item: ordered.index(item[1].name)))
     paths = list(dict.fromkeys(part.fmu.path for part in parts.values()))
     components = [_component(prefix, part, paths, feeds, ordered[:i]) for i, (prefix, part) in enumerate(parts.items())]
-    place = {part.name: i for i, part in enumerate(parts.values())}
+    index_of = {part.name: i for i, part in enumerate(parts.values())}
     stops = [part.fmu.experiment.stop_time for part in parts.values()]
     speed = max(1.0, max((stop or 0.0 for stop in stops), default=0.0) / _LONGEST)
     picture = together({prefix: picture_of(part) for prefix, part in parts.items()})
     plan = {
         "components": components,
         "connections": [
-            [place[c.source.part.name], c.source.name, place[c.target.part.name], c.target.name, *c.conversion]
+            [index_of[c.source.part.name], c.source.name, index_of[c.target.part.name], c.target.name, *c.conversion]
             for c in connections
         ],
         "modules": [_module(path) for path in paths],
@@ -123,16 +123,16 @@ def _component(
     elements = [name for name, v in variables.items() if v.causality == "output" and split(name)[1] is not None]
     read = dict.fromkeys([*outputs, *picture.variables, *elements[:_MOST_READ]])
     later = {name for name, source in feeds.items() if name[0] == part.name and source[0] not in before}
-    chooses = part.reconstruction is not None and not later and not (fed and part.left_alone)
-    mode = _INTERPOLATE if chooses else part.reconstruction
+    chooses = part.approximation.method is not None and not later and not (fed and part.approximation.is_prescribed)
+    mode = _INTERPOLATE if chooses else part.approximation.method
     reference = part.fmu.variables["input_reconstruction"].reference if mode is not None else 0
-    kept = {*hidden, *part.starts, *(name for name, *_ in free)}  # beside what is read or has a slider
+    needed = {*hidden, *part.starts, *(name for name, *_ in free)}  # beside what is read or has a slider
     listed = [_variable(v, part, read=name in read, hidden=name in hidden) for name, v in variables.items()]
     return {
         "prefix": prefix,
         "module": paths.index(part.fmu.path),
         "guid": part.fmu.guid,
-        "variables": [v for v in listed if v.get("read") or v.get("set") or v["name"] in kept],
+        "variables": [v for v in listed if v.get("read") or v.get("set") or v["name"] in needed],
         "free": free,
         "settings": {} if mode is None else {str(reference): mode},
         "reconstruction": _INTERPOLATE if mode is None else mode,  # others are given the newest
@@ -143,11 +143,11 @@ def _component(
 
 def _variable(v: ScalarVariable, part: SystemComponent, *, read: bool, hidden: bool) -> dict[str, Any]:
     base, index = split(v.name)
-    given = part.starts.get(v.name, v.start)
-    start = float(str(given)) if v.causality in {"parameter", "input"} and given is not None else None
+    start_value = part.starts.get(v.name, v.start)
+    start = float(str(start_value)) if v.causality in {"parameter", "input"} and start_value is not None else None
     few = index is None or index[-1] <= _MOST_SLIDERS
     settable = start is not None and few and not hidden and Port(part, v.name).force != v.name
-    found = {
+    entry = {
         "name": v.name,
         "reference": v.valueReference,
         "unit": v.unit,
@@ -157,7 +157,7 @@ def _variable(v: ScalarVariable, part: SystemComponent, *, read: bool, hidden: b
         "set": settable,
         **(_of_slider(v, base) if settable else {}),
     }
-    return {name: value for name, value in found.items() if value is not None and value is not False}
+    return {name: value for name, value in entry.items() if value is not None and value is not False}
 
 
 def _of_slider(v: ScalarVariable, base: str) -> dict[str, Any]:
@@ -177,5 +177,5 @@ def _signals(component: Mapping[str, Any], part: SystemComponent) -> Sequence[st
     coordinates = [name for name, triple in triples.items() if triple and {p.name for p in triple} <= shown.keys()]
     angles = [name for name in coordinates if shown[name] == "rad"]
     attitude = [name for name in shown if name[:-1].endswith("q_") and name[-1] in "xyz"]
-    found = angles or attitude or coordinates or [name for name in shown if split(name)[0] == "y"]
-    return [component["prefix"] + name for name in found[: len(attitude) or 2]]
+    names = angles or attitude or coordinates or [name for name in shown if split(name)[0] == "y"]
+    return [component["prefix"] + name for name in names[: len(attitude) or 2]]

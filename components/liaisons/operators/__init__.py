@@ -5,12 +5,11 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
+from liaisons.errors import PlanError
 from liaisons.operators.controllers import Controller
-from liaisons.operators.goals import planned
 from liaisons.operators.holding import hold
-from liaisons.operators.planning import plan
+from liaisons.operators.planning import plan, planned
 from liaisons.operators.plans import Plan
-from liaisons.operators.problems import PlanError
 
 __all__ = ["Controller", "Plan", "PlanError", "hold", "plan", "planned"]
 

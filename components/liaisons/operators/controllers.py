@@ -19,13 +19,13 @@ from liaisons.check import Verdict, verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
 from liaisons.cosim.messages import logger
-from liaisons.errors import LiaisonsError, suggestion
+from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.interface import System, with_table
-from liaisons.language import Chain, ParameterArray
-from liaisons.library import Target, component, fmu_file, fmu_path
+from liaisons.language import ParameterArray
+from liaisons.library import Target, component, fmu_file, fmu_path, model
 from liaisons.models import regulator
-from liaisons.operators.feedback import Array, multipliers
-from liaisons.operators.problems import Goal, GoalSymbols, PlanError
+from liaisons.operators.feedback import multipliers
+from liaisons.operators.goals import Array, chain_size, motion_names
 
 After = Literal["rests", "repeats", "ends"]
 
@@ -149,8 +149,7 @@ class Controller:
             sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
         system.experiment = DefaultExperiment(0.0, self._stop, self._even_step)
         follows: dict[str, Any] = {} if course.times.size == 1 else {"input_reconstruction": 2}
-        found = component(self.component)
-        sizes: Any = {n: value for n, value in self.values.items() if n == "n" and issubclass(found, Chain)}
+        sizes = chain_size(self.component, self.values)
         values: dict[str, Any] = {name: value for name, value in self.values.items() if name not in sizes}
         fmu = fmu_path(self.component, **sizes)
         mechanism = system.add(self.name, fmu, **values, **follows, **given)
@@ -273,9 +272,9 @@ class Controller:
         :param first: the first force tried; unless given a thousandth of one whose work is a usual energy.
         :raises PlanError: if the port is no free input, or a number is not finite and greater than 0.
         """
-        model = GoalSymbols(Goal(self.component, self.moves, {}, {}, (), (1.0, 1.0), "time", {}, self.values)).model
-        moved = {f"{move}{end}" for move in self.moves for end in ("", "_dot", "_ddot")}
-        ports = [v.name for v in model.inputs if v.name not in moved]
+        inputs = model(component(self.component), **chain_size(self.component, self.values)).flat().inputs
+        moved = {name for move in self.moves for name in motion_names(move)}
+        ports = [v.name for v in inputs if v.name not in moved]
         if port not in ports:
             raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
         _positive("survives: duration", duration)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are, svd
 
-Array = NDArray[np.float64]
+from liaisons.operators.goals import Array
+
 Step = tuple[Array, Array]
 """A and B of x' = A x + B u, from one communication point to the next."""
 

@@ -1,57 +1,166 @@
-"""Goals as files: TOML whose keys are the arguments of ``plan``."""
+"""What a user wants of a plan: goals, by the names of an FMU's variables."""
 
 from __future__ import annotations
 
-import inspect
-import tomllib
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any, Literal, TypeAlias
 
-from liaisons.arguments import as_path, named
-from liaisons.errors import suggestion
-from liaisons.operators.planning import plan
-from liaisons.operators.plans import Plan
-from liaisons.operators.problems import PlanError
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.arguments import finite, listed, named, shown
+from liaisons.errors import PlanError, suggestion
+from liaisons.language import Chain
+from liaisons.library import Target, component
+
+Array: TypeAlias = NDArray[np.float64]
+Expression: TypeAlias = "Callable[[Readings], Any] | str"
+"""Of the mechanism's variables: ``lambda m: m.pivot_x_ddot**2``, or the same as text, ``"pivot_x_ddot**2"``."""
+Value: TypeAlias = "float | tuple[float | None, float | None] | Sequence[float] | None"
+"""A number; a range; four numbers for an orientation; None: free."""
+Cost: TypeAlias = "Literal['motion', 'effort', 'time'] | Expression"
 
 
-def planned(path: Path | str, **options: Any) -> Plan:
-    """Plan what a file asks for.
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """The arguments of :func:`liaisons.plan`."""
 
-    ::
+    component: Target
+    moves: tuple[str, ...]
+    start: Mapping[str, Value] | Expression
+    end: Mapping[str, Value] | Expression
+    closed: tuple[str, ...]
+    duration: tuple[float, float]
+    minimize: Cost
+    bounds: Mapping[str, tuple[float | None, float | None]]
+    values: Mapping[str, float]
 
-        mechanism = "PlanarCat"
-        moves = ["psi_1", "psi_2"]
-        closed = true
-        duration = 0.9
-        start = { phi = 0 }
-        end = { phi = -0.1 }
-        bounds = { psi_1 = [-3, 3], psi_2 = [-3, 3] }
-        values = { arm_1 = 0.25, arm_2 = 0.25 }
 
-    :param path: the file; that of a mechanism of one's own is looked for beside it.
-    :param options: further ones of :func:`liaisons.plan`.
-    :raises PlanError: if it is no TOML, or has another key, or what it asks for cannot be planned.
+def bare_goal(
+    target: Target, moves: tuple[str, ...], duration: float, values: Mapping[str, float], start: Mapping[str, Any]
+) -> Goal:
+    """A goal without end, cost and bounds: a mechanism with its initial state."""
+    return Goal(target, moves, start, {}, (), (duration, duration), "time", {}, values)
+
+
+class Readings(Mapping[str, ca.SX]):
+    """The variables of the mechanism by name, as its FMU has them: ``m.theta_dot``, ``m["theta[3]"]``."""
+
+    def __init__(self, owner: str, signals: Mapping[str, ca.SX]) -> None:
+        self._owner, self._signals = owner, signals
+
+    def __getitem__(self, name: str) -> ca.SX:
+        if name in self._signals:
+            return self._signals[name]
+        elements = [value for element, value in self._signals.items() if element.startswith(f"{name}[")]
+        if elements:
+            return ca.vertcat(*elements)
+        raise PlanError(f"{self._owner} has no variable {name!r}{suggestion(name, self._signals)}")
+
+    def __getattr__(self, name: str) -> ca.SX:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self[name]
+
+    def __iter__(self) -> Any:
+        return iter(self._signals)
+
+    def __len__(self) -> int:
+        return len(self._signals)
+
+
+def motion_names(move: str) -> tuple[str, str, str]:
+    """Names of value, rate and acceleration of a coordinate."""
+    return move, f"{move}_dot", f"{move}_ddot"
+
+
+def chain_size(target: Target, values: Mapping[str, float]) -> dict[str, Any]:
+    """The number of links among the parameters, of a chain; else nothing."""
+    return {"n": values["n"]} if "n" in values and issubclass(component(target), Chain) else {}
+
+
+def move_names(mechanism: Target, moves: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Names of the active coordinates that move: all unless given.
+
+    :raises PlanError: if there are none.
     """
-    path = as_path("path", path, PlanError)
+    if moves is not None:
+        return tuple(listed("moves", moves, PlanError))
+    declared = component(mechanism)
+    actives = tuple(active.name for active in getattr(declared, "actives", ()))
+    if not actives:
+        raise PlanError(f"{declared.__name__} has no active coordinate: there is nothing that an operator could move")
+    return actives
+
+
+def closed_names(closed: object, moves: Sequence[str]) -> tuple[str, ...]:
+    """Names of the states that end as they start; True stands for the coordinates that move."""
+    if closed is True:
+        return tuple(moves)
+    return () if closed in (False, None) else tuple(listed("closed", closed, PlanError))
+
+
+def unit_quaternion(label: str, value: Any) -> Array:
+    """Four numbers divided by their norm.
+
+    :raises PlanError: if they are no four numbers, or all 0.
+    """
     try:
-        asked = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise PlanError(f"{path}: {error}") from None
-    known = {*inspect.signature(plan).parameters} - {"guess", "progress", "keywords"} | {"values"}
-    for key in asked:
-        if key not in known:
-            raise PlanError(f"{path}: unknown key {key!r}{suggestion(key, known)}")
-    for key in ("mechanism", "duration"):
-        if key not in asked:
-            raise PlanError(f"{path}: {key} is missing, for example {key} = {_EXAMPLES[key]}")
-    mechanism, values = str(asked.pop("mechanism")), asked.pop("values", {})
-    for key in named(f"{path}: values", values, PlanError):
-        if key in known:
-            raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
-    beside = path.parent / mechanism
-    if beside.suffix == ".py" and beside.is_file():
-        mechanism = str(beside)
-    return plan(mechanism, **asked, **values, **options)
+        quaternion = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        quaternion = np.zeros(0)
+    if quaternion.shape != (4,) or not np.linalg.norm(quaternion) > 0:
+        raise PlanError(f"{label} = {shown(value)}: give four numbers, not all 0, a quaternion (w, x, y, z)")
+    return quaternion / np.linalg.norm(quaternion)
 
 
-_EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
+def is_expression(value: object) -> bool:
+    """Whether a start or an end is a function or a text that has to vanish."""
+    return callable(value) or isinstance(value, str)
+
+
+def number(label: str, value: Any) -> float:
+    """A finite number.
+
+    :raises PlanError: if it is none.
+    """
+    finite(label, value, PlanError)
+    return float(value)
+
+
+def elements(label: str, values: object, variables: Sequence[str]) -> dict[str, Any]:
+    """Values by the names of scalars; an array has one value for all of its elements, or a list.
+
+    :raises PlanError: if these are no values by names, or a list has another length than the array.
+    """
+    by_element: dict[str, Any] = {}
+    for name, value in named(label, values, PlanError).items():
+        scalars = [variable for variable in variables if variable.startswith(f"{name}[")]
+        if not scalars:
+            by_element[name] = value
+            continue
+        several = value if isinstance(value, (list, tuple, np.ndarray)) else [value] * len(scalars)
+        if len(several) != len(scalars):
+            raise PlanError(f"{label} of {name} has {len(several)} values; give {len(scalars)}")
+        by_element |= dict(zip(scalars, several, strict=True))
+    return by_element
+
+
+def limits(owner: str, label: str, name: str, value: Any) -> tuple[float, float]:
+    """A range: of one number, or of two, of which None is infinite.
+
+    :raises PlanError: if it is none.
+    """
+    label = f"{owner}: {label} of {name} = {shown(value)}"
+    if isinstance(value, (tuple, list)):
+        if len(value) != 2 or not all(x is None or (isinstance(x, Real) and not np.isnan(float(x))) for x in value):
+            raise PlanError(f"{label}: give a number, or two, (low, high)")
+        low, high = (-np.inf if value[0] is None else value[0]), (np.inf if value[1] is None else value[1])
+    else:
+        low = high = number(f"{owner}: {name}", value)
+    if not low <= high:
+        raise PlanError(f"{label}: low must not exceed high")
+    return float(low), float(high)

@@ -7,13 +7,13 @@ from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.errors import PlanError
 from liaisons.language import Orientation
-from liaisons.operators.problems import PlanError, Problem
+from liaisons.operators.goals import Array
+from liaisons.operators.problems import Problem
 from liaisons.operators.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 
-Array = NDArray[np.float64]
 _FINE = 30
 """So many intervals, of six steps each, on which Runge and Kutta's method leaves 1e-9 of a loop."""
 _ALIKE = 1e-9
@@ -62,7 +62,7 @@ def refuse_invariants(problem: Problem) -> None:
         if k > 1 and not ((spread < _ALIKE) & (off > _OFF)).any():
             return
     for i in np.flatnonzero((spread < _ALIKE) & (off > _OFF)):
-        size, stays = problem.scales.end[i], round(float(values[i, 0]), 5) + 0.0
+        size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
         wanted = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
         how = " and comes back" if problem.is_loop else ""
         raise PlanError(
@@ -164,7 +164,7 @@ def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
 
 def _ranges(problem: Problem) -> tuple[Array, Array]:
     """Where what is moved may be: middles and half widths, of its bounds, else a half turn or so round the start."""
-    start = problem.initial_state[[problem.states.index(name) for name in problem.moves]]
+    start = problem.initial_state[problem.indices(problem.moves)]
     bounds = dict(zip(problem.path.labels, zip(problem.path.low, problem.path.high, strict=True), strict=True))
     low, high = np.array([bounds.get(name, (-np.inf, np.inf)) for name in problem.moves]).T
     low = np.where(np.isfinite(low), low, np.minimum(start - np.pi, high - 2 * np.pi))
@@ -188,7 +188,7 @@ def _ellipse(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     if not _is_begun(problem):
         phases -= np.angle(mixture(c) @ (radii * np.exp(1j * phases)))
     else:
-        centres = problem.initial_state[[problem.states.index(name) for name in problem.moves]]
+        centres = problem.initial_state[problem.indices(problem.moves)]
     return _followed(problem, trajectory, _Loop(centres, radii, phases, _is_begun(problem), trajectory.durations[0]))
 
 
@@ -209,7 +209,7 @@ def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]
     """Of several sizes and centres, round both ways."""
     trajectory, _, _ = _blank(problem, intervals)
     T = trajectory.durations[0]
-    start = problem.initial_state[[problem.states.index(name) for name in problem.moves]]
+    start = problem.initial_state[problem.indices(problem.moves)]
     middles, _ = _ranges(problem)
     turns = np.array([np.pi / 2 * (-1) ** i for i in range(len(start))])
     is_begun = _is_begun(problem)
@@ -295,10 +295,6 @@ def _followed(problem: Problem, trajectory: CollocatedTrajectory, motion: _Loop 
 
 def _miss(problem: Problem, trajectory: CollocatedTrajectory) -> float:
     """By how much a motion misses the end, and its bounds."""
-    end = np.array(problem.end.function(trajectory.knots[:, -1])).ravel()
-    missed = np.maximum(problem.end.low - end, end - problem.end.high).clip(0)
-    if not problem.path.labels:
-        return float(np.linalg.norm(missed))
-    way = np.array(problem.path.function.map(trajectory.inner.shape[1])(trajectory.inner, trajectory.controls))
-    beyond = np.maximum(problem.path.low[:, None] - way, way - problem.path.high[:, None]).clip(0)
+    missed = problem.end.violation(problem.end_values(trajectory.knots[:, -1]))
+    beyond = problem.path.violation(trajectory.evaluate(problem.path.function))
     return float(np.linalg.norm(missed) + np.max(beyond, initial=0.0))

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import svd
 
 from liaisons.arguments import finite, merged, named, numbers, shown
+from liaisons.errors import PlanError
 from liaisons.library import Target, component
 from liaisons.operators.controllers import After, Controller, ReferenceTrajectory
 from liaisons.operators.feedback import (
@@ -32,11 +33,11 @@ from liaisons.operators.feedback import (
     steady,
     through,
 )
+from liaisons.operators.goals import bare_goal, is_expression, motion_names, move_names
 from liaisons.operators.plans import Plan
-from liaisons.operators.problems import Goal, GoalSymbols, PlanError, move_names
-from liaisons.operators.sampling import Sampled, reduced
+from liaisons.operators.sampling import SampledMechanism, reduced
+from liaisons.operators.symbols import goal_symbols
 
-_SUFFIXES = ("", "_dot", "_ddot", "_force")
 _PAIRS = (("least", "most"), ("slowest", "fastest"), ("lowest", "highest"))
 """Bounds of a correction, its rate and its acceleration, as a Regulator calls them."""
 _FAR = 1e30
@@ -127,8 +128,8 @@ def hold(
             raise PlanError(f"at: {name} = {shown(value)}: finite numbers only")
     usual = component(motion).experiment.step_size
     H = usual if step_size is None else step_size
-    goal = Goal(motion, move_names(motion, moves), at, {}, (), (H, H), "time", {}, values)
-    sampled = Sampled(goal, at, interpolate=False, time=H, longest=_MANY * H)
+    goal = bare_goal(motion, move_names(motion, moves), H, values, at)
+    sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_MANY * H)
     if step_size is None and sampled.moves_freely:
         H = _plain(sampled.time / _PER_RADIAN)
     return _at_rest(sampled, H, wishes)
@@ -153,10 +154,10 @@ class _Wishes:
     effort: float
     bounds: Mapping[str, tuple[float | None, float | None]]
 
-    def costs(self, sampled: Sampled, directions: Sequence[Array]) -> list[Array]:
+    def costs(self, sampled: SampledMechanism, directions: Sequence[Array]) -> list[Array]:
         """Weights in the directions in which the states can differ."""
         cost = {name: float(name in sampled.free) for name in sampled.states}
-        cost |= {f"{m}_dot": _DRIFT for m in sampled.moves if m not in sampled.kept}
+        cost |= {f"{m}_dot": _DRIFT for m in sampled.moves if m not in sampled.held_moves}
         for name in self.weights:
             if name not in cost:
                 raise PlanError(f"{sampled.name}: weights of {name!r}: the states are {', '.join(sampled.states)}")
@@ -171,11 +172,11 @@ class _Wishes:
 # ---- an equilibrium -----------------------------------------------------------------------------------------------
 
 
-def _at_rest(sampled: Sampled, H: float, wishes: _Wishes) -> Controller:
+def _at_rest(sampled: SampledMechanism, H: float, wishes: _Wishes) -> Controller:
     """The feedback of least cost at an equilibrium."""
-    y, sigma = sampled.start[sampled.places], sampled.sigma
+    y, sigma = sampled.start[sampled.state_indices], sampled.sigma
     still = dict(zip(sampled.names, sampled.rates(y, sigma), strict=True))
-    still |= {m: sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.kept}
+    still |= {m: sigma[i, 1] for i, m in enumerate(sampled.moves) if m in sampled.held_moves}
     sizes = dict(zip(sampled.states, sampled.sizes, strict=True))
     worst = max(still, key=lambda name: abs(still[name]) / sizes[name])
     if not abs(still[worst]) * sampled.time <= 1e-9 * sizes[worst]:
@@ -251,7 +252,7 @@ def _along(motion: Plan, step_size: float | None, wishes: _Wishes) -> Controller
     if found is None or after is None:
         raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
     gains, still = [*found[0], after], unmoved(steps)
-    known = [f"{m}{end}" for m in sampled.moves for end in _SUFFIXES]
+    known = [name for m in sampled.moves for name in (*motion_names(m), f"{m}_force")]
     fixed = np.eye(len(whole))[:, still]
     left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _named(sampled, D[0], still)
@@ -271,25 +272,23 @@ def _along(motion: Plan, step_size: float | None, wishes: _Wishes) -> Controller
     )
 
 
-def _beside(motion: Plan) -> Sampled:
+def _beside(motion: Plan) -> SampledMechanism:
     """The mechanism at the start of the plan."""
     goal, T = motion.goal, motion.duration
-    bare = Goal(goal.component, goal.moves, {}, {}, (), (T, T), "time", {}, goal.values)
+    bare = bare_goal(goal.component, goal.moves, T, goal.values, {})
     first = motion.sigma(0.0)
     controls = np.array([first[name] for name in motion.problem.controls])
     starts = motion.problem.fmu_starts(motion.solution.trajectory.knots[:, 0], controls)
-    start: dict[str, Any] = {name: starts[parameter] for name, parameter in GoalSymbols(bare).starts.items()}
-    start |= {f"{m}{end}": float(first[m + end]) for m in goal.moves for end in ("", "_dot")}
-    asked = {
-        name
-        for part in (goal.start, goal.end, goal.closed)
-        if not callable(part) and not isinstance(part, str)
-        for name in part
-    }
-    return Sampled(replace(bare, start=start), asked, interpolate=True, time=T / _PARTS, longest=T / _RADIANS)
+    start: dict[str, Any] = {name: starts[parameter] for name, parameter in goal_symbols(bare).start_parameters.items()}
+    start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
+    groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not is_expression(group)]
+    required = {name for group in groups for name in group}
+    return SampledMechanism(
+        replace(bare, start=start), required, interpolate=True, time=T / _PARTS, longest=T / _RADIANS
+    )
 
 
-def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[ReferenceTrajectory, list[Step], bool]:
+def _course(motion: Plan, sampled: SampledMechanism, H: float) -> tuple[ReferenceTrajectory, list[Step], bool]:
     """The plan at its communication points, and whether it comes back to where it was, up to how it is turned."""
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
     if T / H > _MOST:
@@ -298,17 +297,17 @@ def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[ReferenceTrajecto
     parts = [np.linspace(a, b, max(1, int(np.ceil((b - a) / H - 1e-9))), endpoint=False) for a, b in pairwise(edges)]
     times = np.unique(np.concatenate([*parts, motion.switches - _INSTANT * T, [T]]))
     sigma = motion.sigma(times)
-    planned = np.array([[sigma[m + end] for end in ("", "_dot", "_ddot")] for m in moves])
+    planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
     reference, steps = sampled.steps(times, planned, H)
     gap = np.abs(reference[:, -1] - reference[:, 0])
-    may_jump = {f"{m}{end}" for m in moves for end in ("", "_dot", "_ddot")[order:]}
-    turned = {axis for axes in sampled.turns.values() for axis in axes}
+    may_jump = {name for m in moves for name in motion_names(m)[order:]}
+    turned = {axis for axes in sampled.quaternions.values() for axis in axes}
     missed = gap > _SAME * np.maximum(sampled.sizes, np.abs(reference).max(axis=1))
     missing = {name for name, is_off in zip(sampled.states, missed, strict=True) if is_off}
     missing -= {*sampled.cyclic, *may_jump}
     still = planned[:, :, -1].copy()
-    stops = [order < 2 or m in sampled.kept for m in moves]
-    size = sampled.of_pushes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
+    stops = [order < 2 or m in sampled.held_moves for m in moves]
+    size = sampled.input_sizes[:, None] * sampled.time ** np.array([2.0, 1.0, 0.0])  # of σ, σ̇, σ̈
     fast = np.abs(still[:, 1]) > _SAME * size[:, 1]
     still[stops, 1], still[:, 2] = 0.0, 0.0
     rests = order < 2 or not np.any(fast & stops)
@@ -328,23 +327,28 @@ def _course(motion: Plan, sampled: Sampled, H: float) -> tuple[ReferenceTrajecto
 # ---- both ---------------------------------------------------------------------------------------------------------
 
 
-def _physical(sampled: Sampled, gains: Array) -> Array:
+def _physical(sampled: SampledMechanism, gains: Array) -> Array:
     """Gains of what is not divided by sizes."""
-    return sampled.of_pushes[:, None] * gains / sampled.sizes
+    return sampled.input_sizes[:, None] * gains / sampled.sizes
 
 
 def _held(
-    sampled: Sampled, H: float, course: ReferenceTrajectory, gains: Array, bounds: Mapping[str, Any], **found: Any
+    sampled: SampledMechanism,
+    H: float,
+    course: ReferenceTrajectory,
+    gains: Array,
+    bounds: Mapping[str, Any],
+    **found: Any,
 ) -> Controller:
     """The whole, with start values and with the room that is left to corrections."""
-    reader = sampled.reader
-    starts = {parameter: reader.k[parameter] for parameter in reader.starts.values()}
+    symbols = sampled.symbols
+    starts = {parameter: symbols.parameters[parameter] for parameter in symbols.start_parameters.values()}
     for i, m in enumerate(sampled.moves):
-        starts |= {f"{m}{end}": course.planned[i, n, 0] for n, end in enumerate(("", "_dot", "_ddot"))}
+        starts |= dict(zip(motion_names(m), course.planned[i, :, 0], strict=True))
     at = course.reference[:, 0], course.planned[:, :, 0], found["directions"]
     return Controller(
         name=sampled.name,
-        component=reader.goal.component,
+        component=symbols.goal.component,
         moves=sampled.moves,
         step_size=H,
         free=sampled.free,
@@ -352,7 +356,7 @@ def _held(
         course=course,
         gains=gains,
         room=_room(sampled, course, bounds),
-        values=reader.goal.values,
+        values=symbols.goal.values,
         sizes=sampled.sizes,
         energy=sampled.energy,
         time=sampled.time,
@@ -363,17 +367,17 @@ def _held(
 
 
 def _shifts(
-    sampled: Sampled, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
+    sampled: SampledMechanism, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
     """Start values that lead into all directions."""
-    of, sizes = sampled.reader.starts, sampled.sizes[:, None]
+    of, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
         rates = sampled.rates_off(reference, sigma, directions)
         names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
         known = [(i, of.get(name, name)) for i, name in enumerate(names) if of.get(name, name) in starts]
         columns = np.vstack([sizes * directions, rates]).T
         return tuple({name: float(column[i]) for i, name in known} for column in columns)
-    turned = [axis for axes in sampled.turns.values() for axis in axes]
+    turned = [axis for axes in sampled.quaternions.values() for axis in axes]
     turns = [{i: column[i] for i in np.flatnonzero(column)} for column in (sizes * directions).T]
     turns = [turn for turn in turns if any(sampled.states[i] in turned for i in turn)]
     name_of = {parameter: name for name, parameter in of.items()}
@@ -382,7 +386,7 @@ def _shifts(
     return (*moved, *({name: sampled.start_sizes[name_of.get(name, name)]} for name in singles))
 
 
-def _room(sampled: Sampled, course: ReferenceTrajectory, bounds: Mapping[str, Any]) -> dict[str, Array]:
+def _room(sampled: SampledMechanism, course: ReferenceTrajectory, bounds: Mapping[str, Any]) -> dict[str, Array]:
     """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
     shape = len(sampled.moves), course.times.size
     y = course.reference[: len(sampled.names)].T
@@ -390,10 +394,10 @@ def _room(sampled: Sampled, course: ReferenceTrajectory, bounds: Mapping[str, An
     forces, masses = (np.array(column) for column in zip(*found, strict=True))
     ends = {name: np.full(shape, far) for low, high in _PAIRS for name, far in ((low, -_FAR), (high, _FAR))}
     for i, m in enumerate(sampled.moves):
-        domain = next(v for v in sampled.reader.model.inputs if v.name == m)
+        domain = next(v for v in sampled.symbols.model.inputs if v.name == m)
         allowed = {m: (domain.minimum, domain.maximum)} | dict(bounds)
         for n, (low, high) in enumerate(_PAIRS):
-            least, most = _ends(allowed.get(m + _SUFFIXES[n]))
+            least, most = _ends(allowed.get(motion_names(m)[n]))
             ends[low][i] = np.minimum(0.0, least - course.planned[i, n])
             ends[high][i] = np.maximum(0.0, most - course.planned[i, n])
     for j, m in enumerate(sampled.moves):
@@ -422,9 +426,13 @@ def _ends(pair: Sequence[float | None] | None) -> tuple[float, float]:
     return -_FAR if low is None else low, _FAR if high is None else high
 
 
-def _checked(sampled: Sampled, bounds: Mapping[str, Any], at: Array | None = None) -> dict[str, tuple[float, float]]:
+def _checked(
+    sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None
+) -> dict[str, tuple[float, float]]:
     """Bounds that the regulators can keep; and that what is held keeps, (moves, 3)."""
-    known = {f"{m}{end}": (i, n) for i, m in enumerate(sampled.moves) for n, end in enumerate(_SUFFIXES)}
+    known = {
+        name: (i, n) for i, m in enumerate(sampled.moves) for n, name in enumerate((*motion_names(m), f"{m}_force"))
+    }
     for name, pair in bounds.items():
         if name not in known:
             raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(known)}")
@@ -447,12 +455,12 @@ def unmoved(steps: Sequence[Step]) -> list[int]:
     ]
 
 
-def _named(sampled: Sampled, directions: Array, places: Sequence[int]) -> tuple[str, ...]:
+def _named(sampled: SampledMechanism, directions: Array, places: Sequence[int]) -> tuple[str, ...]:
     """Names of the states that some of the directions are."""
     return tuple(n for n, row in zip(sampled.states, directions, strict=True) if set(np.flatnonzero(row)) & set(places))
 
 
-def _combination(sampled: Sampled, directions: Array, u: Array) -> str:
+def _combination(sampled: SampledMechanism, directions: Array, u: Array) -> str:
     """What a row of directions stands for, in names."""
     part = np.linalg.pinv(directions).T @ u
     vector = part / sampled.sizes
@@ -462,7 +470,7 @@ def _combination(sampled: Sampled, directions: Array, u: Array) -> str:
     return text.removeprefix("+ ").removeprefix("1 ")
 
 
-def _refuse_growth(sampled: Sampled, directions: Array, U: Array, A: Array) -> None:
+def _refuse_growth(sampled: SampledMechanism, directions: Array, U: Array, A: Array) -> None:
     """Refuse what grows and cannot be reached."""
     if U.size and np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) > 1 + 1e-6:
         values, vectors = np.linalg.eig((U.T @ A @ U).T)
@@ -470,6 +478,6 @@ def _refuse_growth(sampled: Sampled, directions: Array, U: Array, A: Array) -> N
         raise PlanError(_cannot(sampled, directions, U @ worst))
 
 
-def _cannot(sampled: Sampled, directions: Array, u: Array) -> str:
+def _cannot(sampled: SampledMechanism, directions: Array, u: Array) -> str:
     text, moves = _combination(sampled, directions, u), ", ".join(sampled.moves)
     return f"{sampled.name} cannot be held there: to first order {moves} cannot change {text}"

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from liaisons.arguments import finite, merged, named, settings_beside, shown, whole
+from liaisons.arguments import as_path, finite, merged, named, settings_beside, shown, whole
 from liaisons.cosim.running.interrupts import deferred_interrupts
+from liaisons.errors import PlanError, suggestion
 from liaisons.library import Target, component
+from liaisons.operators.goals import Cost, Expression, Goal, Value, closed_names, move_names
 from liaisons.operators.guesses import guesses, refuse_invariants
 from liaisons.operators.plans import Plan
-from liaisons.operators.problems import (
-    Cost,
-    Expression,
-    Goal,
-    PlanError,
-    Problem,
-    Value,
-    closed_names,
-    move_names,
-    problem_of,
-)
+from liaisons.operators.problems import Problem, problem_of
 from liaisons.operators.searching import COARSE, Settings, refuse_singularity, search
 from liaisons.operators.transcription import Arc, Clock, CollocatedTrajectory, in_units, relative
 from liaisons.progress import progress_bar
 
+_EXAMPLES = {"mechanism": '"PlanarCat"', "duration": "0.9"}
 _SHORTEST, _LONGEST = 1e-100, 1e100
 """Durations [s] whose squares are numbers."""
 
@@ -123,6 +119,46 @@ def plan(
     if minimize == "motion":
         refuse_singularity(problem.relative, found)
     return Plan(goal, problem, in_units(problem, found))
+
+
+def planned(path: Path | str, **options: Any) -> Plan:
+    """Plan what a file asks for.
+
+    ::
+
+        mechanism = "PlanarCat"
+        moves = ["psi_1", "psi_2"]
+        closed = true
+        duration = 0.9
+        start = { phi = 0 }
+        end = { phi = -0.1 }
+        bounds = { psi_1 = [-3, 3], psi_2 = [-3, 3] }
+        values = { arm_1 = 0.25, arm_2 = 0.25 }
+
+    :param path: the file; that of a mechanism of one's own is looked for beside it.
+    :param options: further ones of :func:`liaisons.plan`.
+    :raises PlanError: if it is no TOML, or has another key, or what it asks for cannot be planned.
+    """
+    path = as_path("path", path, PlanError)
+    try:
+        arguments = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise PlanError(f"{path}: {error}") from None
+    known = {*inspect.signature(plan).parameters} - {"guess", "progress", "keywords"} | {"values"}
+    for key in arguments:
+        if key not in known:
+            raise PlanError(f"{path}: unknown key {key!r}{suggestion(key, known)}")
+    for key in ("mechanism", "duration"):
+        if key not in arguments:
+            raise PlanError(f"{path}: {key} is missing, for example {key} = {_EXAMPLES[key]}")
+    mechanism, values = str(arguments.pop("mechanism")), arguments.pop("values", {})
+    for key in named(f"{path}: values", values, PlanError):
+        if key in known:
+            raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
+    beside = path.parent / mechanism
+    if beside.suffix == ".py" and beside.is_file():
+        mechanism = str(beside)
+    return plan(mechanism, **arguments, **values, **options)
 
 
 def _duration(given: Any) -> tuple[float, float]:

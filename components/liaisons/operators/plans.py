@@ -19,12 +19,12 @@ from liaisons.arguments import as_path, finite, listed, named, shown
 from liaisons.check import Verdict
 from liaisons.cosim import Result
 from liaisons.cosim.description.fmu import DefaultExperiment
-from liaisons.errors import LiaisonsError
+from liaisons.errors import LiaisonsError, PlanError
 from liaisons.files import replacing
 from liaisons.interface import System, simulate, tabulated
-from liaisons.language import Chain
-from liaisons.library import Target, catalogue, component, fmu_path
-from liaisons.operators.problems import Goal, PlanError, Problem, problem_of
+from liaisons.library import Target, catalogue, fmu_path
+from liaisons.operators.goals import Goal, chain_size, motion_names
+from liaisons.operators.problems import Problem, problem_of
 from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, CollocatedTrajectory, Solution, relative
 from liaisons.operators.verifying import verdicts
 
@@ -84,9 +84,9 @@ class Plan:
         :param t: times [s], of any shape; beyond both ends the polynomials go on.
         """
         return {
-            f"{name}{suffix}": polynomial.derivative(n)(t) if n else polynomial(t)
-            for name, polynomial in self._polynomials.items()
-            for n, suffix in enumerate(("", "_dot", "_ddot"))
+            name: polynomial.derivative(n)(t) if n else polynomial(t)
+            for move, polynomial in self._polynomials.items()
+            for n, name in enumerate(motion_names(move))
         }
 
     @cached_property
@@ -154,9 +154,7 @@ class Plan:
         return [n for n in self.problem.states if n not in self.problem.moves and not n.endswith("_dot")]
 
     def _fmu(self) -> Any:
-        found = component(self.goal.component)
-        sizes: Any = {"n": self.goal.values["n"]} if issubclass(found, Chain) and "n" in self.goal.values else {}
-        return fmu_path(self.goal.component, **sizes)
+        return fmu_path(self.goal.component, **chain_size(self.goal.component, self.goal.values))
 
     def _values(self) -> dict[str, Any]:
         """Start values of the mechanism, and an operator for what is moved."""

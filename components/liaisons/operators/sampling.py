@@ -8,18 +8,21 @@ sampling and all, up to the tolerance with which they are integrated.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import svd
 
-from liaisons.arguments import shown
+from liaisons.errors import PlanError
 from liaisons.language import Orientation
 from liaisons.models.regulator import READINGS
-from liaisons.operators.feedback import Array, Step
-from liaisons.operators.problems import Goal, GoalSymbols, PlanError
+from liaisons.operators.feedback import Step
+from liaisons.operators.goals import Array, Goal, motion_names, unit_quaternion
+from liaisons.operators.symbols import column, goal_symbols
 
 _POWERS = np.arange(6)
 _UNIT = np.linalg.inv(
@@ -28,51 +31,50 @@ _UNIT = np.linalg.inv(
 """Value, rate and acceleration at 0 and 1 -> coefficients of the polynomial of degree five."""
 
 
-_PLAIN = {"": "rad", "1": "rad", "deg": "rad"}
+_ANGLES = {"": "rad", "1": "rad", "deg": "rad"}
 _PARTS = 32
 """Into so many parts a step is divided: of fourth order, these leave 1e-10."""
 
 
-class Sampled:
-    """The mechanism of a goal, sampled: its coordinates start, and are moved, as the goal says of the start.
+class SampledMechanism:
+    """The mechanism of a goal, sampled: its coordinates start, and are moved, as the start of the goal says.
 
-    :param asked: names of what is moved that has to be held, even if it enters nothing.
-    :param time: in what time [s] states change by their sizes where no free motion says so.
+    :param required: names of coordinates that move and are held even if they enter nothing.
+    :param time: in what time [s] states change by their sizes where no free motion determines it.
     :param longest: a free motion of which a radian takes longer [s] does not.
-    :ivar states: names: the mechanism's that what moves acts on, or depends on; σ where it is held; σ̇, σ̈.
+    :ivar states: names: the mechanism's on which moves act, or on which these depend; σ where it is held; σ̇, σ̈.
     :ivar names: those of the mechanism.
     :ivar free: coordinates that are held.
     """
 
-    def __init__(self, goal: Goal, asked: Container[str], *, interpolate: bool, time: float, longest: float) -> None:
-        self.reader = reader = GoalSymbols(goal)
-        self.interpolate, self.name, self.moves = interpolate, reader.name, goal.moves
-        self.is_constrained = any(v.name.endswith("_residual") for v in reader.model.outputs)
-        given = reader.given
-        for turn, axes in reader.turns.items():
-            if turn in given:
-                unit = np.array(given[turn], dtype=float)
-                if unit.shape != (4,) or not np.linalg.norm(unit) > 0:
-                    raise PlanError(f"{self.name}: {turn} = {shown(given[turn])}: give four numbers, not all 0")
-                unit /= np.linalg.norm(unit)
-                reader.k |= {reader.starts[axis]: float(x) for axis, x in zip(axes, unit, strict=True)}
-        y = np.array([reader.k[reader.starts[n]] if n in reader.starts else 0.0 for n in reader.x_names])
+    def __init__(self, goal: Goal, required: Container[str], *, interpolate: bool, time: float, longest: float) -> None:
+        symbols = goal_symbols(goal)
+        starts, parameters, start = symbols.start_parameters, dict(symbols.parameters), symbols.start
+        for name, axes in symbols.quaternions.items():
+            if name in start:
+                unit = unit_quaternion(f"{symbols.name}: {name}", start[name])
+                parameters |= {starts[axis]: float(x) for axis, x in zip(axes, unit, strict=True)}
+        self.symbols = symbols = replace(symbols, parameters=parameters)
+        self.interpolate, self.name, self.moves = interpolate, symbols.name, goal.moves
+        self.is_constrained = any(v.name.endswith("_residual") for v in symbols.model.outputs)
         self.sigma = np.zeros((len(self.moves), 3))
-        self.sigma[:, 0] = reader.s_start
-        self.sigma[:, 1] = [float(given.get(f"{m}_dot", 0.0)) for m in self.moves]
-        symbols = [reader.y, reader.s, reader.v, reader.a]
+        self.sigma[:, 0] = symbols.initial_sigma
+        self.sigma[:, 1] = [float(start.get(f"{m}_dot", 0.0)) for m in self.moves]
         self._usual_time, self._longest = time, longest
-        self.start = np.array(ca.Function("start", symbols, [reader.start_state])(y, *self.sigma.T)).ravel()
-        self.places = self._coupled()
-        self.names = [reader.x_names[i] for i in self.places]
-        self.turns = {turn: axes for turn, axes in reader.turns.items() if set(axes) <= set(self.names)}
-        keeps = [m in asked or reader.depends(reader.relative_rates, reader.s[i]) for i, m in enumerate(self.moves)]
-        self.kept = [m for m, keep in zip(self.moves, keeps, strict=True) if keep]
+        first = ca.Function("start", symbols.arguments, [symbols.initial_state])
+        self.start = np.array(first(symbols.declared_state, *self.sigma.T)).ravel()
+        self.state_indices = self._coupled()
+        self.names = [symbols.state_names[i] for i in self.state_indices]
+        self.quaternions = {name: axes for name, axes in symbols.quaternions.items() if set(axes) <= set(self.names)}
+        rates, sigma = symbols.relative_rates, symbols.motion[0]
+        is_held = [m in required or symbols.depends(rates, sigma[i]) for i, m in enumerate(self.moves)]
+        self.held_moves = [m for m, held in zip(self.moves, is_held, strict=True) if held]
         n, c = len(self.names), len(self.moves)
-        self.rows = [*range(n), *(n + i for i, keep in enumerate(keeps) if keep), *range(n + c, n + 3 * c)]
-        free = (n for n in self.names if n in reader.starts and n not in Orientation.momenta)
-        self.free = (*free, *self.kept)
-        self.states = (*self.names, *self.kept, *(f"{m}{end}" for end in ("_dot", "_ddot") for m in self.moves))
+        self.rows = [*range(n), *(n + i for i, held in enumerate(is_held) if held), *range(n + c, n + 3 * c)]
+        free = (n for n in self.names if n in starts and n not in Orientation.momenta)
+        self.free = (*free, *self.held_moves)
+        _, *derivatives = zip(*map(motion_names, self.moves), strict=True)
+        self.states = (*self.names, *self.held_moves, *chain.from_iterable(derivatives))
         if len(self.states) > READINGS:
             many = f"{len(self.states)} states are more than the {READINGS} that a Regulator reads"
             raise PlanError(f"{self.name}: {many}")
@@ -81,11 +83,10 @@ class Sampled:
     def frequency(self) -> float:
         """Greatest one [1/s] of the free motion about the start, also of falling and damping; 0: there is none."""
         n = len(self.names)
-        A = np.array(self._slopes(self.start[self.places], *self.sigma.T))[:, 1 : 1 + n]
+        A = np.array(self._slopes(self.start[self.state_indices], *self.sigma.T))[:, 1 : 1 + n]
         if self.is_constrained:  # along the constraints
             A = np.array(self._projection(self.start, *self.sigma.T))[:, 1 : 1 + n] @ A
-        found = np.abs(np.linalg.eigvals(A))
-        return float(np.max(found, initial=0.0))
+        return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))
 
     @cached_property
     def moves_freely(self) -> bool:
@@ -116,7 +117,7 @@ class Sampled:
         return self._start_sizes[2]
 
     @property
-    def of_pushes(self) -> Array:
+    def input_sizes(self) -> Array:
         """Sizes of the accelerations that are chosen."""
         return self.sizes[-len(self.moves) :]
 
@@ -124,85 +125,80 @@ class Sampled:
     def start_sizes(self) -> dict[str, float]:
         """Sizes of what has start values: coordinates, rates, σ, σ̇ and σ̈."""
         coordinates, *_ = self._start_sizes
-        found = dict(coordinates)
-        found |= {name: coordinates[of] / self.time for name, of in self._rates.items()}
-        return found | {f"{m}_ddot": coordinates[m] / self.time**2 for m in self.moves}
+        rates = {name: coordinates[coordinate] / self.time for name, coordinate in self._rates.items()}
+        return coordinates | rates | {f"{m}_ddot": coordinates[m] / self.time**2 for m in self.moves}
 
     @property
     def _rates(self) -> dict[str, str]:
-        """Rates that have start values, σ̇ among them, and the coordinates whose rates they are; of turns themselves."""
-        reader = self.reader
-        names = [n for n in reader.starts if n not in reader.x_names]
-        known = {*reader.x_names, *reader.starts}
-        found = {n: n.replace("_dot", "", 1) if n.replace("_dot", "", 1) in known else n for n in names}
-        return found | {f"{m}_dot": m for m in self.moves}
+        """Coordinates by their rates that have start values, σ̇ among them; angular velocities by themselves."""
+        starts, states = self.symbols.start_parameters, self.symbols.state_names
+        coordinates = {name: name.replace("_dot", "", 1) for name in starts if name not in states}
+        own = {name: q if q in {*states, *starts} else name for name, q in coordinates.items()}
+        return own | {f"{m}_dot": m for m in self.moves}
 
     @cached_property
     def _start_sizes(self) -> tuple[dict[str, float], dict[str, float], float]:
         """Of the coordinates, σ and turns; of the momenta; and of the energy [J]."""
-        reader, model = self.reader, self.reader.model
-        rates = self._rates
-        unit = {v.name: v.unit for v in model.variables}
-
-        def of(name: str) -> str:  # of a coordinate or a turn
-            return _PLAIN.get(unit.get(name, "1").removesuffix("/s"), unit.get(name, "1").removesuffix("/s"))
-
+        symbols, model, rates = self.symbols, self.symbols.model, self._rates
+        starts, states = symbols.start_parameters, symbols.state_names
+        variable_units = {v.name: v.unit for v in model.variables}
+        coordinate_units = {q: variable_units.get(q, "1").removesuffix("/s") for q in rates.values()}
+        units = {q: _ANGLES.get(unit, unit) for q, unit in coordinate_units.items()}
         energy = [v.name for v in model.outputs].index("kinetic_energy")
-        still = reader.k | {reader.starts[name]: 0.0 for name in rates if name in reader.starts}
-        resting_inputs = reader.u | dict(zip(self.moves, self.sigma[:, 0], strict=True))
-        resting_inputs |= {f"{m}{end}": 0.0 for m in self.moves for end in ("_dot", "_ddot")}
+        still = {**symbols.parameters, **{starts[name]: 0.0 for name in rates if name in starts}}
+        resting = {**symbols.inputs, **dict(zip(self.moves, self.sigma[:, 0], strict=True))}
+        resting |= {name: 0.0 for m in self.moves for name in motion_names(m)[1:]}
 
         def moving(rate: str) -> tuple[float, Array]:
             """Twice the kinetic energy, and the states, where one rate is 1."""
-            k = still | ({reader.starts[rate]: 1.0} if rate in reader.starts else {})
-            u = resting_inputs | ({rate: 1.0} if rate in resting_inputs else {})
-            columns = [list(u.values()), list(k.values())]
+            parameters = still | ({starts[rate]: 1.0} if rate in starts else {})
+            inputs = resting | ({rate: 1.0} if rate in resting else {})
+            columns = [list(inputs.values()), list(parameters.values())]
             y, memory = model.start(0.0, *columns)
             z = model.outputs_function(0.0, y, *columns, memory)
-            return 2 * float(z[energy]), np.array(y).ravel()[: len(reader.x_names)]
+            return 2 * float(z[energy]), np.array(y).ravel()[: len(states)]
 
-        found = {rate: moving(rate) for rate in rates}
+        moved = {rate: moving(rate) for rate in rates}
         inertia: dict[str, list[float]] = {}
         for rate, name in rates.items():
-            inertia.setdefault(of(name), []).append(found[rate][0])
+            inertia.setdefault(units[name], []).append(moved[rate][0])
         mean = {
             u: float(np.exp(np.mean(np.log(np.array(m)[np.array(m) > 0])))) for u, m in inertia.items() if max(m) > 0
         }
-        values = dict(zip(reader.x_names, self.start, strict=True)) | dict(
-            zip(self.moves, self.sigma[:, 0], strict=True)
-        )
-        far = {u: max(abs(values.get(name, 0.0)) for name in rates.values() if of(name) == u) or 1.0 for u in inertia}
+        values = dict(zip((*states, *self.moves), (*self.start, *self.sigma[:, 0]), strict=True))
+        far = {u: max(abs(values.get(q, 0.0)) for q in rates.values() if units[q] == u) or 1.0 for u in inertia}
         first = "rad" if "rad" in mean else next(iter(mean), "rad")
         whole = mean.get(first, 1.0) * (1.0 if first == "rad" else far.get(first, 1.0) ** 2)
         by_unit = {u: 1.0 if u == "rad" else np.sqrt(whole / mean[u]) if u in mean else far[u] for u in inertia}
-        coordinates = {name: float(by_unit[of(name)]) for name in rates.values()}
-        changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in found.items()])
+        coordinates = {name: float(by_unit[units[name]]) for name in rates.values()}
+        changes = np.array([np.abs(y) * coordinates[rates[rate]] / self.time for rate, (_, y) in moved.items()])
         sizes = np.max(changes, axis=0, initial=0.0)
+        axes = {axis for axes in symbols.quaternions.values() for axis in axes}
         momenta = {
             name: float(size) if size > 0 else whole / self.time
-            for name, size in zip(reader.x_names, sizes, strict=True)
-            if name not in coordinates and not any(name in axes for axes in reader.turns.values())
+            for name, size in zip(states, sizes, strict=True)
+            if name not in coordinates and name not in axes
         }
         return coordinates, momenta, float(whole / self.time**2)
 
     @property
     def cyclic(self) -> list[str]:
         """Coordinates that enter nothing, so that a motion goes on alike wherever they are."""
-        reader = self.reader
-        enters = reader.acts(reader.relative_rates[self.places], reader.y[self.places])
+        symbols = self.symbols
+        enters = symbols.acts(symbols.relative_rates[self.state_indices], symbols.state[self.state_indices])
         return [name for i, name in enumerate(self.names) if not enters[:, i].any() and name in self.free]
 
     def _coupled(self) -> list[int]:
-        """Places of the states that what moves acts on, and of those on which they depend."""
-        reader = self.reader
-        acts = reader.acts(reader.relative_rates, ca.vertcat(reader.y, reader.s, reader.v))
-        n = len(reader.x_names)
-        among, found = acts[:, :n], acts[:, n:].any(axis=1)
+        """Indices of the states on which moves act, and of those on which these depend."""
+        symbols = self.symbols
+        acts = symbols.acts(symbols.relative_rates, ca.vertcat(symbols.state, *symbols.motion[:2]))
+        n = len(symbols.state_names)
+        among, coupled = acts[:, :n], acts[:, n:].any(axis=1)
         for _ in range(n):
-            found = found | among[:, found].any(axis=1)
+            coupled = coupled | among[:, coupled].any(axis=1)
         for _ in range(n):
-            found = found | among[found].any(axis=0)
-        return [int(i) for i in np.flatnonzero(found)]
+            coupled = coupled | among[coupled].any(axis=0)
+        return [int(i) for i in np.flatnonzero(coupled)]
 
     @cached_property
     def _slopes(self) -> ca.Function:
@@ -211,22 +207,29 @@ class Sampled:
         Where there are constraints, those of the state that is put back onto them: off the constraints rates depend on
         how fast these are kept [1/s], which is a matter of integration and would be a stiffness where motions are slow.
         """
-        reader = self.reader
-        others = [i for i in range(len(reader.x_names)) if i not in self.places]
-        rates = ca.substitute(reader.rates[self.places], reader.y[others], ca.DM(self.start[others]))
-        y, s, v, a = symbols = [reader.y[self.places], reader.s, reader.v, reader.a]
-        slopes = [ca.jacobian(rates, symbol) for symbol in symbols]
-        found = ca.Function("slopes", [y, s, v, a], [ca.densify(ca.horzcat(rates, *slopes))], {"cse": True})
+        state, sigma = self.symbols.state, self.symbols.motion
+        constant = [i for i in range(self.start.size) if i not in self.state_indices]
+        rates = self.symbols.rates[self.state_indices]
+        rates = ca.substitute(rates, state[constant], ca.DM(self.start[constant]))
+        arguments = [state[self.state_indices], *sigma]
+        columns = [rates, *(ca.jacobian(rates, symbol) for symbol in arguments)]
+        slopes = ca.Function("slopes", arguments, [ca.densify(ca.horzcat(*columns))], {"cse": True})
         if not self.is_constrained:
-            return found
-        n, c = y.shape[0], s.shape[0]
-        columns = y, s, v, a = [ca.MX.sym("y", n), *(ca.MX.sym(name, c) for name in ("s", "v", "a"))]
+            return slopes
+        n, c = len(self.names), len(self.moves)
+        y, *sigma = arguments = [ca.MX.sym("y", n), *(ca.MX.sym(name, c) for name in ("s", "v", "a"))]
         whole = ca.MX(ca.DM(self.start))
-        whole[self.places] = y
-        put_back, *onto = ca.horzsplit(self._projection(whole, s, v, a), [0, 1, 1 + n, 1 + n + c, 1 + n + 2 * c])
-        rates, of_y, *of_sigma = ca.horzsplit(found(put_back, s, v, a), [0, 1, *range(1 + n, 2 + n + 3 * c, c)])
-        led = [of_y @ by + of for by, of in zip(onto, [ca.MX(n, n), *of_sigma[:2]], strict=True)]
-        return ca.Function("slopes", columns, [ca.horzcat(rates, *led, of_sigma[2])])
+        whole[self.state_indices] = y
+        projected, *onto = ca.horzsplit(self._projection(whole, *sigma), self._columns[:-1])
+        rates, of_y, *of_sigma = ca.horzsplit(slopes(projected, *sigma), self._columns)
+        of_projected = [of_y @ by + of for by, of in zip(onto, [ca.MX(n, n), *of_sigma[:2]], strict=True)]
+        return ca.Function("slopes", arguments, [ca.horzcat(rates, *of_projected, of_sigma[2])])
+
+    @property
+    def _columns(self) -> list[int]:
+        """First columns, and the end, of rates and their derivatives with respect to state, σ, σ̇, σ̈."""
+        n, c = len(self.names), len(self.moves)
+        return [0, 1, *range(1 + n, 2 + n + 3 * c, c)]
 
     def rates(self, y: Array, sigma: Array) -> Array:
         """Of the mechanism's states, σ and its two rates being (moves, 3)."""
@@ -244,26 +247,26 @@ class Sampled:
         :returns: the states (states, N + 1), and matrices of the N steps, both sides divided by sizes; what chooses are
             accelerations w, one a move.
         """
-        y, found, steps = self.start[self.places] if start is None else start, [], []
+        y, states, steps = self.start[self.state_indices] if start is None else start, [], []
         for k, H in enumerate(np.diff(times)):
-            found.append(y)
+            states.append(y)
             y, step = self._step(y, planned[:, :, k : k + 2], float(H), period)
             steps.append(step)
-        reference = np.vstack([np.transpose([*found, y]), *(planned[:, i] for i in range(3))])
+        reference = np.vstack([np.transpose([*states, y]), *(planned[:, i] for i in range(3))])
         return reference[self.rows], steps
 
     @cached_property
     def _substep(self) -> ca.Function:
         """A step by Runge and Kutta's method: the states, and how they change with those at its begin."""
         n, c = len(self.names), len(self.moves)
-        z, u, way = ca.MX.sym("z", n, 1 + n + 6 * c), ca.MX.sym("u"), ca.MX.sym("way", 6, c)
+        z, u, motion = ca.MX.sym("z", n, 1 + n + 6 * c), ca.MX.sym("u"), ca.MX.sym("way", 6, c)
         ends, H = ca.MX.sym("ends", 6, 6), ca.MX.sym("H")
 
         def rates(u: ca.MX, z: ca.MX) -> ca.MX:
             orders = ((p, [p * u ** max(p - 1, 0) / H, p * (p - 1) * u ** max(p - 2, 0) / H**2]) for p in range(6))
             bases = ca.horzcat(*(ca.vertcat(u**p, *rates) for p, rates in orders))  # (orders, powers)
-            slopes = self._slopes(z[:, 0], *ca.vertsplit(bases @ way))
-            of_time, of_y, *of_sigma = ca.horzsplit(slopes, [0, 1, *range(1 + n, 2 + n + 3 * c, c)])
+            slopes = self._slopes(z[:, 0], *ca.vertsplit(bases @ motion))
+            of_time, of_y, *of_sigma = ca.horzsplit(slopes, self._columns)
             forced = (
                 sum((x * of for x, of in zip(ca.vertsplit(basis), of_sigma, strict=True)), ca.MX(n, c))
                 for basis in ca.horzsplit(bases @ ends)
@@ -274,7 +277,7 @@ class Sampled:
         for part in (h / 2, h / 2, h):
             k.append(rates(u + part, z + part * k[-1]))
         after = z + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
-        return ca.Function("substep", [z, u, way, ends, H], [after]).mapaccum(_PARTS)
+        return ca.Function("substep", [z, u, motion, ends, H], [after]).mapaccum(_PARTS)
 
     def _step(self, y: Array, planned: Array, H: float, period: float) -> tuple[Array, Step]:
         n, c = len(self.names), len(self.moves)
@@ -282,18 +285,17 @@ class Sampled:
         ends = _UNIT * np.tile(scale, 2)
         if not self.interpolate:
             ends = np.hstack([np.diag([1.0, 1.0, 0.5, 0, 0, 0])[:, :3] * scale, np.zeros((6, 3))])
-        way = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
+        motion = ends @ np.vstack([*planned.transpose(2, 1, 0)])  # (powers, moves)
         begin = np.hstack([y[:, None], np.eye(n), np.zeros((n, 6 * c))])
         parts = np.arange(_PARTS)[None] / _PARTS
-        found = np.array(
-            self._substep(begin, parts, *(np.tile(x, _PARTS) for x in (way, ends)), np.full((1, _PARTS), H))
-        )
-        y, off = np.hsplit(found[:, -begin.shape[1] :], [1])
+        repeated = (np.tile(x, _PARTS) for x in (motion, ends, [[H]]))
+        last = np.array(self._substep(begin, parts, *repeated))[:, -begin.shape[1] :]
+        y, off = np.hsplit(last, [1])
         M, N = _followed(H, period, c)
         before, after = off[:, n : n + 3 * c], off[:, n + 3 * c :]
         A = np.block([[off[:, :n], before + after @ M], [np.zeros((3 * c, n)), M]])
         A, B = A[np.ix_(self.rows, self.rows)], np.vstack([after @ N, N])[self.rows]
-        return y.ravel(), (A * self.sizes / self.sizes[:, None], B * self.of_pushes / self.sizes[:, None])
+        return y.ravel(), (A * self.sizes / self.sizes[:, None], B * self.input_sizes / self.sizes[:, None])
 
     def directions(self, reference: Array, sigma: Array) -> Array:
         """Columns along which the states can differ from (states,): of a quaternion only turns, and along constraints.
@@ -305,10 +307,10 @@ class Sampled:
         if self.is_constrained:
             return self._tangents(reference[: len(self.names)], sigma)
         D = np.eye(len(self.states))
-        for axes in self.turns.values():
-            i, *_ = places = [self.states.index(axis) for axis in axes]
-            w, x, y, z = reference[places]
-            D[np.ix_(places, places[1:])] = np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
+        for axes in self.quaternions.values():
+            i, *_ = indices = [self.states.index(axis) for axis in axes]
+            w, x, y, z = reference[indices]
+            D[np.ix_(indices, indices[1:])] = np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) / 2
             D = np.delete(D, i, axis=1)
         return D
 
@@ -328,22 +330,18 @@ class Sampled:
     @cached_property
     def _projection(self) -> ca.Function:
         """(y, σ, σ̇, σ̈) -> what is put back onto the constraints, and its derivatives by y, σ and σ̇, side by side."""
-        reader, project = self.reader, self.reader.model.project
+        symbols, project = self.symbols, self.symbols.model.project
         assert project is not None  # there are constraints
-        u = dict(reader.u)
-        for i, m in enumerate(self.moves):
-            u |= {m: reader.s[i], f"{m}_dot": reader.v[i], f"{m}_ddot": reader.a[i]}
-        columns = (ca.vertcat(ca.SX(0, 1), *of.values()) for of in (u, reader.k))
-        put_back = project(0, ca.vertcat(reader.y, 0, 0), *columns)[self.places]
-        slopes = [ca.jacobian(put_back, x) for x in (reader.y[self.places], reader.s, reader.v)]
-        columns = [reader.y, reader.s, reader.v, reader.a]
-        return ca.Function("projection", columns, [ca.densify(ca.horzcat(put_back, *slopes))])
+        columns = column({**symbols.inputs, **symbols.moved}), column(symbols.parameters)
+        projected = project(0, ca.vertcat(symbols.state, 0, 0), *columns)[self.state_indices]
+        slopes = [ca.jacobian(projected, x) for x in (symbols.state[self.state_indices], *symbols.motion[:2])]
+        return ca.Function("projection", symbols.arguments, [ca.densify(ca.horzcat(projected, *slopes))])
 
     def whole(self, y: Array) -> Array:
         """All states of the mechanism, those that are left out as at the start."""
-        found = self.start.copy()
-        found[self.places] = y
-        return found
+        states = self.start.copy()
+        states[self.state_indices] = y
+        return states
 
     def rates_off(self, reference: Array, sigma: Array, directions: Array) -> Array:
         """How the rates of the mechanism's states differ along directions, (names, directions)."""
@@ -353,12 +351,12 @@ class Sampled:
 
     def forces(self, y: Array, sigma: Array) -> tuple[Array, Array]:
         """Forces of what moves, and their effective mass."""
-        reader = self.reader
-        forces = ca.vertcat(*(reader.signals[f"{m}_force"] for m in self.moves))
-        found: Any = ca.Function(
-            "forces", [reader.y, reader.s, reader.v, reader.a], [forces, ca.jacobian(forces, reader.a)]
-        )
-        return tuple(np.array(value) for value in found(self.whole(y), *sigma.T))  # type: ignore[return-value]
+        outputs: Any = self._forces(self.whole(y), *sigma.T)
+        return np.array(outputs[0]), np.array(outputs[1])
+
+    @cached_property
+    def _forces(self) -> ca.Function:
+        return ca.Function("forces", self.symbols.arguments, [self.symbols.forces, self.symbols.mass])
 
 
 def _followed(H: float, period: float, count: int) -> Step:

@@ -45,6 +45,3 @@ class Scales:
     time: float
     energy: float
     cost: float
-    path: Array
-    start: Array
-    end: Array

@@ -15,12 +15,13 @@ from itertools import groupby, islice, pairwise
 import casadi as ca
 import numpy as np
 
-from liaisons.operators.problems import PlanError, Problem
+from liaisons.errors import PlanError
+from liaisons.operators.goals import Array
+from liaisons.operators.problems import Problem
 from liaisons.operators.transcription import (
     DEGREE,
     POINTS,
     Arc,
-    Array,
     Clock,
     CollocatedTrajectory,
     Solution,
@@ -427,7 +428,7 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
     """Why there is no plan: the nearest end that was reached, and the bounds that are in the way."""
     if not failures and not astray:
         return f"{problem.name}: no motion was found in time; raise time_limit"
-    end, X, path = problem.end, problem.scales.end, problem.path
+    end, X, path = problem.end, problem.end.sizes, problem.path
     if not failures:
         nearest = astray[0]
         reached = np.array(end.function(_led(problem, nearest, through=True)[:, -1])).ravel()
@@ -451,7 +452,7 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
         )
     ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
     active = [
-        f"{name} = {bound * problem.scales.path[i]:g}"
+        f"{name} = {bound * path.sizes[i]:g}"
         for i, name, bound in ends
         if np.isfinite(bound) and np.any(np.abs(nearest.path[i] - bound) <= _NEAR * max(1.0, abs(bound)))
     ]

@@ -17,17 +17,16 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import null_space
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
+from liaisons.operators.goals import Array
 from liaisons.operators.problems import Problem, Rows
 
 DEGREE = 5
 """Collocation points in an interval: of order 10 at its ends."""
 
-Array = NDArray[np.float64]
 _ACTIVE = 1e-7
 """So near to its bound, in units of its size, a row is active where IPOPT has come to its end."""
 _GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -81,6 +80,10 @@ class CollocatedTrajectory:
         """Of the collocation points [s], (m · DEGREE,)."""
         breaks = self.breaks
         return (breaks[:-1, None] + np.diff(breaks)[:, None] * POINTS).ravel()
+
+    def evaluate(self, function: ca.Function) -> Array:
+        """Values (rows, m · DEGREE) of a function of states and controls at the collocation points."""
+        return np.array(function.map(self.inner.shape[1])(self.inner, self.controls))
 
     def _pairs(self) -> list[tuple[Arc, float]]:
         return [(arc, float(T)) for arc, T in zip(self.arcs, self.durations, strict=True)]
@@ -184,7 +187,9 @@ def relative(problem: Problem, solution: Solution) -> Solution:
 def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> Solution:
     """Multiplied by powers of the scales; rows are held at the bounds that the other problem has."""
     scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
-    X, U, rows, ends = (size[:, None] ** power for size in (scales.states, scales.controls, scales.path, scales.end))
+    X, U, rows, ends = (
+        size[:, None] ** power for size in (scales.states, scales.controls, path.sizes, problem.end.sizes)
+    )
     time, cost = scales.time**power, scales.cost**power
 
     def held(i: int, bound: float) -> tuple[int, float]:

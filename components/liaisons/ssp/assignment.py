@@ -27,23 +27,25 @@ def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
 
     :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
     """
-    known = units(parameter_set, "ssv:Units")
+    defined = units(parameter_set, "ssv:Units")
     return [
-        (name, (_values(name, element), known.get(element.get("unit", ""))))
+        (name, (_values(name, element), defined.get(element.get("unit", ""))))
         for parameter in parameter_set.iterfind(path("ssv:Parameters", "ssv:Parameter"))
         for name in [parameter.get("name", "")]
         for element in [child for child in parameter if child.tag != tag("ssc:Dimension")][:1]
     ]
 
 
-def mapped(found: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str) -> Iterator[tuple[str, Quantity]]:
+def mapped(
+    listed: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str
+) -> Iterator[tuple[str, Quantity]]:
     """The parameters under the names of their targets; all of them under their own where there is no mapping."""
-    known = {f"{prefix}{name}": quantity for name, quantity in found}
+    quantities = {f"{prefix}{name}": quantity for name, quantity in listed}
     if not entries:
-        yield from known.items()
+        yield from quantities.items()
     for entry in entries:
-        if entry.get("source", "") in known:
-            values, unit = known[entry.get("source", "")]
+        if entry.get("source", "") in quantities:
+            values, unit = quantities[entry.get("source", "")]
             target = entry.get("target", "")
             suppressed = entry.get("suppressUnitConversion") in {"true", "1"}
             yield target, (tuple(_transformed(target, value, entry) for value in values), None if suppressed else unit)
@@ -121,9 +123,9 @@ _MAPPINGS: Mapping[str, Callable[[str], Number]] = {
 }
 
 
-def _converted(label: str, value: Number, given: UnitDefinition | None, wanted: UnitDefinition | None) -> Number:
-    if isinstance(value, str) or given is None or wanted is None:
+def _converted(label: str, value: Number, unit: UnitDefinition | None, target: UnitDefinition | None) -> Number:
+    if isinstance(value, str) or unit is None or target is None:
         return value
-    if given.exponents != wanted.exponents:
+    if unit.exponents != target.exponents:
         raise SimulationError(f"{label} = {value!r}: the unit of the parameter is of another kind than the variable's")
-    return value if (conversion := given.to(wanted)) == SAME else conversion.of(value)
+    return value if (conversion := unit.to(target)) == SAME else conversion.of(value)

@@ -42,8 +42,8 @@ def inner(
     names = [end.name for end in ends if end.part.name == part.name] + [
         name for owner, name in shown if owner == part.name
     ]
-    found = (connector(part, name)[0] for name in names)
-    return {entry.like.name: entry for entry in found}
+    entries = (connector(part, name)[0] for name in names)
+    return {entry.like.name: entry for entry in entries}
 
 
 def outer(parts: Iterable[SystemComponent], connections: Collection[Connection]) -> dict[VariableReference, Entry]:
@@ -90,13 +90,13 @@ def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form:
 
 def units_of(parts: Iterable[SystemComponent]) -> dict[str, UnitDefinition]:
     """The units that components define; one that two of them define differently is left out."""
-    found: dict[str, UnitDefinition] = {}
-    torn: set[str] = set()
+    definitions: dict[str, UnitDefinition] = {}
+    contradictory: set[str] = set()
     for part in parts:
         for name, unit in part.fmu.units.items():
-            if found.setdefault(name, unit) != unit:
-                torn.add(name)
-    return {name: unit for name, unit in found.items() if name not in torn}
+            if definitions.setdefault(name, unit) != unit:
+                contradictory.add(name)
+    return {name: unit for name, unit in definitions.items() if name not in contradictory}
 
 
 def add_units(parent: Element, name: str, units: Units) -> None:

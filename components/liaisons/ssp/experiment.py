@@ -63,8 +63,8 @@ def add_master(system: Element, experiment: DefaultExperiment) -> None:
 def add_experiment(root: Element, experiment: DefaultExperiment) -> None:
     """Add the default experiment, with the step size for libcosim."""
     times = {"startTime": experiment.start_time, "stopTime": experiment.stop_time}
-    given = {name: repr(float(value)) for name, value in times.items() if value is not None}
-    element = SubElement(root, tag("ssd:DefaultExperiment"), given)
+    attributes = {name: repr(float(value)) for name, value in times.items() if value is not None}
+    element = SubElement(root, tag("ssd:DefaultExperiment"), attributes)
     if experiment.step_size is not None:
         algorithm = SubElement(_annotation(element, "com.opensimulationplatform"), tag("osp:Algorithm"))
         SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(experiment.step_size))
@@ -80,8 +80,8 @@ def read_experiment(root: Element) -> DefaultExperiment:
     steps = [
         step
         for name, attribute in (("osp:FixedStepAlgorithm", "baseStepSize"), ("oms:FixedStepMaster", "stepSize"))
-        for found in root.iter(tag(name))
-        if (step := found.get(attribute)) is not None
+        for algorithm in root.iter(tag(name))
+        if (step := algorithm.get(attribute)) is not None
     ]
     start = 0.0 if element is None else float(element.get("startTime", 0.0))
     span = usable(start, None if stop is None else float(stop), float(steps[0]) if steps else None)

@@ -22,10 +22,10 @@ def start(part: SystemComponent, name: str) -> Value:
     if name in part.starts:
         return part.starts[name]
     base, index = split(name)
-    whole, place = part.starts[base], offset(index or (), part.fmu.arrays[base])
+    whole, position = part.starts[base], offset(index or (), part.fmu.arrays[base])
     assert isinstance(whole, tuple)
-    assert place is not None
-    return whole[place]
+    assert position is not None
+    return whole[position]
 
 
 def scalars(part: SystemComponent) -> list[str]:

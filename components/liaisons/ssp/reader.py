@@ -109,7 +109,7 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
         raise SimulationError(f"{STRUCTURE} has a number that is none: {error}") from None
     fmus = _unpacked(archive, structure, directory)
     starts = _starts(archive, structure, fmus)
-    owners = {_name(place): place for place in fmus}
+    owners = {_name(path_): path_ for path_ in fmus}
     for name, value in further.items():
         owner, _, variable = name.partition(".")
         if owner not in owners:
@@ -119,7 +119,7 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
         starts[owners[owner]].pop(variable, None)
         starts[owners[owner]][variable] = value
     system = make(structure.name)
-    parts = {place: system.add(_name(place), fmu.path, start_values=starts[place]) for place, fmu in fmus.items()}
+    parts = {path_: system.add(_name(path_), fmu.path, start_values=starts[path_]) for path_, fmu in fmus.items()}
     system.join(_connections(structure, parts))
     system.experiment = experiment
     return system
@@ -132,9 +132,9 @@ def _name(place: VariableReference) -> str:
 def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[VariableReference, Fmu]:
     fmus: dict[str, Fmu] = {}
     size = archive.size
-    for place, source in structure.sources.items():
+    for component, source in structure.sources.items():
         if source not in fmus:
-            name = _name_of(archive, source, f"the FMU of component {'.'.join(place)}")
+            name = _name_of(archive, source, f"the FMU of component {'.'.join(component)}")
             path = directory / str(len(fmus)) / PurePosixPath(name).name
             archive.copy(name, path)
             try:
@@ -144,23 +144,23 @@ def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[V
             size += fmus[source].unpacked
             if size > unpacked_limit():
                 raise too_big(f"{archive.path} with its FMUs", size)
-    return {place: fmus[source] for place, source in structure.sources.items()}
+    return {component: fmus[source] for component, source in structure.sources.items()}
 
 
 def _starts(
     archive: Archive, structure: Structure, fmus: dict[VariableReference, Fmu]
 ) -> dict[VariableReference, dict[str, Any]]:
-    starts: dict[VariableReference, dict[str, Any]] = {place: {} for place in fmus}
+    starts: dict[VariableReference, dict[str, Any]] = {component: {} for component in fmus}
     for element, binding in structure.bindings:
         for name, quantity in _bound(archive, element, binding):
             meant = structure.meant(element, name)
             if not meant:
                 logger.warning("%s: parameter %s fits nothing and is ignored", archive.path, name)
-            for place, variable in meant:
-                fmu = fmus[place]
+            for component, variable in meant:
+                fmu = fmus[component]
                 if variable in fmu.arrays or variable in fmu.variables:
-                    starts[place].pop(variable, None)  # what is named later counts
-                    starts[place][variable] = fitted(_name(place), fmu, variable, quantity)
+                    starts[component].pop(variable, None)  # what is named later counts
+                    starts[component][variable] = fitted(_name(component), fmu, variable, quantity)
                 else:
                     logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
     return starts
@@ -191,17 +191,17 @@ def _bound(archive: Archive, element: VariableReference, binding: Element) -> It
 
 def _connections(structure: Structure, parts: dict[VariableReference, SystemComponent]) -> list[Connection]:
     """The scalar connections."""
-    found: list[Connection] = []
-    for way in structure.connections():
-        start, end = way[0].start, way[-1].end
+    joined: list[Connection] = []
+    for chain in structure.connections():
+        start, end = chain[0].start, chain[-1].end
         try:
             pairs = _matched(start, _ends(start, parts), end, _ends(end, parts))
-            found += [connect_scalars(*pair, structure.conversion(way, *map(_unit, pair))) for pair in pairs]
+            joined += [connect_scalars(*pair, structure.conversion(chain, *map(_unit, pair))) for pair in pairs]
         except ConnectError as error:
             if str(start) in str(error) and str(end) in str(error):
                 raise
             raise ConnectError(f"{error}; that is the connection from {start} to {end}") from error
-    return found
+    return joined
 
 
 def _unit(port: Port) -> UnitDefinition | None:

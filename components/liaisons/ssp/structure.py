@@ -75,13 +75,13 @@ class Structure:
             into.setdefault((edge.end.element, edge.end.connector), []).append(edge)
         for edge in self.edges:
             if edge.end.element in self.sources:
-                way = self._way(edge, into)
-                if way is not None:
-                    yield way
+                chain = self._way(edge, into)
+                if chain is not None:
+                    yield chain
 
     def _way(self, last: Edge, into: dict[tuple[Path, str], list[Edge]]) -> list[Edge] | None:
         """From the output of a component to the end of an edge; None if nothing is connected with its start."""
-        way, node = [last], last.start
+        chain, node = [last], last.start
         seen = {node}
         while node.element not in self.sources:
             edges = [e for e in into.get((node.element, node.connector), ()) if e.end.indices in {(), node.indices}]
@@ -98,47 +98,47 @@ class Structure:
                 raise SimulationError(f"the connections to {node} lead through more than {_LONGEST_WAY} connectors")
             node = edge.start
             seen.add(node)
-            way.append(edge)
-        return way[::-1]
+            chain.append(edge)
+        return chain[::-1]
 
-    def conversion(self, way: list[Edge], unit: UnitDefinition | None, last: UnitDefinition | None) -> Conversion:
+    def conversion(self, chain: list[Edge], unit: UnitDefinition | None, last: UnitDefinition | None) -> Conversion:
         """From the output at the begin of a way to the input at its end.
 
         :param unit: of the output; ``last`` of the input; None if it is not defined.
         :raises ConnectError: if units on the way are of different kinds.
         """
-        found = SAME
-        for edge in way:
-            there = last if edge is way[-1] else self.shown.get((edge.end.element, edge.end.connector))
-            if not edge.as_is and unit is not None and there is not None:
-                if unit.exponents != there.exponents:
+        total = SAME
+        for edge in chain:
+            next_unit = last if edge is chain[-1] else self.shown.get((edge.end.element, edge.end.connector))
+            if not edge.as_is and unit is not None and next_unit is not None:
+                if unit.exponents != next_unit.exponents:
                     raise ConnectError(f"{edge} joins units of different kinds")
-                found = found.then(unit.to(there))
-            found = found.then(edge.conversion)
-            unit = unit if there is None and not edge.as_is and edge.conversion == SAME else there
-        return found
+                total = total.then(unit.to(next_unit))
+            total = total.then(edge.conversion)
+            unit = unit if next_unit is None and not edge.as_is and edge.conversion == SAME else next_unit
+        return total
 
     def meant(self, system: Path, name: str) -> list[tuple[Path, str]]:
         """Components and variables that a parameter of an element stands for; none if it fits nothing."""
-        found: dict[tuple[Path, str], None] = {}
+        variables: dict[tuple[Path, str], None] = {}
         seen: set[tuple[Path, str]] = set()
         waiting = [(system, name)]
         while waiting:
-            place = waiting.pop()
-            if place in seen:
+            connector = waiting.pop()
+            if connector in seen:
                 continue
-            seen.add(place)
-            if place[0] in self.sources:
-                found[place] = None
-            elif place in self.shown:
-                edges = self._shows[place]
+            seen.add(connector)
+            if connector[0] in self.sources:
+                variables[connector] = None
+            elif connector in self.shown:
+                edges = self._shows[connector]
                 if converting := [edge for edge in edges if edge.conversion != SAME]:
                     end = converting[0].end
                     raise SimulationError(f"{converting[0]} converts a parameter, which is not done here: give {end}")
                 waiting += [(edge.end.element, edge.end.connector) for edge in reversed(edges)]
             else:
-                waiting += self._inside(*place)
-        return list(found)
+                waiting += self._inside(*connector)
+        return list(variables)
 
     def _inside(self, system: Path, name: str) -> list[tuple[Path, str]]:
         """The element of a system that a name with a dot begins with, and the rest of the name."""
@@ -152,15 +152,15 @@ class Structure:
     @cached_property
     def _shows(self) -> Mapping[tuple[Path, str], list[Edge]]:
         """What the connectors of systems are connected with."""
-        found: dict[tuple[Path, str], list[Edge]] = {place: [] for place in self.shown}
+        edges_from: dict[tuple[Path, str], list[Edge]] = {connector: [] for connector in self.shown}
         for edge in self.edges:
-            found.get((edge.start.element, edge.start.connector), []).append(edge)
-        return found
+            edges_from.get((edge.start.element, edge.start.connector), []).append(edge)
+        return edges_from
 
     @cached_property
     def _parents(self) -> set[Path]:
         """The components, and the systems around them."""
-        return {place[:depth] for place in self.sources for depth in range(1, len(place) + 1)}
+        return {component[:depth] for component in self.sources for depth in range(1, len(component) + 1)}
 
 
 def read_structure(root: Element) -> Structure:
@@ -190,19 +190,21 @@ class _Reader:
     units: Mapping[str, UnitDefinition]
     kinds: dict[tuple[Path, str], str] = field(default_factory=dict)
 
-    def read(self, system: Element, here: Path, dictionaries: dict[str, Path]) -> None:
+    def read(self, system: Element, parent: Path, dictionaries: dict[str, Path]) -> None:
         """A system and those in it."""
         structure = self.structure
-        structure.bindings.extend((here, binding) for binding in _bindings(system))
-        structure.shown.update({(here, name): self.units.get(unit) for name, unit in self._connectors(system, here)})
-        own = {d.get("name", ""): (*here, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
+        structure.bindings.extend((parent, binding) for binding in _bindings(system))
+        structure.shown.update(
+            {(parent, name): self.units.get(unit) for name, unit in self._connectors(system, parent)}
+        )
+        own = {d.get("name", ""): (*parent, f"[{d.get('name')}]") for d in system.iterfind(_DICTIONARIES)}
         dictionaries = dictionaries | own
         inside: dict[str, Path] = {}
         for element in system.iterfind(path("ssd:Elements") + "/*"):
             name = _required(element, "name")
             if name in inside:
                 raise SimulationError(f"two elements are called {'.'.join(inside[name])}; a name stands for one")
-            inside[name] = (*here, name)
+            inside[name] = (*parent, name)
             if element.tag == tag("ssd:Component"):
                 structure.sources[inside[name]] = _source(element, inside[name])
                 if len(structure.sources) > _MOST_COMPONENTS:
@@ -212,25 +214,25 @@ class _Reader:
             elif element.tag == tag("ssd:System"):
                 self.read(element, inside[name], dictionaries)
             elif element.tag == tag("ssd:SignalDictionaryReference"):  # all references of a dictionary are one element
-                wanted = element.get("dictionary", "")
-                if wanted not in dictionaries:
-                    raise SimulationError(f"{name} refers to a signal dictionary {wanted!r}, which is not there")
-                inside[name] = dictionaries[wanted]
+                dictionary = element.get("dictionary", "")
+                if dictionary not in dictionaries:
+                    raise SimulationError(f"{name} refers to a signal dictionary {dictionary!r}, which is not there")
+                inside[name] = dictionaries[dictionary]
         for connection in system.iterfind(path("ssd:Connections", "ssd:Connection")):
-            structure.edges.append(self._edge(connection, here, inside))
+            structure.edges.append(self._edge(connection, parent, inside))
 
-    def _connectors(self, element: Element, here: Path) -> list[tuple[str, str]]:
+    def _connectors(self, element: Element, element_path: Path) -> list[tuple[str, str]]:
         """Names and units of connectors, whose kinds are noted."""
-        found = []
+        units_by_name = []
         for connector in element.iterfind(path("ssd:Connectors", "ssd:Connector")):
             name = _required(connector, "name")
-            self.kinds[here, name] = connector.get("kind", "")
-            found.append((name, next((unit for child in connector if (unit := child.get("unit"))), "")))
-        return found
+            self.kinds[element_path, name] = connector.get("kind", "")
+            units_by_name.append((name, next((unit for child in connector if (unit := child.get("unit"))), "")))
+        return units_by_name
 
-    def _edge(self, connection: Element, here: Path, inside: dict[str, Path]) -> Edge:
-        start, end = (_end(connection, role, here, inside) for role in ("start", "end"))
-        if (self._gives(start, here), self._gives(end, here)) in {(False, True), (False, None), (None, True)}:
+    def _edge(self, connection: Element, parent: Path, inside: dict[str, Path]) -> Edge:
+        start, end = (_end(connection, role, parent, inside) for role in ("start", "end"))
+        if (self._gives(start, parent), self._gives(end, parent)) in {(False, True), (False, None), (None, True)}:
             start, end = end, start  # either end may be called the start
         conversion = SAME
         for child in connection:
@@ -243,12 +245,12 @@ class _Reader:
             raise SimulationError(f"{Edge(start, end)} has a factor or an offset that is no finite number")
         return Edge(start, end, conversion, connection.get("suppressUnitConversion") in {"true", "1"})
 
-    def _gives(self, pin: Pin, here: Path) -> bool | None:
+    def _gives(self, pin: Pin, parent: Path) -> bool | None:
         """Whether values come out of a connector, seen from inside the system; None if nothing says so."""
         kind = self.kinds.get((pin.element, pin.connector))
         if kind not in {*_INWARDS, *_OUTWARDS}:
             return None
-        return (kind in _INWARDS) == (pin.element == here)
+        return (kind in _INWARDS) == (pin.element == parent)
 
 
 _INWARDS = ("input", "parameter", "structuralParameter")
@@ -256,22 +258,24 @@ _OUTWARDS = ("output", "calculatedParameter")
 _DICTIONARIES = path("ssd:SignalDictionaries", "ssd:SignalDictionary")
 
 
-def _source(part: Element, here: Path) -> str:
-    name, kind, source = ".".join(here), part.get("type", _FMU), part.get("source")
+def _source(part: Element, component: Path) -> str:
+    name, kind, source = ".".join(component), part.get("type", _FMU), part.get("source")
     if kind != _FMU:
         raise SimulationError(f"component {name} is of type {kind!r}; only FMUs ({_FMU}) can be simulated")
-    if (wanted := part.get("implementation", "any")) not in _IMPLEMENTATIONS:
-        raise SimulationError(f"component {name} asks for {wanted}; what is there is {', '.join(_IMPLEMENTATIONS)}")
+    if (implementation := part.get("implementation", "any")) not in _IMPLEMENTATIONS:
+        raise SimulationError(
+            f"component {name} asks for {implementation}; what is there is {', '.join(_IMPLEMENTATIONS)}"
+        )
     if not source:
         raise SimulationError(f"component {name} has no source: a sketch without an FMU cannot be simulated")
     return source
 
 
-def _end(connection: Element, role: str, here: Path, inside: dict[str, Path]) -> Pin:
+def _end(connection: Element, role: str, parent: Path, inside: dict[str, Path]) -> Pin:
     element, connector = connection.get(f"{role}Element"), _required(connection, f"{role}Connector")
     index = tuple(map(int, connection.get(f"{role}Indices", "").split()))
     if not element:  # some tools write an empty name for the system itself
-        return Pin(here, connector, index)
+        return Pin(parent, connector, index)
     if element not in inside:
         ends = (".".join(filter(None, map(connection.get, (f"{r}Element", f"{r}Connector")))) for r in ("start", "end"))
         words = suggestion(element, inside) or f"; there are {', '.join(inside) or 'none'}"

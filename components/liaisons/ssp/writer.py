@@ -126,7 +126,7 @@ def _moved(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str,
 
 def _without_interpolation(part: SystemComponent) -> SystemComponent:
     """The same, extrapolating its inputs: other masters let all FMUs step at once, so that no input comes in time."""
-    if not part.interpolates:
+    if not part.approximation.interpolates:
         return part
     return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
 
@@ -137,7 +137,7 @@ def _add_portable(
     elements = SubElement(system, tag("ssd:Elements"))
     # All outputs, since some importers record connectors only; no free inputs, since these would set them to 0.
     shown = [
-        p for p, found in outer(parts, connections).items() if found.like.causality == "output" and not found.shape
+        p for p, entry in outer(parts, connections).items() if entry.like.causality == "output" and not entry.shape
     ]
     for part in parts:
         zeros = _fed_from_zero(part, connections) and ignores_zeros(part)
@@ -188,8 +188,8 @@ def _add_connections(
     for connection in connections:
         attributes: dict[str, str] = {}
         for role, end in (("start", connection.source), ("end", connection.target)):
-            found, index = connector(end.part, end.name)
-            attributes |= {f"{role}Element": end.part.name, f"{role}Connector": found.like.name}
+            entry, index = connector(end.part, end.name)
+            attributes |= {f"{role}Element": end.part.name, f"{role}Connector": entry.like.name}
             if index:
                 attributes[f"{role}Indices"] = " ".join(map(str, index))
         if connection.conversion == SAME:
@@ -198,9 +198,9 @@ def _add_connections(
             element = SubElement(group, tag("ssd:Connection"), {**attributes, "suppressUnitConversion": "true"})
             numbers = {name: repr(number) for name, number in connection.conversion._asdict().items()}
             SubElement(element, tag("ssc:LinearTransformation"), numbers)
-    for (part, variable), found in shown.items():
+    for (part, variable), entry in shown.items():
         inside = {"startElement": part, "startConnector": variable}
-        if found.like.causality == "output":
+        if entry.like.causality == "output":
             attributes = inside | {"endConnector": f"{part}_{variable}"}
         else:
             attributes = {"startConnector": f"{part}_{variable}", "endElement": part, "endConnector": variable}

@@ -1,13 +1,14 @@
-/* A coupled step: what coupling/ does in Python, operation by operation, so that it is rounded alike.
+/* Coupled communication steps, prepared by the Python modules in coupling/.
 
-   Signals are values, their slopes behind them, and a zero.  Buffers are the caller's; so is what fails: see Failure. */
+   The signals are n values, n slopes (their derivatives by time) and a zero.  The caller owns all buffers, and raises
+   the errors: see Failure. */
 #include <math.h>
 
 #include "calls.h"
 
 enum { MOST_ITERATIONS = 100, SLOW = 3, SECANTS = 3, POWERS = 8, POINTS = 3 };
-enum { AS_SET, POLYNOMIAL, ASKED, MEAN }; /* how inputs move */
-enum { RAISED = -1, DIVERGED = -2 };      /* what is no status of FMI */
+enum { AS_SET, POLYNOMIAL, ASKED, MEAN }; /* input reconstruction */
+enum { RAISED = -1, DIVERGED = -2 };      /* results that are no status of FMI */
 
 static const double NOISE = 1e4, DEPENDENT = 1e-12, SMALLEST = 1e-3;
 
@@ -16,10 +17,10 @@ typedef struct { /* see elimination.py */
     double smallest_pivot;
     int ordered;
     const double *values;
-    const size_t *row_turns, *column_turns;
+    const size_t *row_order, *column_order;
     double *pivots, *work;
-    const size_t *given_starts, *above_starts, *below_starts, *given_rows, *above_rows, *below_rows;
-    const size_t *places;
+    const size_t *starts, *above_starts, *below_starts, *rows, *above_rows, *below_rows;
+    const size_t *indices;
     double *upper, *lower;
 } Elimination;
 
@@ -36,9 +37,9 @@ typedef struct { /* see newton.py */
     Python *order;
 } Newton;
 
-typedef struct { /* see member.py */
+typedef struct { /* see node.py */
     int way, repeated, sloped;
-    const Call *calls; /* if repeated, the first ones save and restore */
+    const Call *calls; /* if repeated, the first two save and restore */
     size_t count, inputs, outputs;
     size_t value, slope; /* of its first output */
     const size_t *sources, *rates, *roots;
@@ -48,47 +49,47 @@ typedef struct { /* see member.py */
     const size_t *signals, *scaling, *term, *after, *begun, *of;
     const double *factors;
     double *shape; /* derivatives; inputs inside; means */
-} Member;
+} Node;
 
-typedef struct { /* see group.py */
+typedef struct { /* see strong_component.py */
     int cyclic;
-    Newton *newton; /* NULL: one member after the other */
-    Member *members;
+    Newton *newton; /* NULL: Gauss-Seidel iteration */
+    Node *nodes;
     size_t count, n, valued; /* unknowns; values among them */
     const size_t *unknowns, *kinds;
     double *errors;
     double tolerance;
-} Group;
+} StrongComponent;
 
 typedef unsigned char Flag;
 
-typedef struct { /* see handed.py */
+typedef struct { /* see signal_history.py */
     size_t made;
     const size_t *values;
     double *past, *spans;
     size_t *depth;
     const double *instants, *others;
-    Python *ask; /* NULL: there are no others */
-} Handed;
+    Python *step_in_thirds; /* sets others; NULL: there are none */
+} SignalHistory;
 
 typedef struct {
-    size_t group, member;
-    ptrdiff_t call; /* of the member, or of Newton's method */
+    size_t component, node;
+    ptrdiff_t call; /* of the node, or of Newton's method */
     size_t iteration;
     int deriving;
 } Failure;
 
-typedef struct { /* see coupled.py and signals.py */
+typedef struct { /* see implicit.py and signals.py */
     size_t outputs, kinds, count;
     double *before, *now, *earlier, *since, *sizes, *result;
     const size_t *rates, *kind;
-    const Group *groups;
-    const Handed *handed; /* one a group, and that of the functions of time */
+    const StrongComponent *components;
+    const SignalHistory *histories; /* one of each component, and one of the functions of time */
     const Flag *held;
     Python *drive;        /* NULL: no functions of time */
     const double *inside; /* shape (orders, instants) */
     size_t orders, instants;
-    double *room, *scratch; /* for the members, one at a time, and for the groups */
+    double *room, *scratch; /* for one node, and for one component */
     Failure failure;
 } System;
 
@@ -105,6 +106,7 @@ static int too_small(double pivot, double largest, double part) {
     return !(fabs(pivot) > 0 && fabs(pivot) >= part * largest);
 }
 
+/* Calculate the factors; 0 if a pivot is too small. */
 EXPORT int eliminate(const Elimination *e) {
     double *const work = e->work;
     for (size_t turn = 0; turn < e->n; turn++) {
@@ -113,8 +115,8 @@ EXPORT int eliminate(const Elimination *e) {
         work[turn] = 0;
         for (size_t i = above; i < last_above; i++) work[e->above_rows[i]] = 0;
         for (size_t i = below; i < last_below; i++) work[e->below_rows[i]] = 0;
-        for (size_t i = e->given_starts[turn]; i < e->given_starts[turn + 1]; i++)
-            work[e->given_rows[i]] = e->values[e->places[i]];
+        for (size_t i = e->starts[turn]; i < e->starts[turn + 1]; i++)
+            work[e->rows[i]] = e->values[e->indices[i]];
         for (size_t i = above; i < last_above; i++) {
             const size_t row = e->above_rows[i];
             for (size_t k = e->below_starts[row]; k < e->below_starts[row + 1]; k++)
@@ -130,9 +132,10 @@ EXPORT int eliminate(const Elimination *e) {
     return 1;
 }
 
+/* Solve the equations by the factors. */
 EXPORT void solve(const Elimination *e, const double right[], double solution[]) {
     double *const work = e->work;
-    for (size_t i = 0; i < e->n; i++) work[e->row_turns[i]] = right[i];
+    for (size_t i = 0; i < e->n; i++) work[e->row_order[i]] = right[i];
     for (size_t turn = 0; turn < e->n; turn++)
         for (size_t i = e->below_starts[turn]; i < e->below_starts[turn + 1]; i++)
             work[e->below_rows[i]] -= e->lower[i] * work[turn];
@@ -141,7 +144,7 @@ EXPORT void solve(const Elimination *e, const double right[], double solution[])
         for (size_t i = e->above_starts[turn]; i < e->above_starts[turn + 1]; i++)
             work[e->above_rows[i]] -= e->upper[i] * work[turn];
     }
-    for (size_t i = 0; i < e->n; i++) solution[i] = work[e->column_turns[i]];
+    for (size_t i = 0; i < e->n; i++) solution[i] = work[e->column_order[i]];
 }
 
 static int prepare(System *system, Newton *newton, const double powers[], double size) {
@@ -165,44 +168,46 @@ static int prepare(System *system, Newton *newton, const double powers[], double
 
 /* ---- one FMU ------------------------------------------------------------------------------------------------- */
 
-static void differentiate(const System *system, const Member *m, const double powers[], double derivatives[]) {
+static void differentiate(const System *system, const Node *node, const double powers[], double derivatives[]) {
     double *const data = system->room;
-    for (size_t i = 0; i < m->known; i++) data[i] = system->before[m->signals[i]] * powers[m->scaling[i]];
-    for (size_t i = 0; i < m->derivatives; i++) {
+    for (size_t i = 0; i < node->known; i++) data[i] = system->before[node->signals[i]] * powers[node->scaling[i]];
+    for (size_t i = 0; i < node->derivatives; i++) {
         double total = 0;
-        for (size_t k = i * m->terms; k < (i + 1) * m->terms; k++) total += m->factors[k] * data[m->term[k]];
-        derivatives[i] = system->held[m->roots[m->of[i]]] ? system->before[m->begun[i]] : total / powers[m->after[i]];
+        for (size_t k = i * node->terms; k < (i + 1) * node->terms; k++)
+            total += node->factors[k] * data[node->term[k]];
+        const int held = system->held[node->roots[node->of[i]]];
+        derivatives[i] = held ? system->before[node->begun[i]] : total / powers[node->after[i]];
     }
 }
 
-/* What inputs are at some instants inside a step. */
-static void look_inside(const System *system, const Member *m, const double powers[]) {
-    double *const derivatives = system->room + m->known;
-    differentiate(system, m, powers, derivatives);
+/* Inputs at the instants of intermediate update. */
+static void set_intermediate_inputs(const System *system, const Node *node, const double powers[]) {
+    double *const derivatives = system->room + node->known;
+    differentiate(system, node, powers, derivatives);
     for (size_t t = 0; t < system->instants; t++)
-        for (size_t i = 0; i < m->inputs; i++) {
-            double value = system->before[m->sources[i]];
+        for (size_t i = 0; i < node->inputs; i++) {
+            double value = system->before[node->sources[i]];
             for (size_t order = 0; order < system->orders; order++)
                 value += system->inside[order * system->instants + t]
                          * (derivatives[i * system->orders + order] * powers[order + 1]);
-            m->shape[t * m->inputs + i] = value;
+            node->shape[t * node->inputs + i] = value;
         }
 }
 
-static int step(System *system, const Member *m, const double powers[], double time, double size, int again) {
-    for (size_t i = 0; i < m->inputs; i++) m->set_values[i] = system->now[m->sources[i]];
-    if (m->sloped)
-        for (size_t i = 0; i < m->inputs; i++) m->rate_values[i] = system->now[m->rates[i]];
-    if (m->way == POLYNOMIAL) differentiate(system, m, powers, m->shape);
-    if (m->way == ASKED) look_inside(system, m, powers);
-    if (m->way == MEAN)
-        for (size_t i = 0; i < m->inputs; i++) {
-            const double begin = system->before[m->sources[i]], end = system->now[m->sources[i]];
-            m->shape[i] = system->held[m->roots[i]] ? begin : (begin + end) / 2;
+static int step(System *system, const Node *node, const double powers[], double time, double size, int again) {
+    for (size_t i = 0; i < node->inputs; i++) node->set_values[i] = system->now[node->sources[i]];
+    if (node->sloped)
+        for (size_t i = 0; i < node->inputs; i++) node->rate_values[i] = system->now[node->rates[i]];
+    if (node->way == POLYNOMIAL) differentiate(system, node, powers, node->shape);
+    if (node->way == ASKED) set_intermediate_inputs(system, node, powers);
+    if (node->way == MEAN)
+        for (size_t i = 0; i < node->inputs; i++) {
+            const double begin = system->before[node->sources[i]], end = system->now[node->sources[i]];
+            node->shape[i] = system->held[node->roots[i]] ? begin : (begin + end) / 2;
         }
-    for (size_t i = 0; i < m->count; i++) {
-        if (m->repeated && i == (again ? 0u : 1u)) continue;
-        const int status = perform(&m->calls[i], time, size);
+    for (size_t i = 0; i < node->count; i++) {
+        if (node->repeated && i == (again ? 0u : 1u)) continue;
+        const int status = perform(&node->calls[i], time, size);
         if (fine(status)) continue;
         system->failure.call = (ptrdiff_t)i;
         return status;
@@ -210,12 +215,12 @@ static int step(System *system, const Member *m, const double powers[], double t
     return OK;
 }
 
-static void collect(const Member *m, double target[]) {
-    memcpy(target + m->value, m->read, m->outputs * sizeof *target);
-    if (m->sloped) memcpy(target + m->slope, m->slopes, m->outputs * sizeof *target);
+static void collect(const Node *node, double target[]) {
+    memcpy(target + node->value, node->read, node->outputs * sizeof *target);
+    if (node->sloped) memcpy(target + node->slope, node->slopes, node->outputs * sizeof *target);
 }
 
-/* ---- a group ------------------------------------------------------------------------------------------------- */
+/* ---- a strong component -------------------------------------------------------------------------------------- */
 
 static double product(size_t n, const double a[], const double b[]) {
     double sum = a[0] * b[0];
@@ -264,71 +269,83 @@ static void accelerate(size_t n, size_t done, const double *points, const double
 }
 
 /* Errors of the unknowns, relative to the largest value of their unit so far, of slopes that over H; the worst. */
-static double judge(const System *system, const Group *g, const double x[], const double change[], double sizes[],
-                    double size) {
+static double relative_errors(const System *system, const StrongComponent *component, const double x[],
+                              const double change[], double sizes[], double size) {
     memcpy(sizes, system->sizes, system->kinds * sizeof *sizes);
-    for (size_t i = 0; i < g->valued; i++) sizes[g->kinds[i]] = larger(sizes[g->kinds[i]], fabs(x[i]));
+    for (size_t i = 0; i < component->valued; i++) {
+        double *const largest = &sizes[component->kinds[i]];
+        *largest = larger(*largest, fabs(x[i]));
+    }
     double worst = 0;
-    for (size_t i = 0; i < g->n; i++) {
-        double scale = larger(sizes[g->kinds[i]], SMALLEST);
-        if (i >= g->valued) scale /= size;
-        g->errors[i] = fabs(change[i]) / (scale * g->tolerance);
-        worst = larger(worst, g->errors[i]);
+    for (size_t i = 0; i < component->n; i++) {
+        double scale = larger(sizes[component->kinds[i]], SMALLEST);
+        if (i >= component->valued && size > 0) scale /= size;
+        component->errors[i] = fabs(change[i]) / (scale * component->tolerance);
+        worst = larger(worst, component->errors[i]);
     }
     return worst;
 }
 
-static int evaluate(System *system, const Group *g, const double powers[], double time, double size) {
-    for (size_t k = 0; k < g->count; k++) {
-        system->failure.member = k;
-        const int status = step(system, &g->members[k], powers, time, size, system->failure.iteration > 0);
+static int evaluate(System *system, const StrongComponent *component, const double powers[], double time, double size) {
+    for (size_t k = 0; k < component->count; k++) {
+        system->failure.node = k;
+        const int status = step(system, &component->nodes[k], powers, time, size, system->failure.iteration > 0);
         if (status != OK) return status;
-        if (!g->cyclic) {
-            collect(&g->members[k], system->now);
+        if (!component->cyclic) {
+            collect(&component->nodes[k], system->now);
             continue;
         }
-        collect(&g->members[k], system->result);
-        if (g->newton == NULL) collect(&g->members[k], system->now);
+        collect(&component->nodes[k], system->result);
+        if (component->newton == NULL) collect(&component->nodes[k], system->now);
     }
     return OK;
 }
 
 /* Solve x = F(x). */
-static int iterate(System *system, const Group *g, const double powers[], double time, double size) {
-    const size_t n = g->n, kept = SECANTS + 1;
+static int iterate(System *system, const StrongComponent *component, const double powers[], double time, double size) {
+    const size_t n = component->n, kept = SECANTS + 1;
     double *const x = system->scratch, *const change = x + n, *const points = change + n,
                   *const changes = points + kept * n, *const room = changes + kept * n,
                   *const sizes = room + (2 * SECANTS + 1) * n;
     double before = INFINITY;
     size_t *const iteration = &system->failure.iteration;
-    if (!g->cyclic) return evaluate(system, g, powers, time, size);
-    if (g->newton != NULL && !g->newton->ready) {
-        const int status = prepare(system, g->newton, powers, size);
+    if (!component->cyclic) return evaluate(system, component, powers, time, size);
+    if (component->newton != NULL && !component->newton->ready) {
+        const int status = prepare(system, component->newton, powers, size);
         if (status != OK) return status;
     }
     for (*iteration = 0; *iteration < MOST_ITERATIONS; ++*iteration) {
         double *const point = points + *iteration % kept * n, *const turn = changes + *iteration % kept * n;
-        for (size_t i = 0; i < n; i++) point[i] = system->now[g->unknowns[i]];
-        const int status = evaluate(system, g, powers, time, size);
+        for (size_t i = 0; i < n; i++) point[i] = system->now[component->unknowns[i]];
+        const int status = evaluate(system, component, powers, time, size);
         if (status != OK) return status;
-        for (size_t i = 0; i < n; i++) turn[i] = system->result[g->unknowns[i]] - point[i];
-        if (g->newton != NULL) {
-            solve(g->newton->elimination, turn, change);
+        for (size_t i = 0; i < n; i++) turn[i] = system->result[component->unknowns[i]] - point[i];
+        if (component->newton != NULL) {
+            solve(component->newton->elimination, turn, change);
             memcpy(turn, change, n * sizeof *turn);
         }
-        const double error = judge(system, g, point, turn, sizes, size);
+        const double error = relative_errors(system, component, point, turn, sizes, size);
         if (error <= 1 || (*iteration > 2 && before / 2 < error && error <= NOISE)) break;
         before = error;
-        if (g->newton == NULL) continue;
+        if (component->newton == NULL) continue;
         accelerate(n, *iteration + 1, points, changes, room, x);
-        for (size_t i = 0; i < n; i++) system->now[g->unknowns[i]] = x[i];
+        for (size_t i = 0; i < n; i++) system->now[component->unknowns[i]] = x[i];
     }
     if (*iteration == MOST_ITERATIONS) return DIVERGED;
-    for (size_t i = 0; i < n; i++) x[i] = system->now[g->unknowns[i]]; /* what no member takes is as it was read */
-    for (size_t k = 0; k < g->count; k++) collect(&g->members[k], system->now);
-    for (size_t i = 0; i < n; i++) system->now[g->unknowns[i]] = x[i];
-    if (g->newton != NULL && *iteration + 1 > SLOW) g->newton->ready = 0;
+    /* signals that are no unknowns are taken as they were read */
+    for (size_t i = 0; i < n; i++) x[i] = system->now[component->unknowns[i]];
+    for (size_t k = 0; k < component->count; k++) collect(&component->nodes[k], system->now);
+    for (size_t i = 0; i < n; i++) system->now[component->unknowns[i]] = x[i];
+    if (component->newton != NULL && *iteration + 1 > SLOW) component->newton->ready = 0;
     return OK;
+}
+
+/* Solve x = F(x) of one component; size 0: at one instant. */
+EXPORT int solve_component(System *system, const StrongComponent *component, double time, double size) {
+    double powers[POWERS];
+    powers_of(size, powers);
+    system->failure = (Failure){0, 0, 0, 0, 0};
+    return iterate(system, component, powers, time, size);
 }
 
 /* ---- the signals --------------------------------------------------------------------------------------------- */
@@ -363,11 +380,11 @@ static void accept(const System *system, double size) {
     }
 }
 
-/* ---- what a group hands on ----------------------------------------------------------------------------------- */
+/* ---- signal histories ----------------------------------------------------------------------------------- */
 
-static int fresh(const Handed *h) {
-    for (size_t i = 0; i < h->made; i++)
-        if (h->depth[i] < POINTS) return 1;
+static int is_fresh(const SignalHistory *history) {
+    for (size_t i = 0; i < history->made; i++)
+        if (history->depth[i] < POINTS) return 1;
     return 0;
 }
 
@@ -386,51 +403,52 @@ static Slopes cubic(double size, double before, double now, double a, double b, 
     return (Slopes){first + size * (a * twist - bend), first + size * ((size - a) * twist + bend)};
 }
 
-static void shape(const System *system, const Handed *h, double size, int others) {
-    for (size_t i = 0; i < h->made; i++) {
-        const size_t value = h->values[i], slope = value + system->outputs;
+static void shape(const System *system, const SignalHistory *history, double size, int inside) {
+    for (size_t i = 0; i < history->made; i++) {
+        const size_t value = history->values[i], slope = value + system->outputs;
         const double before = system->before[value], now = system->now[value];
-        const double last = -h->spans[0], first = last - h->spans[1];
-        Slopes slopes = cubic(size, before, now, last, first, h->past[i], h->past[h->made + i], h->depth[i]);
-        if (others && h->depth[i] < POINTS)
-            slopes = cubic(size, before, now, h->instants[0], h->instants[1], h->others[i], h->others[h->made + i],
-                           POINTS);
+        const double last = -history->spans[0], first = last - history->spans[1];
+        const double *const past = history->past + i, *const others = history->others + i;
+        Slopes slopes = cubic(size, before, now, last, first, past[0], past[history->made], history->depth[i]);
+        if (inside && history->depth[i] < POINTS)
+            slopes = cubic(size, before, now, history->instants[0], history->instants[1], others[0],
+                           others[history->made], POINTS);
         system->before[slope] = system->held[value] ? 0 : slopes.begin;
         system->now[slope] = system->held[value] ? 0 : slopes.end;
     }
 }
 
-static void take_over(const System *system, const Handed *h, double size) {
-    if (h->made == 0) return;
-    for (size_t i = 0; i < h->made; i++) {
-        h->past[h->made + i] = h->past[i];
-        h->past[i] = system->before[h->values[i]];
-        if (h->depth[i] < POINTS) h->depth[i]++;
+static void advance_history(const System *system, const SignalHistory *history, double size) {
+    if (history->made == 0) return;
+    for (size_t i = 0; i < history->made; i++) {
+        history->past[history->made + i] = history->past[i];
+        history->past[i] = system->before[history->values[i]];
+        if (history->depth[i] < POINTS) history->depth[i]++;
     }
-    h->spans[1] = h->spans[0];
-    h->spans[0] = size;
+    history->spans[1] = history->spans[0];
+    history->spans[0] = size;
 }
 
-/* From t to t + H.  Returns 0, the status of a call that was refused, or what is no status. */
+/* A step from t to t + H.  Returns 0, the status of a call that failed, RAISED or DIVERGED. */
 EXPORT int advance_coupled(System *system, double time, double size) {
     double powers[POWERS];
     powers_of(size, powers);
     predict(system, size);
     const int ahead = system->drive == NULL ? 0 : system->drive();
     if (ahead == RAISED) return RAISED;
-    shape(system, &system->handed[system->count], size, ahead);
+    shape(system, &system->histories[system->count], size, ahead);
     for (size_t k = 0; k < system->count; k++) {
-        const Handed *const handed = &system->handed[k];
+        const SignalHistory *const history = &system->histories[k];
         system->failure = (Failure){k, 0, 0, 0, 0};
-        const int inside = handed->ask != NULL && fresh(handed) ? handed->ask() : 0;
+        const int inside = history->step_in_thirds != NULL && is_fresh(history) ? history->step_in_thirds() : 0;
         if (inside == RAISED) return RAISED;
         if (!inside) {
-            const int status = iterate(system, &system->groups[k], powers, time, size);
+            const int status = iterate(system, &system->components[k], powers, time, size);
             if (status != OK) return status;
         }
-        shape(system, handed, size, inside);
+        shape(system, history, size, inside);
     }
-    for (size_t k = 0; k <= system->count; k++) take_over(system, &system->handed[k], size);
+    for (size_t k = 0; k <= system->count; k++) advance_history(system, &system->histories[k], size);
     accept(system, size);
     return OK;
 }

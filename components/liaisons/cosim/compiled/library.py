@@ -1,4 +1,4 @@
-"""Libraries of our own C code, each compiled once; from then on it lies in the user's cache."""
+"""Libraries of our own C code, each compiled once a user, and kept in the cache."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from liaisons.files import replacing
 from liaisons.folders import passing_folder
 
 STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
-"""What is done at every communication step; Python does it as well, to the same bits."""
+"""Communication steps; Python makes those of explicit coupling as well, to the same bits."""
 
 
 def steps() -> CDLL | None:
-    """The library of :data:`STEPS`; None where it cannot be had."""
+    """The library of :data:`STEPS`; None if it cannot be compiled or loaded."""
     return loaded(STEPS, "communication steps are made by Python")
 
 
 @lru_cache
 def loaded(sources: tuple[Path, ...], without: str) -> CDLL | None:
-    """The library of C files; None where it cannot be had.
+    """The library of C files; None if it cannot be compiled or loaded.
 
     :param without: what happens then, for the log.
     """
@@ -45,14 +45,14 @@ def loaded(sources: tuple[Path, ...], without: str) -> CDLL | None:
 
 
 def _whole(path: Path) -> bool:
-    """Whether the file is there and as it was written; to load part of one would end this process."""
+    """Whether the file is complete; to load part of one would end this process."""
     with suppress(OSError):
         return _seal(path).read_text(encoding="ascii", errors="replace") == cache.digest(path)
     return False
 
 
 def _seal(path: Path) -> Path:
-    """The file beside a library that has its digest."""
+    """The file with the digest of a library."""
     return path.with_suffix(".sha256")
 
 

@@ -1,9 +1,8 @@
-"""Coupling by curves: FMUs are told how inputs move; in a cycle a step is repeated until its end fits.
+"""Implicit and waveform coupling: inputs follow polynomials within a step, and cycles repeat it until it converges.
 
-Explicit coupling (:mod:`liaisons.cosim.structure.schedule`) hands
-over what is known before a step.  Here the values at its end
-are unknowns x that solve x = F(x), where F takes every FMU back to the begin of the step, gives it polynomials
-through both ends for its inputs, steps it, and reads its outputs.
+Explicit coupling (:mod:`liaisons.cosim.structure.schedule`) sets inputs to outputs from before a step.  Here the
+outputs at its end are unknowns x that solve x = F(x), where F restores the states of all FMUs at the start of the
+step, gives them polynomials through both ends for their inputs, steps them, and reads their outputs.
 
 * ``"waveform"``: x := F(x), one FMU after the other (Picard iteration; Lelarasmee, Ruehli and
   Sangiovanni-Vincentelli 1982).  It contracts where forces react little on accelerations: for two masses in one line,
@@ -26,18 +25,17 @@ other output                               cubic through points     H⁴
 input of an FMU that holds its inputs      mean of both ends        H²
 =========================================  =======================  ====================================
 
-Outside of cycles the source has been stepped, so that both ends are known; where nobody gives derivatives, the points
-before t, at the begin those in the step, take their place; of a function of time always these.  What is discrete goes
-on as it was at t until the end of the step.  Where sources announce that something jumps, the past is forgotten
-(``liaisons.cosim.running.breaks``).
+Outside of cycles the source has been stepped, so that both ends are known; an output without derivatives is
+interpolated through the points before t, at the start, and always of a function of time, through points in the step.
+Discrete outputs keep their value at t until the end of the step.  At announced breaks the past is forgotten
+(:mod:`liaisons.cosim.running.breaks`).
 
-The polynomials of an FMU of ours reach it as derivatives of its inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
-none; there it asks for its inputs at the fifths of a step, in intermediate update mode, and follows the quintic through
-them.  One of the Python back end can do neither: it interpolates between the ends itself, quintic and linear, and its
-outputs have no derivatives; a cycle with it is of second order.
+FMI 2.0 FMUs of ours take the polynomials as derivatives of their inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
+none; there they take their inputs at the fifths of a step, in intermediate update mode, and follow the quintic through
+them.  Those of the Python back end can do neither: they interpolate between the ends themselves, quintic and linear,
+and their outputs have no derivatives; a cycle with one is of second order.
 
-``coupling.c`` makes the steps.  What stands here makes them itself where there is no C compiler, operation by operation
-alike, to the same bits: whoever changes one changes the other, and ``tests/cosim/test_loop.py`` compares them.
+``coupling.c`` makes the steps and solves the equations; Python prepares them, so there must be a C compiler.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus
         return [call for operation in program for call in known[operation, initial]]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
-    newest = {name for name, part in simulation.parts.items() if part.takes_newest}
+    newest = {name for name, part in simulation.parts.items() if part.approximation.needs_newest_inputs}
     return (
         calls(schedule.consistent(order, feeds, partial(depends, initially=True)), initial=True),
         calls(schedule.consistent(order, feeds, depends)),

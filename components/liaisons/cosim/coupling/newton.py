@@ -1,4 +1,4 @@
-"""Newton's method for x = F(x): what is known of ∂F/∂x, and the equations with it."""
+"""Newton's method for x = F(x): the known part of ∂F/∂x, and the equations with it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from typing import final
 import numpy as np
 
 from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.elimination import Elimination
 from liaisons.cosim.coupling.node import Node
-from liaisons.cosim.coupling.polynomials import powers
 from liaisons.cosim.coupling.records import NewtonRecord, records
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
 from liaisons.cosim.structure.schedule import Depends
@@ -20,100 +18,55 @@ from liaisons.cosim.structure.schedule import Depends
 
 @final
 class Newton:
-    """Applies (1 - ∂F/∂x)⁻¹, with ∂F/∂x as far as it is known.
+    """The matrix 1 - ∂F/∂x, with ∂F/∂x as far as it is known.
 
-    Outputs depend on inputs directly, and so do their slopes; and where the acceleration of a port does, an input that
-    changes at the end of a step changes rate and value there too: by the integrals of its polynomial.
+    Outputs and their slopes depend on inputs directly.  Where the acceleration of a port does, an input that changes at
+    the end of a step changes rate and value there, too: by the integrals of its polynomial.
 
     :param unknowns: indices of x among the signals.
-    :ivar calls: what calculates derivatives.
-    :ivar record: the same, for compiled code.
+    :param initial: the equations of initialization, where there are no slopes.
+    :ivar calls: calculate the derivatives.
+    :ivar order: calls :meth:`Elimination.order`.
+    :ivar record: the matrix, for compiled code.
     """
 
     def __init__(
-        self,
-        members: Sequence[Node],
-        signals: Signals,
-        unknowns: Indices,
-        depends: Depends,
-        bus: Bus,
-        *,
-        initial: bool,
+        self, nodes: Sequence[Node], signals: Signals, unknowns: Indices, depends: Depends, *, initial: bool
     ) -> None:
-        place = {int(index): k for k, index in enumerate(unknowns)}
+        position = {int(index): k for k, index in enumerate(unknowns)}
         entries: list[tuple[int, int, int, float, int]] = []  # row, column, which derivative, factor, power of H
         self.calls: list[Call] = []
-        self._bus = bus
-        self._derivatives: list[Vector] = []
+        columns: list[Vector] = []
         number = 0
-        for member in members:
-            pairs, calls, derivatives = member.derivatives(depends, record=not initial)
+        for node in nodes:
+            pairs, calls, derivatives = node.derivatives(depends, record=not initial)
             self.calls += calls
-            self._derivatives += derivatives
+            columns += derivatives
             for i, k in pairs:
-                curve, value = member.curves[k], member.values.start + i
-                effects = [(value, member.sources[k], 1.0, 0), (member.slopes.start + i, curve.rate, 1.0, 0)]
+                curve, value = node.curves[k], node.values.start + i
+                effects = [(value, node.sources[k], 1.0, 0), (node.slopes.start + i, curve.rate, 1.0, 0)]
                 if not initial:
                     effects += _through_motion(signals.triple(value), curve)
                 entries += [
-                    (place[row], place[column], number, factor, power)
+                    (position[row], position[column], number, factor, power)
                     for row, column, factor, power in effects
-                    if row in place and column in place
+                    if row in position and column in position
                 ]
                 number += 1
         n = len(unknowns)
         slots = {(k, k): k for k in range(n)}
-        self._slots = np.array([slots.setdefault(e[:2], len(slots)) for e in entries], dtype=np.intp)
-        self._numbers, self._powers = (np.array([e[k] for e in entries], dtype=np.intp) for k in (2, 4))
-        self._factors = np.array([entry[3] for entry in entries])
-        self._elimination = Elimination(n, list(slots))
-        self.record = NewtonRecord()
-
-    def prepare(self, size: float) -> None:
-        """Calculate the derivatives at the present instant, for a step of a size [s].
-
-        :raises RuntimeError: if the equations are singular.
-        """
-        self._bus.perform(self.calls)
-        found = np.concatenate([np.empty(0), *self._derivatives])
-        values, n = self._elimination.values, self._elimination.record.n
-        values[:n], values[n:] = 1.0, 0.0
-        np.subtract.at(values, self._slots, found[self._numbers] * self._factors * powers(size)[self._powers])
-        self._elimination.factorize()
-        self.ready = True
-
-    @property
-    def ready(self) -> bool:
-        """Whether :meth:`solve` has something to solve with."""
-        return bool(self.record.ready)
-
-    @ready.setter
-    def ready(self, value: bool) -> None:
-        self.record.ready = value
-
-    def order(self) -> None:
-        """As :meth:`prepare` for the derivatives that were calculated last, but by other pivots."""
-        self._elimination.order()
-
-    def told(self, order: Call) -> NewtonRecord:
-        """The record, filled.
-
-        :param order: calls :meth:`order`.
-        """
-        record, elimination = self.record, self._elimination
-        addresses = [
-            values.ctypes.data + i * values.itemsize for values in self._derivatives for i in range(len(values))
-        ]
-        record.calls, record.count = records(self.calls), len(self.calls)
-        record.entries, record.numbers = len(self._slots), len(elimination.values)
-        record.point(derivatives=np.array(addresses, dtype=np.uintp)[self._numbers])
-        record.point(slots=self._slots, powers=self._powers, factors=self._factors, values=elimination.values)
-        record.elimination, record.order = pointer(elimination.record), order.compiled().function
-        return record
-
-    def solve(self, right: Vector) -> Vector:
-        """Apply it, as it was last prepared."""
-        return self._elimination.solve(right)
+        slot_of_entry = np.array([slots.setdefault(e[:2], len(slots)) for e in entries], dtype=np.intp)
+        numbers, powers = (np.array([e[k] for e in entries], dtype=np.intp) for k in (2, 4))
+        elimination = Elimination(n, list(slots))
+        addresses = [column.ctypes.data + i * column.itemsize for column in columns for i in range(len(column))]
+        self.order = Call(elimination.order)
+        self._kept = columns, elimination
+        self.record = record = NewtonRecord(
+            calls=records(self.calls), count=len(self.calls), entries=len(entries), numbers=len(slots)
+        )
+        record.point(derivatives=np.array(addresses, dtype=np.uintp)[numbers], slots=slot_of_entry, powers=powers)
+        record.point(factors=np.array([entry[3] for entry in entries]), values=elimination.values)
+        record.elimination, record.order = pointer(elimination.record), self.order.compiled().function
 
 
 def _through_motion(triple: Sequence[int], curve: Curve) -> list[tuple[int, int, float, int]]:

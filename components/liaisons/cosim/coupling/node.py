@@ -6,24 +6,27 @@ import math
 from collections.abc import Collection, Sequence
 from ctypes import Array, c_double
 from itertools import pairwise
-from typing import final
+from typing import Literal, final
 
 import numpy as np
 
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.coupling.polynomials import HIGHEST, Polynomials, polynomials, powers
+from liaisons.cosim.coupling.polynomials import HIGHEST, polynomials
+from liaisons.cosim.coupling.records import AS_SET, MEAN, POLYNOMIAL, NodeRecord, records
 from liaisons.cosim.coupling.records import ASKED as AT_INSTANTS
-from liaisons.cosim.coupling.records import MEAN, POLYNOMIAL, NodeRecord, records
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
 from liaisons.cosim.instances.protocol import ASKED, Instance
-from liaisons.cosim.structure.components import Port, SystemComponent, Way
+from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.schedule import Depends, VariableReference
 
 _TIMES = np.arange(1, ASKED + 1) / ASKED
 """Where it asks for inputs inside a step of length 1."""
 INSIDE = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
 """What a derivative adds to the value at each of these, shape (HIGHEST, ASKED)."""
+
+Phase = Literal["initialization", "instant", "crossing", "step"]
+"""Of what an evaluation is part: equations of initialization, or of one instant; a step to a break, or another one."""
 
 
 @final
@@ -60,57 +63,51 @@ class Node:
         self.slopes = slice(signals.count + first, signals.count + first + len(outputs))
         self.sloped = bool(outputs) and self.name in signals.sloped
 
-        self._way: Way | None = None if alone else part.way
-        self._roots: Indices = np.array([signals.root(place, cycle) for place in inputs], dtype=np.intp)
-        self._set_values, self._set = _buffer(len(inputs), bus.buffer(inputs) if inputs else None)
+        self._interface = None if alone else part.approximation.interface
+        self._roots: Indices = np.array([signals.root(input_, cycle) for input_ in inputs], dtype=np.intp)
+        self._set_values, buffer = _buffer(len(inputs), bus.buffer(inputs) if inputs else None)
+        self._put: list[Call] = [instance.setter(self.inputs, buffer)] if inputs else []
         self._read, buffer = _buffer(len(outputs), bus.buffer(outputs) if outputs else None)
         self._get: list[Call] = [instance.getter(self.outputs, buffer)] if outputs else []
-        self._put: list[Call] = [instance.setter(self.inputs, self._set)] if inputs else []
-        self._match: list[Call] = [*self._put, *self._get]
         self._slope_values = np.zeros(len(outputs))
         self.slopes_at: dict[VariableReference, int] = {}  # on the bus
-        self._incline = self._inclination()
+        read_slopes = self._read_output_derivatives()
         self.gains: dict[
             tuple[VariableReference, VariableReference], int
         ] = {}  # output and input -> where the derivative is on the bus
-        before, stepper = self._before(), instance.stepper(bus.start, bus.size)
-        self._go_on: list[Call] = [*before, stepper, *self._get]
-        first_calls = [*before, stepper, *self._after()]
-        self._first: list[Call] = first_calls
-        self._again: list[Call] = []
-        if cycle:
-            save, restore = instance.states()
-            self._first = [save, *first_calls]
-            self._again = [restore, *first_calls]
+        put = [] if self._interface == "end value" else self._put
+        move = [*self._reconstruct_inputs(), instance.stepper(bus.start, bus.size)]
+        self._step: list[Call] = [*move, *put, *self._get, *read_slopes]
+        self._repeated = bool(cycle)
+        self._calls: dict[Phase, list[Call]] = {
+            "initialization": [*self._put, *self._get],
+            "instant": [*put, *self._get, *read_slopes],
+            "crossing": [*move, *self._get],
+            "step": [*instance.states(), *self._step] if cycle else self._step,
+        }
 
-    def _before(self) -> list[Call]:
-        self._polynomials: Polynomials | None = None
-        self._middle: Vector | None = None
-        if self._way is None:
+    def _reconstruct_inputs(self) -> list[Call]:
+        """Calls before a step that say how inputs move within it, by the numbers in ``_shape``."""
+        self._reconstruction, self._polynomials, self._shape = AS_SET, None, np.empty(0)
+        if self._interface is None:
             return []
-        if not self.inputs or self._way == "interpolate":
+        if not self.inputs or self._interface == "end value":
             return self._put
-        if self._way == "mean":
-            self._middle, buffer = _buffer(len(self.inputs))
+        if self._interface == "mean value":
+            self._reconstruction = MEAN
+            self._shape, buffer = _buffer(len(self.inputs))
             return [self._instance.setter(self.inputs, buffer)]
-        highest = HIGHEST if self.part.takes_curves else 1
+        highest = HIGHEST if self.part.approximation.takes_every_order else 1
         self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
-        which = self._polynomials.which
-        known = [(*self.curves[k].data[self.curves[k].order :], *[self._signals.zero] * HIGHEST) for k, _ in which]
-        self._begun: Indices = np.array([d[order] for d, (_, order) in zip(known, which, strict=True)], dtype=np.intp)
-        self._of: Indices = np.array([k for k, _ in which], dtype=np.intp)
-        if self._way == "asked":
-            self._inside = np.empty((ASKED, len(self.inputs)))
-            return [self._instance.intermediate_update(self.inputs, self._inside)]
-        self._derivatives, tell = self.set_input_derivatives(which)
-        return [tell]
+        if self._interface == "intermediate update":
+            self._reconstruction, self._shape = AT_INSTANTS, np.empty((ASKED, len(self.inputs)))
+            return [self._instance.intermediate_update(self.inputs, self._shape)]
+        self._reconstruction = POLYNOMIAL
+        self._shape, set_derivatives = self._set_input_derivatives(self._polynomials.which)
+        return [set_derivatives]
 
-    def _after(self) -> list[Call]:
-        put = [] if self._way == "interpolate" else self._put
-        return [*put, *self._get, *self._incline]
-
-    def _inclination(self) -> list[Call]:
-        """Tell how fast the inputs change, and read how fast the outputs do."""
+    def _read_output_derivatives(self) -> list[Call]:
+        """Calls that set the rates of inputs and read those of outputs."""
         if not self.sloped:
             return []
         first, self._slope_values, buffer = self._bus.room(len(self.outputs))
@@ -118,10 +115,10 @@ class Node:
         read = self._instance.output_derivatives(self.outputs, [1] * len(self.outputs), buffer)
         if not self.inputs:
             return [read]
-        if self._way == "asked":
+        if self._interface == "intermediate update":
             return [read, self._along_inputs()]
-        self._rate_values, tell = self.set_input_derivatives([(k, 1) for k in range(len(self.inputs))])
-        return [tell, read]
+        self._rate_values, set_rates = self._set_input_derivatives([(k, 1) for k in range(len(self.inputs))])
+        return [set_rates, read]
 
     def _along_inputs(self) -> Call:
         """A call that adds to the slopes of outputs what comes from rates of inputs that the FMU does not know.
@@ -131,7 +128,7 @@ class Node:
         self._rate_values, seed = _buffer(len(self.inputs))
         part, values = _buffer(len(self.outputs))
         curves = (Port(self.part, variable.name).curve() for variable in self.inputs)
-        holds = self.part.reconstruction == 0
+        holds = self.part.approximation.method == 0
         unknown = np.array([holds or triple is None or order == 2 for triple, order in curves])
         derive = self._instance.directional(self.outputs, self.inputs, seed, values)
 
@@ -143,7 +140,7 @@ class Node:
 
         return Call(add).of("derive", self._instance.failure)
 
-    def set_input_derivatives(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Call]:
+    def _set_input_derivatives(self, which: Sequence[tuple[int, int]]) -> tuple[Vector, Call]:
         """A call that sets derivatives of inputs, (input, order) each, and the numbers that it takes."""
         values, buffer = _buffer(len(which))
         variables, orders = [self.inputs[k] for k, _ in which], [order for _, order in which]
@@ -152,67 +149,30 @@ class Node:
     @property
     def order(self) -> int:
         """Order of the error in H that the motion of its inputs within a step leads to."""
-        if self._way is None:
+        if self._interface is None:
             return 1
-        if self._way == "interpolate":  # by itself: triples quintic, others linear
+        if self._interface == "end value":  # by itself: triples quintic, others linear
             return min((6 if len(curve.data) == 3 else 2 for curve in self.curves), default=6)
-        if self._way in {"polynomial", "asked"} and self.part.takes_curves:
+        if self._interface != "mean value" and self.part.approximation.takes_every_order:
             return min((2 * len(curve.data) for curve in self.curves), default=6)
         return 2 if self.inputs else 6
 
-    def step(self, *, again: bool) -> None:
-        """From t to t + H, with what the inputs are at both ends; ``again``: from t once more."""
-        ends, size = self._signals.ends, self._bus.size.value
-        if self.inputs:
-            self._hand_over()
-            held = self._signals.held[self._roots]
-            if self._polynomials is not None:
-                derivatives = self._polynomials(ends.reshape(-1), size)
-                if held.any():
-                    derivatives = np.where(held[self._of], ends[0, self._begun], derivatives)
-                self._tell(derivatives, size)
-            elif self._middle is not None:
-                begin, end = ends[:, self.sources]
-                self._middle[:] = np.where(held, begin, (begin + end) / 2)
-        self._bus.perform(self._again if again else self._first)
-
-    def go_on(self) -> None:
-        """Step, and read, while inputs go on as they were known at t; what interpolates ends with what they are now."""
-        if self.inputs:
-            self._hand_over()
-        if self._polynomials is not None:
-            self._tell(self._signals.before[self._begun], self._bus.size.value)
-        elif self._middle is not None:
-            self._middle[:] = self._signals.before[self.sources]
-        self._bus.perform(self._go_on)
-
-    def _tell(self, derivatives: Vector, size: float) -> None:
-        """Put where the FMU takes it how inputs move from t on."""
-        if self._way == "polynomial":
-            self._derivatives[:] = derivatives
-            return
-        self._inside[:] = self._signals.before[self.sources]
-        rows = derivatives.reshape(-1, HIGHEST) * powers(size)[1 : HIGHEST + 1]
-        for row, factors in zip(rows.T, INSIDE, strict=True):
-            self._inside += np.outer(factors, row)
-
     def step_in_thirds(self) -> Vector:
-        """The same where nothing feeds it; returns what its outputs were on the way, shape (2, outputs)."""
-        bus, found = self._bus, []
+        """Step in three parts, without inputs; returns the outputs after the first two, shape (2, outputs)."""
+        bus, outputs = self._bus, []
         start, size, end = bus.start.value, bus.size.value, bus.end.value
-        points = [start, start + size / 3, start + 2 * size / 3, end]
-        for here, there in pairwise(points):
-            bus.turn(here, there)
-            bus.perform(self._first)
-            found.append(self._read.copy())
+        for now, then in pairwise([start, start + size / 3, start + 2 * size / 3, end]):
+            bus.turn(now, then)
+            bus.perform(self._step)
+            outputs.append(self._read.copy())
         bus.turn(start, end)
-        return np.array(found[:2])
+        return np.array(outputs[:2])
 
-    def record(self) -> NodeRecord:
-        """The same, for compiled code."""
-        self.calls = calls = [*self._first[: bool(self._again)], *(self._again or self._first)]
+    def program(self, phase: Phase) -> tuple[list[Call], NodeRecord]:
+        """The calls of one evaluation, and the node with them, for compiled code."""
+        calls = self._calls[phase]
         record = NodeRecord(
-            repeated=bool(self._again),
+            repeated=self._repeated and phase == "step",
             sloped=self.sloped,
             calls=records(calls),
             count=len(calls),
@@ -225,17 +185,23 @@ class Node:
         record.point(read=self._read, slopes=self._slope_values)
         if self.sloped and self.inputs:
             record.point(rates=self.rates, rate_values=self._rate_values)
-        if self._middle is not None:
-            record.way = MEAN
-            record.point(shape=self._middle)
+        if phase in {"initialization", "instant"}:
+            return calls, record
+        record.way = self._reconstruction
+        record.point(shape=self._shape)
         if (curves := self._polynomials) is not None:
             record.derivatives, record.terms = curves.terms.shape
             record.known = len(curves.known)
             record.point(signals=curves.known, scaling=curves.scaling, after=curves.after)
-            record.point(term=curves.terms, factors=curves.factors, begun=self._begun, of=self._of)
-            record.way = POLYNOMIAL if self._way == "polynomial" else AT_INSTANTS
-            record.point(shape=self._derivatives if self._way == "polynomial" else self._inside)
-        return record
+            zeros = [self._signals.zero] * HIGHEST
+            data = [(*curve.data[curve.order :], *zeros) for curve in self.curves]
+            record.point(
+                term=curves.terms,
+                factors=curves.factors,
+                begun=np.array([data[k][order] for k, order in curves.which], dtype=np.intp),
+                of=np.array([k for k, _ in curves.which], dtype=np.intp),
+            )
+        return calls, record
 
     def reset(self) -> None:
         """Forget everything."""
@@ -245,29 +211,11 @@ class Node:
         """Read the outputs as they are."""
         self._bus.perform(self._get)
 
-    def match(self, *, initial: bool) -> None:
-        """Read the outputs at the present instant; in initialization, of the present inputs."""
-        if self.inputs:
-            self._hand_over()
-        self._bus.perform(self._match if initial or self._way != "interpolate" else self._get)
-
-    def read_output_derivatives(self) -> None:
-        """Read the slopes of the outputs at the present instant."""
-        if self.inputs:
-            self._hand_over()
-        self._bus.perform(self._incline)
-
     def collect(self, target: Vector) -> None:
-        """Put what was read last where the signals stand."""
+        """Copy what was read last to its signals."""
         target[self.values] = self._read
         if self.sloped:
             target[self.slopes] = self._slope_values
-
-    def _hand_over(self) -> None:
-        now = self._signals.now
-        self._set_values[:] = now[self.sources]
-        if self.sloped:
-            self._rate_values[:] = now[self.rates]
 
     def derivatives(self, depends: Depends, *, record: bool) -> tuple[list[tuple[int, int]], list[Call], list[Vector]]:
         """∂(outputs)/∂(inputs) that are not 0, column by column.

@@ -11,15 +11,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.cosim.coupling.signals import Curve, Indices, Vector
+from liaisons.cosim.coupling.signals import Curve, Indices
 
 HIGHEST = 5
 """Order of the highest derivative that an FMU of ours takes."""
 
 _MOST = 6
 """Data at both ends, of a port."""
-_POWERS = _MOST + 2
-"""So many powers of the size of a step occur."""
 
 # Coefficients of the powers m+1 ... 2m+1 of θ = (τ - t)/H, for a polynomial that has value and m derivatives 0 at
 # θ = 0, from its value and derivatives at θ = 1 (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
@@ -42,11 +40,6 @@ def coefficients(count: int) -> NDArray[np.float64]:
     return np.block([[first, np.zeros((count, count))], [-last @ taylor, last]])
 
 
-def powers(size: float) -> Vector:
-    """1, H, H², ...: products, which compiled code rounds alike."""
-    return np.multiply.accumulate([1.0] + [size] * (_POWERS - 1))
-
-
 @final
 @dataclass(frozen=True)
 class Polynomials:
@@ -65,19 +58,6 @@ class Polynomials:
     terms: Indices
     factors: NDArray[np.float64]
     after: Indices
-
-    def __call__(self, ends: Vector, size: float) -> Vector:
-        """The derivatives.
-
-        :param ends: the signals at t and t + H, flat.
-        :param size: H [s].
-        """
-        scales = powers(size)
-        data = ends[self.known] * scales[self.scaling]
-        total = np.zeros(len(self.which))
-        for terms, factors in zip(self.terms.T, self.factors.T, strict=True):  # in this order: rounded alike everywhere
-            total += factors * data[terms]
-        return total / scales[self.after]
 
 
 def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomials:

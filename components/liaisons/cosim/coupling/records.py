@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.compiled.calls import Record as CallRecord
 
-POLYNOMIAL, ASKED, MEAN = range(1, 4)
-"""How inputs move within a step, if not as they are set."""
+AS_SET, POLYNOMIAL, ASKED, MEAN = range(4)
+"""How inputs move within a step."""
 
 Fields = list[tuple[str, Any]]
 
@@ -47,9 +47,9 @@ class EliminationRecord(_Record):
         *_numbers("n"),
         ("smallest_pivot", c_double),
         *_flags("ordered"),
-        *_pointers("values", "row_turns", "column_turns", "pivots", "work"),
-        *_pointers("given_starts", "above_starts", "below_starts", "given_rows", "above_rows", "below_rows"),
-        *_pointers("places", "upper", "lower"),
+        *_pointers("values", "row_order", "column_order", "pivots", "work"),
+        *_pointers("starts", "above_starts", "below_starts", "rows", "above_rows", "below_rows"),
+        *_pointers("indices", "upper", "lower"),
     ]
 
 
@@ -89,7 +89,7 @@ class StrongComponentRecord(_Record):
     _fields_ = [
         *_flags("cyclic"),
         ("newton", POINTER(NewtonRecord)),
-        ("members", POINTER(NodeRecord)),
+        ("nodes", POINTER(NodeRecord)),
         *_numbers("count", "n", "valued"),
         *_pointers("unknowns", "kinds", "errors"),
         ("tolerance", c_double),
@@ -97,12 +97,12 @@ class StrongComponentRecord(_Record):
 
 
 @final
-class HandedRecord(_Record):
+class SignalHistoryRecord(_Record):
     """See :class:`liaisons.cosim.coupling.signal_history.SignalHistory`."""
 
     _fields_ = [
         *_numbers("made"),
-        *_pointers("values", "past", "spans", "depth", "instants", "others", "ask"),
+        *_pointers("values", "past", "spans", "depth", "instants", "others", "step_in_thirds"),
     ]
 
 
@@ -110,7 +110,7 @@ class HandedRecord(_Record):
 class FailureRecord(Structure):
     """Where a step has failed."""
 
-    _fields_ = [*_numbers("group", "member"), ("call", c_ssize_t), *_numbers("iteration"), *_flags("deriving")]
+    _fields_ = [*_numbers("component", "node"), ("call", c_ssize_t), *_numbers("iteration"), *_flags("deriving")]
 
 
 @final
@@ -120,8 +120,8 @@ class SystemRecord(_Record):
     _fields_ = [
         *_numbers("outputs", "kinds", "count"),
         *_pointers("before", "now", "earlier", "since", "sizes", "result", "rates", "kind"),
-        ("groups", POINTER(StrongComponentRecord)),
-        ("handed", POINTER(HandedRecord)),
+        ("components", POINTER(StrongComponentRecord)),
+        ("histories", POINTER(SignalHistoryRecord)),
         *_pointers("held", "drive", "inside"),
         *_numbers("orders", "instants"),
         *_pointers("room", "scratch"),

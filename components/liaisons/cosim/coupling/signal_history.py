@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import final
 
 import numpy as np
 
 from liaisons.cosim.compiled.calls import Call
-from liaisons.cosim.coupling.records import HandedRecord
+from liaisons.cosim.coupling.records import SignalHistoryRecord
 from liaisons.cosim.coupling.signals import Curve, Indices, Signals, Vector
-
-_POINTS = 3
-"""Points before the end of a step that lie, with it, on one cubic."""
 
 Past = tuple[Vector, Vector, Indices]
 
@@ -41,15 +38,15 @@ class SignalHistory:
         self._state: Past = np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)
         self.instants, self.others = np.zeros(2), np.zeros((2, n))
 
-    def record(self, ask: Call | None) -> HandedRecord:
+    def record(self, step_in_thirds: Call | None) -> SignalHistoryRecord:
         """The same, for compiled code.
 
-        :param ask: looks for :attr:`others`; returns 1 if it has found them.
+        :param step_in_thirds: makes a step, and sets :attr:`others` to the outputs inside it.
         """
-        record = HandedRecord(made=len(self.made))
+        record = SignalHistoryRecord(made=len(self.made))
         record.point(**dict(zip(("past", "spans", "depth"), self._state, strict=True)))
         record.point(values=self.made, instants=self.instants, others=self.others)
-        record.ask = ask and ask.compiled().function
+        record.step_in_thirds = step_in_thirds and step_in_thirds.compiled().function
         return record
 
     def reset(self) -> None:
@@ -57,48 +54,6 @@ class SignalHistory:
         if (n := self.made.size) == 0:
             return
         self.rewind((np.zeros((2, n)), np.ones(2), np.ones(n, dtype=np.intp)))
-
-    @property
-    def fresh(self) -> bool:
-        """Whether other points are wanted, since a signal has too short a past."""
-        return bool(np.any(self._state[2] < _POINTS))
-
-    def shape(self, size: float, *, others: bool) -> None:
-        """Make slopes, once both ends of a step are known.
-
-        :param others: whether there is something in :attr:`others`.
-        """
-        if not self.made.size:
-            return
-        past, (last, first), depth = self._state
-        ends = self._cubic(size, (-last, -last - first), past, depth)
-        if others:
-            ends_too = self._cubic(size, self.instants.tolist(), self.others, np.full_like(depth, _POINTS))
-            ends = np.where(depth < _POINTS, ends_too, ends)
-        self._signals.ends[:, self._slopes] = np.where(self._signals.held[self.made], 0.0, ends)
-
-    def _cubic(self, size: float, instants: Sequence[float], others: Vector, depth: Indices) -> Vector:
-        """Slopes at both ends of the cubic through these and two more points.
-
-        :param depth: 2 for a parabola through the first of the two, 1 for a straight line.
-        """
-        (a, b), (at_a, at_b) = instants, others
-        before, now = self._signals.ends[:, self.made]
-        rates = np.array([(now - before) / size, (now - at_a) / (size - a), (at_a - at_b) / (a - b)])
-        rates[1] = np.where(depth > 1, rates[1], rates[0])
-        bend = (rates[1] - rates[0]) / a
-        rates[2] = np.where(depth > 2, rates[2], rates[1] + bend * (b - size))
-        twist = ((rates[2] - rates[1]) / (b - size) - bend) / b
-        return rates[0] + size * np.array([a * twist - bend, (size - a) * twist + bend])
-
-    def accept(self, size: float) -> None:
-        """Go on from the end of the step; to be called while the signals still show its begin."""
-        if not self.made.size:
-            return
-        past, spans, depth = self._state
-        past[1], past[0] = past[0], self._signals.before[self.made]
-        spans[1], spans[0] = spans[0], size
-        depth[:] = np.minimum(depth + 1, _POINTS)
 
     def snapshot(self) -> Past:
         """What :meth:`rewind` needs."""

@@ -157,7 +157,7 @@ class Signals:
             self.sloped = frozenset(found)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
-                told = self._parts[name].is_told and name not in self._alone
+                told = self._parts[name].approximation.takes_polynomials and name not in self._alone
                 if name in found and not (told and self._rate(source) != self.zero):
                     found.discard(name)
             if len(found) == len(self.sloped):
@@ -168,33 +168,6 @@ class Signals:
         owners = [driven(self._feeds, place) if place[0] == SIGNALS else place for place in self.places]
         units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
         return np.unique(units, return_inverse=True)[1]
-
-    def predict(self, size: float) -> None:
-        """A first guess at t + H: along the cubic through the last two points, or the parabola at the first."""
-        rates, n, since = self.rates, self.count, float(self.since[0])
-        x, v = self.before, self.before[rates]
-        if since == 0:
-            self.now[:] = x + size * (v + size / 2 * v[rates])
-        else:
-            s = size / since
-            back, fall, rise = self.earlier - x, self.earlier[rates] * since, v * since
-            cubic = fall + rise + 2 * back
-            square = fall + 2 * rise + 3 * back
-            guess = x + s * (rise + s * (square + s * cubic))
-            unknown = rates == self.zero
-            guess[unknown] = (x - s * back)[unknown]
-            slopes = (rise + s * (2 * square + 3 * s * cubic)) / since
-            last = (rates >= n) & (rates < self.zero)
-            guess[rates[last]] = slopes[last]
-            self.now[:] = guess
-        self.now[self.zero] = 0.0
-
-    def accept(self, size: float) -> None:
-        """Go on from the end of the step."""
-        self.earlier[:] = self.before
-        self.before[:] = self.now
-        self.since[:] = size
-        self.measure()
 
     def measure(self) -> None:
         """Note how large the signals of each unit are."""

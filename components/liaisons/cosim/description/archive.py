@@ -1,4 +1,4 @@
-"""FMU and SSP archives, opened with care: what is wrong with one is said before anything of it is unpacked."""
+"""FMU and SSP archives, checked before anything is unpacked."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 from liaisons.errors import LiaisonsError, SimulationError
 
 UNPACKED_LIMIT = 2**30
-"""So many bytes an archive may have unpacked, the FMUs in an SSP archive included, unless more is allowed."""
+"""Largest unpacked size of an archive in bytes, FMUs inside included, unless :data:`LIMIT_VARIABLE` is set."""
 
 LIMIT_VARIABLE = "LIAISONS_UNPACKED_LIMIT"
-"""The environment variable that allows another number of bytes; processes that are started inherit it."""
+"""Environment variable with another limit; child processes inherit it."""
 
 _MOST_MEMBERS = 50_000
-_LONGEST_DIRECTORY = 2**24  # bytes; Python makes objects of all of it before it can be asked anything
+_LONGEST_DIRECTORY = 2**24  # bytes; Python reads it as a whole
 _PORTION = 2**20
 _DAMAGE = (BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, struct.error, OverflowError)
-"""What Python raises in the middle of a damaged file."""
+"""Exceptions of Python for a damaged file."""
 
 
 def unpacked_limit() -> int:
-    """How many bytes an archive may have unpacked.
+    """Largest size of an unpacked archive in bytes.
 
-    :raises SimulationError: if :data:`LIMIT_VARIABLE` is no such number.
+    :raises SimulationError: if :data:`LIMIT_VARIABLE` is no positive number.
     """
     text = os.environ.get(LIMIT_VARIABLE)
     if text is None:
@@ -47,7 +47,7 @@ def unpacked_limit() -> int:
 
 
 def too_big(what: str, size: int) -> SimulationError:
-    """The error for what exceeds the limit."""
+    """The error for an archive above the limit."""
     return SimulationError(
         f"{what} takes {size} bytes unpacked, more than the limit of {unpacked_limit()}; if you trust it, raise the "
         f"limit by --unpacked-limit or {LIMIT_VARIABLE}"
@@ -55,9 +55,9 @@ def too_big(what: str, size: int) -> SimulationError:
 
 
 def plain_file(path: Path) -> os.stat_result:
-    """Look whether there is a file at all.
+    """Status of a regular file.
 
-    :raises SimulationError: if there is none, or it cannot be looked at.
+    :raises SimulationError: if it is missing, no regular file, or cannot be accessed.
     """
     try:
         status = path.stat()
@@ -76,15 +76,15 @@ class Archive:
     """An open archive, a context manager.
 
     :ivar names: its files.
-    :ivar size: bytes that all of them take unpacked.  A file that gives more than the directory says is damaged.
+    :ivar size: their size in bytes, according to the directory.
     :raises SimulationError: if it is missing, damaged, encrypted or too big, or has names that lead out of a folder,
-        links, files twice, or a compression that FMI and SSP do not know; one line that names it.  So do all methods.
+        links, contradictory duplicates, or a compression that FMI and SSP do not have.  All methods raise it, too.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         plain_file(path)
-        with ExitStack() as stack, self._reading(Exception):  # whatever Python stumbles over in a file of others
+        with ExitStack() as stack, self._reading(Exception):  # anything in an untrusted file
             self._zip = stack.enter_context(ZipFile(stack.enter_context(_Portions(path))))
             self._members = self._checked()
             self.names = [name for name in self._members if not name.endswith("/")]
@@ -107,7 +107,7 @@ class Archive:
             yield file
 
     def size_of(self, name: str) -> int:
-        """Bytes that a file takes unpacked."""
+        """Unpacked size of a file in bytes."""
         return self._members[name].file_size
 
     def copy(self, name: str, target: Path) -> None:
@@ -118,7 +118,7 @@ class Archive:
                 shutil.copyfileobj(file, out, _PORTION)
 
     def extract(self, folder: Path, without: tuple[str, ...] = ()) -> Path:
-        """Extract everything but what begins with one of these words.
+        """Extract all files but those with one of these prefixes.
 
         :returns: the folder.
         """
@@ -132,7 +132,7 @@ class Archive:
 
     @contextmanager
     def _reading(self, *damage: type[Exception]) -> Iterator[None]:
-        """One line for what goes wrong with the file."""
+        """Raise errors of the file as SimulationError."""
         try:
             yield
         except LiaisonsError:
@@ -144,24 +144,24 @@ class Archive:
             raise SimulationError(f"{self.path}: {kind} ({error}); build or copy it again") from None
 
     def _checked(self) -> dict[str, ZipInfo]:
-        found: dict[str, ZipInfo] = {}
+        members: dict[str, ZipInfo] = {}
         listed = self._zip.infolist()
         if len(listed) > _MOST_MEMBERS:
             raise SimulationError(f"{self.path}: has {len(listed)} files inside; no more than {_MOST_MEMBERS} are read")
         for member in listed:
             reason = _objection(member)
-            other = found.get(member.filename, member)
+            other = members.get(member.filename, member)
             if (other.CRC, other.file_size) != (member.CRC, member.file_size):  # some tools write the same file twice
                 reason = "is there twice"
             if reason:
                 raise SimulationError(f"{self.path}: {_short(member.orig_filename)} inside {reason}; export it anew")
-            found[member.filename] = member
-        return found
+            members[member.filename] = member
+        return members
 
 
 @final
 class _Portions(io.FileIO):
-    """A file that is read in portions only: an endless directory is not taken into memory as a whole."""
+    """A file with limited reads: a too long directory is not read into memory."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _LONGEST_DIRECTORY:
@@ -170,7 +170,7 @@ class _Portions(io.FileIO):
 
 
 def _objection(member: ZipInfo) -> str:
-    """What is wrong with a member; empty if nothing is."""
+    """Why a member is refused; empty if it is not."""
     name = member.orig_filename
     if not name or "\0" in name:
         return "is no name of a file"

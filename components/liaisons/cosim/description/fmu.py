@@ -1,4 +1,4 @@
-"""What an FMU file says about itself: variables, units, dependencies, default experiment, binaries."""
+"""The description of an FMU: variables, terminals, units, dependencies, default experiment, capabilities, binaries."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from liaisons.cosim.description.variables import RECORDED, Scalar, Variables
 from liaisons.errors import SimulationError, suggestion
 
 LONGEST = 1000
-"""Arrays with more elements are recorded only on request: the default must not fill the memory."""
+"""Arrays with more elements are recorded only on request."""
 
 DESCRIPTION = "modelDescription.xml"
-"""What makes an archive an FMU."""
+"""The file that every FMU has."""
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class DefaultExperiment:
-    """What an FMU or an archive says of its simulation [s, s, 1, s]; None where it says nothing."""
+    """Default experiment of an FMU or an SSP archive [s, s, s, 1]; None for what is not specified."""
 
     start_time: float | None = None
     stop_time: float | None = None
@@ -42,19 +42,19 @@ class Fmu:
     """An FMI 2.0 or 3.0 FMU, read but not run; made by :func:`read`.
 
     :param version: 2 or 3.
-    :param exchanges: whether it is run in Model Exchange, solved here: only where it has no Co-Simulation.
-    :param states: number of continuous states, and ``indicators`` of events, where FMI 2.0 says so in the file.
-    :param completes: whether it wants to know of completed steps in Model Exchange.
+    :param is_model_exchange: whether it has no Co-Simulation, so that its equations are solved here.
+    :param states: number of continuous states, and ``indicators`` of event indicators (FMI 2.0).
+    :param completes: whether it needs completedIntegratorStep in Model Exchange.
     :param guid: GUID, or instantiation token.
-    :param binary: where the library for this platform lies in the archive.
+    :param binary: path of the library for this platform in the archive.
     :param variable_step: whether communication steps may differ in length.
-    :param restores: whether its state can be taken and set again.
-    :param differentiates: whether it gives directional derivatives.
+    :param can_get_and_set_state: whether its state can be saved and restored.
+    :param provides_directional_derivatives: whether it calculates them.
     :param input_derivatives: whether derivatives of inputs can be set within a step (FMI 2.0 only).
-    :param inside_inputs: whether it says that inputs can be set at times inside a step (FMI 3.0 only).
-    :param output_derivative_order: up to which order derivatives of outputs can be read.
-    :param only_one: whether a process can have one instance of it only.
-    :param unpacked: bytes that its files take unpacked.
+    :param inside_inputs: whether inputs can be set in intermediate update mode (FMI 3.0 only).
+    :param output_derivative_order: highest order of output derivatives that can be read.
+    :param only_one: whether a process can have only one instance.
+    :param unpacked: size of its files in bytes.
     """
 
     path: Path
@@ -85,13 +85,13 @@ class Fmu:
 
     @property
     def arrays(self) -> Mapping[str, Shape]:
-        """Name -> shape, of FMI 3.0's arrays and of ``x[1]``, ``x[2]``, ... in FMI 2.0."""
+        """Name -> shape of arrays: those of FMI 3.0, and ``x[1]``, ``x[2]``, ... of FMI 2.0."""
         return self.variables.arrays
 
     def elements(self, name: str) -> list[str]:
-        """Names of the elements of an array; of a scalar, its own.
+        """Names of the elements of an array, or of a scalar itself.
 
-        :raises KeyError: if there is neither.
+        :raises KeyError: for an unknown name.
         """
         return list(self.variables.entry(name).names())
 
@@ -103,12 +103,12 @@ class Fmu:
         return self._scalars({"Real"}, causalities, longest)
 
     def recorded(self, types: Collection[str] = RECORDED) -> list[str]:
-        """What is recorded unless something is asked for: outputs and inputs, but no array above :data:`LONGEST`.
+        """Names that are recorded by default: outputs and inputs, without arrays above :data:`LONGEST`.
 
-        Of an FMU that has none, so many of its local variables.
+        An FMU without any: so many local variables.
         """
-        found = self._scalars(types, ("output", "input"), LONGEST)
-        return found or self._scalars(types, ("local",), LONGEST)[:LONGEST]
+        names = self._scalars(types, ("output", "input"), LONGEST)
+        return names or self._scalars(types, ("local",), LONGEST)[:LONGEST]
 
     def _scalars(self, types: Collection[str], causalities: Collection[str], longest: float) -> list[str]:
         return [
@@ -120,29 +120,29 @@ class Fmu:
 
     @property
     def next_event_time(self) -> Scalar | None:
-        """The variable with the next instant [s] at which outputs jump, or the greatest double if none comes.
+        """The variable with the next instant [s] at which outputs jump, or the greatest double; None if there is none.
 
-        FMUs of ours have it where the component has such instants; the name is reserved there.  None: it has none.
+        FMUs of liaisons have it if their component has such instants; the name is reserved there.
         """
-        found = self.variables.entries.get("next_event_time")
-        if not isinstance(found, Scalar):
+        event = self.variables.entries.get("next_event_time")
+        if not isinstance(event, Scalar):
             return None
-        marked = (found.type, found.causality, found.continuous, found.unit) == ("Real", "local", False, "s")
-        return found if marked else None
+        marked = (event.type, event.causality, event.continuous, event.unit) == ("Real", "local", False, "s")
+        return event if marked else None
 
     def references_of(self, causality: str) -> list[int]:
-        """Value references of the real variables, or whole arrays, of this causality."""
-        found = (entry.like for entry in self.variables.entries.values())
-        return [like.reference for like in found if like.causality == causality and like.type == "Real"]
+        """Value references of real scalars and arrays of a causality."""
+        variables = (entry.like for entry in self.variables.entries.values())
+        return [like.reference for like in variables if like.causality == causality and like.type == "Real"]
 
     def depends(self, output: str, input_: str, *, initially: bool = False) -> bool:
-        """Whether an output depends directly on an input, while stepping or in initialization."""
+        """Whether an output depends directly on an input, in step mode or in initialization mode."""
         variable = self.variables[output]
-        known = (self._initial if initially else self._outputs).get(variable.index)
-        return known is None or self.variables[input_].index in known
+        inputs = (self._initial if initially else self._outputs).get(variable.index)
+        return inputs is None or self.variables[input_].index in inputs
 
     def unknown(self, name: str, *others: str) -> str:
-        """What to say of a variable that does not exist; ``others`` are names that would have done, too."""
+        """Message for a variable that does not exist; ``others`` are further names to suggest."""
         base, index = split(name)
         if base in self.arrays:
             shape = self.arrays[base]
@@ -154,9 +154,9 @@ class Fmu:
 
 
 def read(path: Path | str, sizes: Mapping[str, int] | None = None) -> Fmu:
-    """Read the description inside an FMU file; a file that has not changed is read once.
+    """Read the description of an FMU; cached until the file changes.
 
-    :param sizes: structural parameters that get other values, so that arrays have other shapes.
+    :param sizes: new values of structural parameters, which change the shapes of arrays.
     :raises SimulationError: if the file is missing, truncated, too big, no FMU, of another FMI version or kind, has
         no binary for this platform, or a model description that contradicts itself.
     """
@@ -234,20 +234,17 @@ def _true(attributes: Mapping[str, str], name: str) -> bool:
 def _experiment(attributes: Mapping[str, str]) -> DefaultExperiment:
     try:
         texts = (attributes.get(name) for name in ("startTime", "stopTime", "stepSize", "tolerance"))
-        given = DefaultExperiment(*(None if text is None else float(text) for text in texts))
+        experiment = DefaultExperiment(*(None if text is None else float(text) for text in texts))
     except ValueError as error:
         raise ValueError(f"DefaultExperiment: {error}") from None
-    start = given.start_time if given.start_time and math.isfinite(given.start_time) else None
-    stop_time, step_size = usable(start or 0.0, given.stop_time, given.step_size)
-    tolerance = given.tolerance if given.tolerance and 0 < given.tolerance < math.inf else None
+    start = experiment.start_time if experiment.start_time and math.isfinite(experiment.start_time) else None
+    stop_time, step_size = usable(start or 0.0, experiment.stop_time, experiment.step_size)
+    tolerance = experiment.tolerance if experiment.tolerance and 0 < experiment.tolerance < math.inf else None
     return DefaultExperiment(start, stop_time, step_size, tolerance)
 
 
 def usable(start: float, stop: float | None, step: float | None) -> tuple[float | None, float | None]:
-    """Stop time and step size of a default experiment; None for those with which nothing can be simulated.
-
-    Its maker may have left them at whatever they were; whoever simulates gives others then.
-    """
+    """Stop time and step size of a default experiment; None for values that cannot be simulated."""
     if step is not None and not 0 < step < math.inf:
         step = None
     if stop is not None and not start < stop < math.inf:
@@ -261,7 +258,7 @@ _MOST_STEPS = 1e12
 
 
 def _binary(path: Path, archive: Archive, identifier: str, *, two: bool) -> str:
-    """Where this platform's library lies in the archive: FMI 2.0's folder names, or the tuples of 2.0.4 and 3.0."""
+    """Path of this platform's library in the archive: in a folder of FMI 2.0, or of 2.0.4 and 3.0."""
     files, library = archive.names, identifier + fmpy.sharedLibraryExtension
     folders = [fmpy.platform_tuple]
     if two and (fmpy.architecture.startswith("x86") or fmpy.system == "darwin"):  # fmpy.platform says linux64 on ARM
@@ -274,10 +271,10 @@ def _binary(path: Path, archive: Archive, identifier: str, *, two: bool) -> str:
     empty = {folder for folder in inside if not any(name.startswith(f"binaries/{folder}/") for name in files)}
     lacking = inside.intersection(folders) - empty
     words = dict.fromkeys(empty, " (empty)") | dict.fromkeys(lacking, f" (without {library})")
-    found = ", ".join(folder + words.get(folder, "") for folder in sorted(inside)) or "none"
+    platforms = ", ".join(folder + words.get(folder, "") for folder in sorted(inside)) or "none"
     sources = any(name.startswith("sources/") and name.endswith(".c") for name in files)
     raise SimulationError(
         f"{path}: no binary for this platform (binaries/{folders[-1]}/{library}); inside are: "
-        f"{found}; {'compile its sources here' if sources else 'export it for this platform'}"
+        f"{platforms}; {'compile its sources here' if sources else 'export it for this platform'}"
         " (own components: 'liaisons build')"
     )

@@ -17,14 +17,14 @@ from liaisons.cosim.description.variables import Array, Entry, Scalar, Variables
 Attributes = Mapping[str, str]
 
 MOST_ELEMENTS = 10_000_000
-"""An array that is declared larger is refused."""
+"""Largest size of an array."""
 
 _MOST_MEMORY = 2**28  # bytes
 _BYTES_OF_TAG, _BYTES_OF_VARIABLE, _BYTES_OF_INDEX = 20, 400, 150  # as measured, about
 _MOST_REFERENCE = 2**32 - 1
 
 KINDS = ("CoSimulation", "ModelExchange", "ScheduledExecution")
-"""What an FMU can be made for, as its elements are named."""
+"""Interface types, as their elements are named."""
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _BOTH: dict[str, VariableType] = {"Enumeration": "Enumeration", "Boolean": "Boolean", "String": "String"}
@@ -49,9 +49,9 @@ class UnitDefinition:
 
     @classmethod
     def of(cls, name: str, attributes: Attributes) -> UnitDefinition:
-        """What the attributes of a ``BaseUnit`` say.
+        """The definition in the attributes of a ``BaseUnit``.
 
-        :raises ValueError: if they are no numbers, or no value can be converted with them.
+        :raises ValueError: for attributes that are no numbers, and factors and offsets that cannot convert.
         """
         factor, offset = float(attributes.get("factor", 1)), float(attributes.get("offset", 0))
         if factor == 0 or not (math.isfinite(factor) and math.isfinite(offset)):
@@ -59,7 +59,7 @@ class UnitDefinition:
         return cls(tuple(int(attributes.get(base, 0)) for base in BASE_UNITS), factor, offset)
 
     def to(self, other: UnitDefinition) -> Conversion:
-        """From a value in this unit to that in another one of its kind."""
+        """The conversion to another unit of the same dimension."""
         if math.isclose(self.factor, other.factor) and self.offset == other.offset:
             return SAME
         return Conversion(self.factor / other.factor, (self.offset - other.offset) / other.factor)
@@ -76,24 +76,24 @@ class Conversion(NamedTuple):
         return self.factor * value + self.offset
 
     def then(self, other: Conversion) -> Conversion:
-        """Another one after this."""
+        """The composition: first this, then the other."""
         return Conversion(other.factor * self.factor, other.factor * self.offset + other.offset)
 
 
 SAME = Conversion()
-"""Values stay as they are."""
+"""The identity."""
 
 
 Table = dict[int, frozenset[int] | None]
-"""Index of an unknown -> indices of the inputs that it depends on directly; None: not said, so possibly all."""
+"""Index of an unknown -> indices of the inputs that it depends on directly; None: unspecified, so possibly all."""
 
 
 def parse(file: IO[bytes], sizes: Mapping[str, int]) -> Description:
     """Read a model description.
 
-    :param sizes: structural parameters that get other values.
-    :raises ValueError: if it is no well-formed XML, misses an attribute, has a number that is none or that cannot be,
-        refers to what is not there, or has more in it than fits into memory.
+    :param sizes: new values of structural parameters.
+    :raises ValueError: for XML that is not well-formed, missing attributes, invalid numbers and references, and more
+        content than fits into memory.
     """
     description = Description(sizes)
     documents.parse(file, description.start)
@@ -106,7 +106,7 @@ _Pending = tuple[Scalar, list[tuple[str | None, str | None]], list[str]]
 
 @dataclass(slots=True)
 class _Elements:
-    """FMI 2.0 scalars ``name[1]``, ``name[2]``, ... until it is known whether they are an array."""
+    """FMI 2.0 scalars ``name[1]``, ``name[2]``, ..., which are an array if all are there."""
 
     like: Scalar
     references: array[int] = field(default_factory=lambda: array("L"))
@@ -125,7 +125,7 @@ class _Elements:
         self.starts.append(variable.start)
 
     def entries(self, *, free: bool) -> dict[str, Entry]:
-        """The array; or its members one by one if some are missing, or its name is not free."""
+        """The array; or its members one by one if some are missing or a scalar has its name."""
         count = len(self.references)
         shape = (count,) if self.shapes is None else complete(self.shapes)
         if shape is not None and free:
@@ -142,12 +142,12 @@ class _Elements:
 
 @final
 class Description:
-    """What the file says; it looks at start tags only, since the order of the sections is fixed.
+    """The content of the file; start tags suffice, since the order of the sections is fixed.
 
-    :ivar kinds: what the FMU is made for, and what it says of that.
+    :ivar kinds: attributes by interface type.
     :ivar states: number of continuous states (FMI 2.0).
-    :ivar exact: outputs with a start value of their own.
-    :ivar fixed_inputs: those that cannot be set within a communication step.
+    :ivar exact: outputs with ``initial="exact"``.
+    :ivar fixed_inputs: inputs that cannot be set in intermediate update mode.
     """
 
     def __init__(self, sizes: Mapping[str, int]) -> None:
@@ -195,13 +195,13 @@ class Description:
             self._take(_BYTES_OF_TAG)
 
     def _take(self, size: int) -> None:
-        """Count memory, in bytes, about."""
+        """Count approximate memory in bytes."""
         self._memory += size
         if self._memory > _MOST_MEMORY:
             raise ValueError(f"what it says takes more than {_MOST_MEMORY} bytes of memory; put variables into arrays")
 
     def finished(self) -> Description:
-        """Everything, after the last tag."""
+        """Finish after the last tag."""
         self._close_variables({})
         self.states = len(self._derivatives)
         if not self.root:
@@ -225,7 +225,7 @@ class Description:
         self.units[name] = UnitDefinition.of(name, attributes)
 
     def _real_type(self, attributes: Attributes) -> None:
-        """In FMI 2.0 the name stands in the element around it."""
+        """In FMI 2.0 the parent element has the name."""
         self._type_units[(self._type or attributes)["name"]] = attributes.get("unit", "")
 
     # ---- variables
@@ -369,7 +369,7 @@ class Description:
 
 
 def _entry(pending: _Pending, sizes: Mapping[int, int], *, resized: bool) -> Entry:
-    """The variable, or the array, once the sizes of dimensions are known; start values go by the sizes of the file."""
+    """The variable or array, once the sizes of dimensions are known; start values have the sizes of the file."""
     variable, dimensions, given = pending
     starts = given or ([] if variable.start is None else variable.start.split())
     if not dimensions:
@@ -394,4 +394,4 @@ def _size(name: str, start: str | None, reference: str | None, sizes: Mapping[in
 
 
 _KIND = attrgetter("base", "type", "causality", "settable", "continuous", "unit")
-"""What elements of an array have in common."""
+"""Attributes that all elements of an array share."""

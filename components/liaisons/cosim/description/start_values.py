@@ -1,4 +1,4 @@
-"""Start values as an FMU takes them: right names, types, lengths."""
+"""Start values, checked and converted to the types and shapes of an FMU's variables."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from liaisons.errors import InvalidValueError, SimulationError, suggestion
 
 Start = float | int | bool | str
 Value = Start | tuple[Start, ...]
-"""A start value; of an array, one an element."""
+"""A start value; of an array, one for each element."""
 
 
 def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, Value]:
-    """Start values as the types that their variables take.
+    """Start values in the types of their variables.
 
     An array takes one number for all its elements, or one for each, in their shape; its elements can be given one by
-    one, too, and stand beside or within it then: what is named later counts.
+    one, too.  Later values override earlier ones.
 
     :param owner: name of the component, for messages.
-    :returns: by name of a scalar or of a whole array; an array of FMI 3.0 is always whole.
-    :raises SimulationError: if there is no such variable, it cannot be set, or the value is of the wrong type, of the
-        wrong length, or not finite.
+    :returns: by name of a scalar or of an array; arrays of FMI 3.0 are always whole.
+    :raises SimulationError: for an unknown variable, one that cannot be set, and a value of wrong type or shape, or
+        not finite.
     """
     values: dict[str, Start | list[Start]] = {}
-    for name, given in starts.items():
+    for name, start in starts.items():
         if name in fmu.arrays:
-            values[name] = _array_value(owner, fmu, name, given)
+            values[name] = _array_value(owner, fmu, name, start)
             continue
-        value = _scalar_value(owner, fmu, name, given)
+        value = _scalar_value(owner, fmu, name, start)
         variable = fmu.variables[name]
         if variable.structural and variable.type == "Integer" and value != int(variable.start or 0):
             raise InvalidValueError(f"{owner}.{name} = {value}: a size is the same in all cases; sweep each on its own")
@@ -55,12 +55,12 @@ def start_values(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str
 
 
 def structural_sizes(owner: str, fmu: Fmu, starts: Mapping[str, object]) -> dict[str, int]:
-    """What among the start values changes the sizes of arrays.
+    """Structural parameters among the start values, which change the sizes of arrays.
 
-    :raises SimulationError: if it cannot be set, or the value is none.
+    :raises SimulationError: for one that cannot be set, or a value that is no integer.
     """
-    known = {name: entry.like for name in starts if (entry := fmu.variables.entries.get(name))}
-    changed = [name for name, like in known.items() if like.structural and like.type == "Integer"]
+    scalars = {name: entry.like for name in starts if (entry := fmu.variables.entries.get(name))}
+    changed = [name for name, like in scalars.items() if like.structural and like.type == "Integer"]
     return {name: int(_scalar_value(owner, fmu, name, starts[name])) for name in changed if name not in fmu.arrays}
 
 
@@ -77,7 +77,7 @@ def _array_value(owner: str, fmu: Fmu, name: str, given: Any) -> list[Start]:
     assert isinstance(entry, Array)
     _check_settable(owner, fmu, entry.like, name, given)
     label = f"{owner}.{name} = {shown(given)}"
-    elements = np.asarray(given, dtype=object)  # as they are: NumPy would make strings of numbers beside a string
+    elements = np.asarray(given, dtype=object)  # NumPy would convert numbers beside a string to strings
     if elements.ndim == 0:
         return [_converted(label, entry.like, elements.item())] * entry.size
     if elements.shape != entry.shape:
@@ -143,4 +143,4 @@ RANGES = {
     **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
 }
-"""Smallest and largest value of integers, by the type in the names of FMI's functions."""
+"""Smallest and largest integers, by the type in names of FMI functions."""

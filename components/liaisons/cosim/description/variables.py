@@ -1,9 +1,8 @@
-"""Variables of an FMU: scalars, and arrays whose elements are made when they are asked for.
+"""Variables of an FMU: scalars, and arrays whose elements are made on access.
 
 FMI 2.0 has scalars only and writes an array as ``theta[1]``, ``theta[2]``, ...; FMI 3.0 has one variable ``theta`` with
-dimensions.  Both look alike here: ``"theta"`` is an array and ``"theta[2]"`` a scalar.  A million elements cost some
-bytes each.  What a name stands for, scalar or array, is an *entry*: it has ``like``, ``size``, ``shape``,
-``references`` and ``names()`` either way.
+dimensions.  In both, ``"theta"`` is an array and ``"theta[2]"`` a scalar.  An element takes some bytes.  An *entry* is
+a scalar or an array; both have ``like``, ``size``, ``shape``, ``references`` and ``names()``.
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ from liaisons.array_names import Shape, indices, offset, split
 VariableType = Literal["Real", "Integer", "Enumeration", "Boolean", "String", "Binary", "Clock"]
 
 NUMBERS: frozenset[VariableType] = frozenset({"Real", "Integer", "Enumeration", "Boolean"})
-"""Types whose values are numbers in a result: of an enumeration its integers, of a Boolean 0 and 1."""
+"""Types that are numbers in a result; enumerations are integers, Booleans 0 and 1."""
 
 RECORDED: frozenset[VariableType] = frozenset({*NUMBERS, "String"})
-"""Types that can be recorded and handed on."""
+"""Types that can be recorded and connected."""
 
 _T = TypeVar("_T")
 
@@ -32,11 +31,11 @@ class Scalar:
     """One scalar variable; ``unit`` is empty where the FMU gives none.
 
     :param reference: value reference; elements of an FMI 3.0 array share that of the array.
-    :param base: the type in the names of FMI's functions: ``Real``, ``Float64``, ``UInt8``, ...
+    :param base: type in names of FMI functions: ``Real``, ``Float64``, ``UInt8``, ...
     :param settable: whether it can be set before and during initialization.
-    :param index: place in the model description, from 0.
-    :param continuous: whether it may change at any time, and not only at events or never.
-    :param position: place within an FMI 3.0 array, from 0, the last index running fastest.
+    :param index: position in the model description, from 0.
+    :param continuous: whether its variability is continuous.
+    :param position: flat index in an FMI 3.0 array, from 0, the last index running fastest.
     """
 
     name: str
@@ -53,7 +52,7 @@ class Scalar:
 
     @property
     def structural(self) -> bool:
-        """Whether it can change the sizes of arrays, and is set in a mode of its own."""
+        """Whether it is a structural parameter, set in configuration mode."""
         return self.causality == "structuralParameter"
 
     @property
@@ -79,12 +78,12 @@ class Scalar:
 @final
 @dataclass(frozen=True, slots=True)
 class Array:
-    """Variables under one name; ``like`` is what they have in common.
+    """An array; ``like`` is a scalar with the attributes of all elements.
 
-    :param references: one an element (FMI 2.0), or one for all (FMI 3.0).
-    :param starts: one an element, one for all, or none.
-    :param indices: place of each in the model description, or one for all.
-    :param whole: whether it is one variable of FMI 3.0, which is read and set as a whole.
+    :param references: value reference of each element (FMI 2.0), or of all (FMI 3.0).
+    :param starts: start value of each element, of all, or none.
+    :param indices: position of each element in the model description, or of all.
+    :param whole: whether it is a variable of FMI 3.0, which is read and set as a whole.
     """
 
     like: Scalar
@@ -120,7 +119,7 @@ Entry = Scalar | Array
 
 @final
 class Variables(Mapping[str, Scalar]):
-    """All scalars by name, elements of arrays among them, in the order of the file (arrays where they begin)."""
+    """All scalars and elements of arrays by name, in the order of the file (arrays at their first element)."""
 
     def __init__(self, entries: Mapping[str, Entry]) -> None:
         self.entries = entries
@@ -149,12 +148,12 @@ class Variables(Mapping[str, Scalar]):
     def entry(self, name: str) -> Entry:
         """The scalar, the element or the array of this name.
 
-        :raises KeyError: if there is none.
+        :raises KeyError: for an unknown name.
         """
         return self.entries.get(name) or self[name]
 
     def whole(self, name: str) -> Array | None:
-        """The array of FMI 3.0 of this name or with this element; None if there is none, or it is a list of scalars."""
+        """The FMI 3.0 array of this name or with this element; None if there is none."""
         entry = self.entries.get(name) or self.entries.get(split(name)[0])
         return entry if isinstance(entry, Array) and entry.whole else None
 

@@ -1,4 +1,4 @@
-"""XML of others, read with care: no entities, no endless elements, no endless nesting."""
+"""XML from untrusted files: no entities, limited size, nesting and length of elements."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import IO
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
 _PORTION = 2**20
-_LONGEST_ELEMENT = 2**24  # bytes from one tag to the next; expat looks through them again with every portion
+_LONGEST_ELEMENT = 2**24  # bytes between two tags; expat scans them again with every portion
 _DEEPEST = 200
 _MOST_NODES = 1_000_000  # elements and attributes of a tree
 _LONGEST_TREE = 2**26  # bytes
 
 
 Start = Callable[[str, dict[str, str]], object]
-"""Is told that a tag is opened, and its attributes."""
+"""Called for a start tag with its attributes."""
 End = Callable[[str], object]
-"""Is told that a tag is closed."""
+"""Called for an end tag."""
 
 
 def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: float = math.inf) -> None:
     """Read a document, tag by tag.
 
-    :param longest: number of bytes that it may have.
-    :raises ValueError: if it is no well-formed XML, is in an unknown encoding, declares a document type (only those
-        can define entities that grow without bounds), is nested endlessly, or has elements without end.
+    :param longest: largest size in bytes.
+    :raises ValueError: for XML that is not well-formed, an unknown encoding, a document type (only those can define
+        entities that grow without bounds), and whatever exceeds a limit.
     """
     tags = depth = silent = 0
 
@@ -57,7 +57,7 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
         parser.close()
     except ParseError as error:
         raise ValueError(str(error)) from None
-    except LookupError as error:  # also KeyError, of what a reader looks up
+    except LookupError as error:  # also KeyError, for a missing attribute
         raise ValueError(
             f"an element has no attribute {error}" if isinstance(error, KeyError) else str(error)
         ) from None
@@ -66,9 +66,9 @@ def parse(file: IO[bytes], start: Start, end: End = lambda _: None, longest: flo
 
 
 def tree(file: IO[bytes]) -> Element:
-    """The elements of a document with their attributes; texts are left out.
+    """The elements of a document with their attributes, without texts.
 
-    :raises ValueError: as :func:`parse`, and if there are too many of them.
+    :raises ValueError: as :func:`parse`, and for too many elements and attributes.
     """
     builder, nodes = TreeBuilder(), 0
 

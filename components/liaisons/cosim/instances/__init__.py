@@ -21,12 +21,11 @@ def extracted(fmus: Iterable[Fmu], folder: Path) -> dict[Path, Path]:
     :returns: path of the FMU -> its own folder.
     :raises SimulationError: if a file is damaged or too big; see :class:`liaisons.cosim.description.archive.Archive`.
     """
-    found: dict[Path, Path] = {}
-    for fmu in fmus:
-        if fmu.path not in found:
-            with Archive(fmu.path) as archive:
-                found[fmu.path] = archive.extract(folder / str(len(found)), without=("sources/", "documentation/"))
-    return found
+    folders: dict[Path, Path] = {}
+    for path in dict.fromkeys(fmu.path for fmu in fmus):
+        with Archive(path) as archive:
+            folders[path] = archive.extract(folder / str(len(folders)), without=("sources/", "documentation/"))
+    return folders
 
 
 def make(
@@ -40,25 +39,22 @@ def make(
 ) -> Instance:
     """An instance of an FMU; see :class:`Instance`.
 
-    :param asks: it is to ask for inputs inside communication steps (FMI 3.0).
-    :param isolated: in a process of its own, where a call may take so long [s]; 0: in this one.
-    :param stiff: its equations, in Model Exchange, are known to be so.
+    :param requests_intermediate_update: it is to take inputs inside communication steps (FMI 3.0).
+    :param isolated: time limit [s] of a call, in a process of its own; 0: in this process.
+    :param stiff: the equations of a Model Exchange FMU are known to be stiff.
     """
 
-    def here() -> Instance:
-        two, there = fmu.version == 2, (name, fmu, directory)
+    def make_in_process() -> Instance:
         if fmu.is_model_exchange:
-            return (ModelExchange2 if two else ModelExchange3)(*there, stiff=stiff)
-        return (
-            CoSimulation2(*there)
-            if two
-            else CoSimulation3(*there, requests_intermediate_update=requests_intermediate_update)
-        )
+            return (ModelExchange2 if fmu.version == 2 else ModelExchange3)(name, fmu, directory, stiff=stiff)
+        if fmu.version == 2:
+            return CoSimulation2(name, fmu, directory)
+        return CoSimulation3(name, fmu, directory, requests_intermediate_update=requests_intermediate_update)
 
     if not isolated:
-        return here()
+        return make_in_process()
     code = library()
     if code is None:
         logger.warning("%s: to be isolated takes Linux and a C compiler; it runs in this process", name)
-        return here()
-    return Isolated(name, fmu, here, code, isolated)
+        return make_in_process()
+    return Isolated(name, fmu, make_in_process, code, isolated)

@@ -25,7 +25,7 @@ _HERE = Path(__file__).parent
 _RUNTIME = _HERE.parents[1] / "fmu" / "runtime"
 _SOURCES = (
     _HERE / "dop853.c",
-    _HERE.parent / "calls.h",
+    _HERE.parent / "compiled" / "calls.h",
     *(_RUNTIME / name for name in ("solver.c", "solver.h")),  # the solver that our FMUs of Co-Simulation have inside
 )
 _EVENT, _STIFF, _HARD, _REFUSED = range(1, 5)  # as dop853.c has them

@@ -21,28 +21,28 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import SIGNALS
 
 Gains = Mapping[tuple[VariableReference, VariableReference], int]
-"""Output and input -> column of the derivative of one by the other; behind the bus stand those of :class:`Begin`."""
+"""Output and input -> column of the derivative; behind the bus those of :class:`InitialDerivatives`."""
 
 
 @final
-class Begin:
-    """Derivatives of accelerations by inputs, taken once, where Newton's method does not.
+class InitialDerivatives:
+    """Derivatives of accelerations by inputs at the start, where Newton's method does not calculate them.
 
-    :param known: those that it does.
-    :ivar calls: take them.
-    :ivar gains: where they stand in ``values``, counted from the end of the bus.
+    :param solved: those that Newton's method calculates.
+    :ivar calls: calculate them.
+    :ivar gains: their indices in ``values``, counted from the end of the bus.
     """
 
-    def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, known: Gains) -> None:
+    def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus, solved: Gains) -> None:
         self.calls: list[Call] = []
         self.gains: dict[tuple[VariableReference, VariableReference], int] = {}
-        solved = {input_ for _, input_ in known}
+        solved_inputs = {input_ for _, input_ in solved}
         width = len(bus.values)
         parts: list[NDArray[np.float64]] = []
         seed = (c_double * 1)(1.0)
         for name, part in simulation.parts.items():
-            fed = [place for place in bus.inputs[name] if place not in solved]
-            if not fed or part.reconstruction is None or not part.fmu.provides_directional_derivatives:
+            fed = [input_ for input_ in bus.inputs[name] if input_ not in solved_inputs]
+            if not fed or part.approximation.method is None or not part.fmu.provides_directional_derivatives:
                 continue
             moving = [p for p in (*bus.outputs(name), *bus.inputs[name]) if _acceleration(part, p[1]) is not None]
             variables = part.fmu.variables
@@ -62,17 +62,18 @@ class Begin:
         return np.concatenate([np.empty(0), *self._parts])
 
 
-def followed(  # noqa: C901 - one case after the other
+def input_reconstructions(  # noqa: C901 - one case after the other
     simulation: Simulation,
     bus: Bus,
     slopes: Mapping[VariableReference, int],
     gains: Gains,
-    inside: Mapping[VariableReference, tuple[int, int]],
+    deviations: Mapping[VariableReference, tuple[int, int]],
 ) -> list[InputReconstruction]:
-    """What every connected input follows.
+    """What every connected input follows within a step.
 
-    :param slopes: where the slopes of outputs stand that FMUs give.
-    :param inside: where the integrals of functions of time stand, and how many numbers each returns, by its inputs.
+    :param slopes: columns of the derivatives of outputs that FMUs give.
+    :param deviations: of inputs of functions of time: column of the first integral of the deviation, and how many
+        numbers the function returns.
     """
     parts, feeds = simulation.parts, simulation.feeds
     group = {name: k for k, names in enumerate(simulation.groups) for name in names}
@@ -83,40 +84,41 @@ def followed(  # noqa: C901 - one case after the other
         if motion is not None:
             rate, value = (bus.index.get(port.place, -1) for port in motion)
             effects.setdefault(input_, []).append((column, rate, value))
-    given = {source: bus.index[target] for target, source in feeds.items() if source[0] == SIGNALS}
-    columns = {**bus.index, **given}  # functions of time are recorded where they are given
-    found: list[InputReconstruction] = []
+    recorded = {source: bus.index[target] for target, source in feeds.items() if source[0] == SIGNALS}
+    columns = {**bus.index, **recorded}  # functions of time are recorded as the inputs that they drive
+    reconstructions: list[InputReconstruction] = []
     for target, source in feeds.items():
         name, part = target[0], parts[target[0]]
-        giver, given_as = target if source[0] == SIGNALS else source
-        if parts[giver].fmu.variables[given_as].type != "Real":
+        approximation, triple, derivative = part.approximation, *Port(part, target[1]).curve()
+        owner, variable = target if source[0] == SIGNALS else source
+        signal = parts[owner].fmu.variables[variable]
+        moves_nothing = target not in effects and derivative > 0 and part.fmu.provides_directional_derivatives
+        if signal.type != "Real" or moves_nothing or approximation.samples:
             continue
-        if target not in effects and Port(part, target[1]).curve()[1] > 0 and part.fmu.provides_directional_derivatives:
-            continue  # a rate that moves nothing
-        if part.samples:
-            continue  # samples are what was asked for
-        own = columns[source]
-        places, order = curve(parts, feeds, source)
-        data = [columns[place] for place in places if place in columns]
-        within = simulation.iterates and name in simulation.cyclic and group.get(source[0]) == group[name]
+        own, cyclic, method = columns[source], name in simulation.cyclic, approximation.method
+        references, order = curve(parts, feeds, source)
+        data = [columns[reference] for reference in references if reference in columns]
+        within = simulation.iterates and cyclic and group.get(source[0]) == group[name]
         shape: Shape = "hermite"
         straight = False
-        if (part.left_alone and name not in simulation.cyclic) or not (simulation.iterates or part.interpolates):
-            data, order = _own(part, target, bus, own)
-            shape = "newest" if part.reconstruction is None and target not in late else "taylor"
-        elif straight := part.interpolates and Port(part, target[1]).curve()[0] is None:
+        if (approximation.is_prescribed and not cyclic) or not (simulation.iterates or approximation.interpolates):
+            data, order = _extrapolated(part, target, bus, own)
+            shape = "newest" if method is None and target not in late else "taylor"
+        elif straight := approximation.interpolates and triple is None:
             data, order = [own], 0
-        elif part.way == "mean":
+        elif approximation.interface == "mean value":
             shape, data, order = "mean", [own], 0
-        elif len(data) < 3 or len(data) < len(places) or (part.reconstruction is None and not part.interpolates):
-            sloped = part.follows and source in slopes
-            shape = "hermite" if sloped or within or not part.follows else "points"
+        elif len(data) < 3 or len(data) < len(references) or method is None:
+            follows = approximation.follows_polynomials
+            sloped = follows and source in slopes
+            shape = "hermite" if sloped or within or not follows else "points"
             data, order = [own, slopes[source]] if sloped else [own], 0
-        if shape in {"hermite", "points"} and not straight and inside.get(target, (0, 0))[1] == len(places):
-            shape, data = "quintic" if len(data) == 3 else "cubic", [inside[target][0], inside[target][0] + 1]
-        elif not parts[giver].fmu.variables[given_as].continuous and shape != "newest":
+        column, numbers = deviations.get(target, (0, 0))
+        if shape in {"hermite", "points"} and not straight and numbers == len(references):
+            shape, data = "quintic" if len(data) == 3 else "cubic", [column, column + 1]
+        elif not signal.continuous and shape != "newest":
             shape = "stairs"
-        found.append(
+        reconstructions.append(
             InputReconstruction(
                 f"{_name(source)} -> {'.'.join(target)}",
                 bus.index[target],
@@ -124,16 +126,16 @@ def followed(  # noqa: C901 - one case after the other
                 order,
                 shape,
                 tuple(effects.get(target, ())),
-                tuple(bus.index[place] for place in bus.outputs(name)),
+                tuple(bus.index[output] for output in bus.outputs(name)),
             )
         )
-    return found
+    return reconstructions
 
 
-def _own(part: SystemComponent, target: VariableReference, bus: Bus, own: int) -> tuple[list[int], int]:
-    """What an FMU of ours that extrapolates takes for its input: of a port, the parabola that it tells."""
+def _extrapolated(part: SystemComponent, target: VariableReference, bus: Bus, own: int) -> tuple[list[int], int]:
+    """Columns of the data that an FMU extrapolates an input from, of a port all three, and which derivative it is."""
     triple, order = Port(part, target[1]).curve()
-    if part.reconstruction != 1 or triple is None:
+    if part.approximation.method != 1 or triple is None:
         return [own], 0
     sources = [bus.source(port.place) for port in triple]
     return ([source for source in sources if source is not None], order) if None not in sources else ([own], 0)

@@ -32,7 +32,7 @@ from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
 from liaisons.cosim.running.breaks import Breaks, gap
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.finite import warn_of_what_is_not_finite
-from liaisons.cosim.running.input_reconstruction import Begin, followed
+from liaisons.cosim.running.input_reconstruction import InitialDerivatives, input_reconstructions
 from liaisons.cosim.running.inside import Inside
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
@@ -75,22 +75,18 @@ class Run:
                 folders = extracted((part.fmu for part in parts.values()), stack.enter_context(passing_folder()))
             for name, part in parts.items():
                 folder = folders[part.fmu.path]
-                requests_intermediate_update, isolated = (
-                    simulation.iterates and part.requests_intermediate_update,
-                    part.isolated,
-                )
-                if not isolated:
+                if not part.isolated:
                     try_to_start(part, folder, times)
-                stiff = part.solver is not None
-                made = make(
+                instance = make(
                     name,
                     part.fmu,
                     folder,
-                    requests_intermediate_update=requests_intermediate_update,
-                    isolated=isolated,
-                    stiff=stiff,
+                    requests_intermediate_update=simulation.iterates
+                    and part.approximation.interface == "intermediate update",
+                    isolated=part.isolated,
+                    stiff=part.solver is not None,
                 )
-                self._instances[name] = stack.enter_context(made)
+                self._instances[name] = stack.enter_context(instance)
             also = watched(parts, simulation.feeds) if simulation.iterates else []
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
             recorded = simulation.recorded.values()
@@ -99,9 +95,9 @@ class Run:
             self._initial, self._settle, self._step = self._prepared()
             self._inside = Inside(simulation.drives, self._bus, simulation.step_tolerance)
             self._ahead = 1  # so many steps are looked at together
-            self._begin, self._estimate = self._estimating()
+            self._initial_derivatives, self._estimate = self._estimating()
             self._breaks = Breaks(simulation, self._instances, self._bus)
-            reads_samples = any(parts[name].samples for name, _ in simulation.feeds if name in parts)
+            reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
             self._divides = self._breaks.divides and self._estimate.looks and not reads_samples
             self._loop = Loop(self._step, self._bus, len(times))
             self._back = self._saved() if self.repeats else []
@@ -143,7 +139,7 @@ class Run:
         for instance in self._instances.values():
             instance.exit_initialization()
         bus.perform(self._settle)
-        bus.perform(self._begin.calls)
+        bus.perform(self._initial_derivatives.calls)
         self._loop.add(begin, bus.values, called=begin)
         self._breaks.look(begin)
 
@@ -168,7 +164,7 @@ class Run:
             self._cross,
         )
         if simulation.adapts:
-            self._estimate.reset(self._begin.values)
+            self._estimate.reset(self._initial_derivatives.values)
         points = divided(stepper, self._estimate) if simulation.adapts else adapted(stepper)
         for point in points:  # steps as long as their error allows
             self._loop.add(point.time, point.values, called=point.called, begins=point.begins)
@@ -286,7 +282,7 @@ class Run:
         if self._errors:
             return np.array([0.0, *self._errors])
         loop, found = self._loop, np.zeros(len(asked))
-        self._estimate.reset(self._begin.values)
+        self._estimate.reset(self._initial_derivatives.values)
         errors = self._estimate(loop.rows[: loop.done], loop.times[: loop.done], loop.begins)
         if len(asked) > 1:
             found[1:] = np.add.reduceat(errors[: asked[-1] + 1], asked[:-1] + 1)
@@ -305,14 +301,14 @@ class Run:
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
         return [first], [settle, *others], [coupled.advance, *others]
 
-    def _estimating(self) -> tuple[Begin, Estimate]:
-        """The derivatives that are taken at the begin, and what estimates coupling errors."""
+    def _estimating(self) -> tuple[InitialDerivatives, Estimate]:
+        """The derivatives at the start, and what estimates coupling errors."""
         simulation, bus, coupled = self._simulation, self._bus, self._coupled
         gains = {} if coupled is None else coupled.gains
-        begin = Begin(simulation, self._instances, bus, gains)
+        initial = InitialDerivatives(simulation, self._instances, bus, gains)
         slopes = {} if coupled is None else coupled.slopes
-        inputs = followed(simulation, bus, slopes, {**gains, **begin.gains}, self._inside.columns)
-        return begin, Estimate(inputs, bus.index, kinds(simulation, bus))
+        inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial.gains}, self._inside.columns)
+        return initial, Estimate(inputs, bus.index, kinds(simulation, bus))
 
     def _other_readings(self, name: str) -> list[Call]:
         places = self._bus.others(name)

@@ -11,6 +11,7 @@ from typing import final, get_args
 import numpy as np
 
 from liaisons.arguments import chosen
+from liaisons.cosim.compiled import library as compiled
 from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.messages import logger
 from liaisons.cosim.structure import schedule
@@ -21,6 +22,7 @@ from liaisons.errors import SimulationError
 
 ITERATING = {"implicit", "waveform"}
 """Couplings that repeat steps."""
+_NO_COMPILER = "no C compiler is found: pip install ziglang"
 
 
 @final
@@ -68,7 +70,8 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
     It does where a cycle has a bidirectional port, and where, outside of cycles, a continuous signal feeds an FMU that
     takes input derivatives.
 
-    :raises SimulationError: if there is no such coupling, or an FMU that would have to repeat steps cannot.
+    :raises SimulationError: if there is no such coupling, an FMU that would have to repeat steps cannot, or there is no
+        C compiler for a coupling that repeats steps.
     """
     if asked is not None:
         chosen("coupling", asked, get_args(Coupling))
@@ -81,21 +84,25 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
                 f"coupling = {asked!r} repeats steps, but {stuck[0]} ({parts[stuck[0]].fmu.path.name}) cannot go "
                 "back: its canGetAndSetFMUstate is false; choose coupling='gauss-seidel'"
             )
+        if compiled.steps() is None:
+            raise SimulationError(
+                f"coupling = {asked!r} is made by compiled code, and {_NO_COMPILER}; or choose coupling='gauss-seidel'"
+            )
         return asked
     two_ways = [connection for connection in connections if connection.back]
     hurdles = [f"{name} ({parts[name].fmu.path.name}) cannot go back (canGetAndSetFMUstate is false)" for name in stuck]
     hurdles += [f"{connection} converts values" for connection in connections if connection.conversion != SAME]
-    if asked is None and two_ways and not hurdles:
-        return "implicit"
-    if asked is None and two_ways:
+    if asked is None and (two_ways or (not graph.cyclic and _gains(parts, connections, graph.driven))):
+        if compiled.steps() is None:
+            hurdles.append(_NO_COMPILER)
+        if not hurdles:
+            return "implicit"
         logger.warning(
-            "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order, unstable "
-            "where effective masses are large",
-            two_ways[0].source,
+            "%s would be coupled implicitly, but %s: coupled by 'gauss-seidel', an error of first order%s",
+            two_ways[0].source if two_ways else "a signal",
             hurdles[0],
+            ", unstable where effective masses are large" if two_ways else "",
         )
-    if asked is None and not graph.cyclic and _gains(parts, connections, graph.driven):
-        return "implicit"
     for group in cycles:
         logger.info("%s form a cycle: stepped in this order, what feeds back is one step old", " -> ".join(group))
     for loop in graph.loops:
@@ -117,7 +124,7 @@ def _gains(
     if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
         return False
     fed = {connection.target.place[0] for connection in connections if connection.source.variable.continuous}
-    return any(parts[name].follows for name in {*fed, *(owner for owner, _ in driven)})
+    return any(parts[name].approximation.follows_polynomials for name in {*fed, *(owner for owner, _ in driven)})
 
 
 def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
@@ -156,7 +163,9 @@ def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemCom
     if chosen not in ITERATING:
         # What a source that samples gives jumps at each communication point.
         stepwise = {
-            c.target.part.name for c in graph.connections if c.source.part.samples or not c.source.variable.continuous
+            c.target.part.name
+            for c in graph.connections
+            if c.source.part.approximation.samples or not c.source.variable.continuous
         }
         stepwise |= {name for name, variable in driven if parts[name].fmu.variables[variable].type != "Real"}
         delayed = {name for name, _ in (*graph.late(chosen), *(driven if chosen == "jacobi" else ()))}
@@ -167,13 +176,13 @@ def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemCom
     fed = {name for name, _ in feeds}
     ready = dict(parts)
     for name, part in parts.items():
-        if name not in fed or part.reconstruction is None or part.way != "mean":
+        if name not in fed or part.approximation.method is None or part.approximation.interface != "mean value":
             continue
-        if part.left_alone and name not in graph.cyclic:
+        if part.approximation.is_prescribed and name not in graph.cyclic:
             continue
         if INPUT_RECONSTRUCTION in part.starts:
             raise SimulationError(
-                f"{name}: {INPUT_RECONSTRUCTION}={part.reconstruction} cannot be coupled by {chosen!r}: this FMU "
+                f"{name}: {INPUT_RECONSTRUCTION}={part.approximation.method} cannot be coupled by {chosen!r}: this FMU "
                 f"takes no derivatives of inputs; leave {INPUT_RECONSTRUCTION} out, or set 2"
             )
         ready[name] = part.interpolating()
@@ -182,7 +191,7 @@ def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemCom
 
 def _free(part: SystemComponent) -> bool:
     """Whether it extrapolates its inputs by default, not by a start value."""
-    return part.reconstruction == 1 and INPUT_RECONSTRUCTION not in part.starts
+    return part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
 
 
 def _whole(part: SystemComponent, name: str, fed: Collection[VariableReference]) -> bool:
@@ -204,7 +213,7 @@ def steps(
     :raises SimulationError: naming the one that cannot, and what it lacks.
     """
     for name, variable in graph.late(chosen):
-        if parts[name].interpolates:
+        if parts[name].approximation.interpolates:
             cure = ", or coupling='gauss-seidel'" if chosen == "jacobi" else "; the connections go round in a cycle"
             raise SimulationError(
                 f"{name}: {INPUT_RECONSTRUCTION}=2 (interpolate) needs inputs at the end of a step, but "
@@ -257,7 +266,7 @@ def inputs(parts: Mapping[str, SystemComponent], graph: ConnectionGraph) -> None
         triple, order = Port(parts[name], variable).curve()
         if triple and order == 0:
             missing = [end for end in triple if end.place not in fed and end.name not in parts[name].starts]
-            if missing and parts[name].reconstruction != 0:
+            if missing and parts[name].approximation.method != 0:
                 logger.warning(
                     "%s.%s is fed, but %s is not and keeps its start value: connect the whole port, or set %s=0 (hold)",
                     name,

@@ -1,11 +1,11 @@
-"""An FMU in a system, what SSP calls a component, and its ports: the things that are connected."""
+"""Components of a system: an FMU with start values each, and the ports by which they are connected."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from numbers import Real
 from pathlib import Path
 from typing import Literal, final, get_args
@@ -19,28 +19,71 @@ from liaisons.errors import ConnectError, InvalidValueError, SimulationError
 from liaisons.processes import TIME_LIMIT
 
 INPUT_RECONSTRUCTION = "input_reconstruction"
-"""Parameter by which an FMU of ours says what its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate."""
+"""Parameter of FMUs of liaisons: how inputs move within a step: 0 hold, 1 extrapolate, 2 interpolate."""
 
 Triple = tuple[str, str, str]
 """Names of value, rate and acceleration."""
 
 Solver = Literal["cvode"]
-"""What integrates an FMU of Model Exchange from the begin on, where that is not left to what its equations are like."""
+"""Solver of a Model Exchange FMU; None: DOP853, and an implicit one once its equations turn out to be stiff."""
 
-Way = Literal["polynomial", "asked", "interpolate", "mean"]
-"""How inputs move within a step: as told before it or when asked, from what they were to what is set, or not at all."""
+InputInterface = Literal["derivatives", "intermediate update", "end value", "mean value"]
+"""What an FMU takes for the values of an input within a step: derivatives at its start, values at instants inside, the
+value at its end, from which it interpolates, or one value for the whole step."""
+
+
+@final
+@dataclass(frozen=True)
+class InputApproximation:
+    """How an FMU approximates its inputs within a communication step.
+
+    :param method: 0 hold, 1 extrapolate, 2 interpolate; None if the coupling decides: for FMUs of other tools and in
+        Model Exchange.
+    :param is_prescribed: the user has said that inputs hold or extrapolate, without values from the end of a step.
+    :param takes_every_order: derivatives of inputs of every order are taken, not the first one only.
+    """
+
+    method: int | None
+    is_prescribed: bool
+    interface: InputInterface
+    takes_every_order: bool
+
+    @property
+    def interpolates(self) -> bool:
+        """Whether inputs that are set before a step are those at its end."""
+        return self.interface == "end value"
+
+    @property
+    def samples(self) -> bool:
+        """Whether the user has said that inputs hold: the values depend on where communication points are."""
+        return self.is_prescribed and self.method == 0
+
+    @property
+    def takes_polynomials(self) -> bool:
+        """Whether it can be given polynomials, so that derivatives of its outputs are right."""
+        return self.interface in {"derivatives", "intermediate update"}
+
+    @property
+    def follows_polynomials(self) -> bool:
+        """Whether it follows polynomials of every order, and the user has not said otherwise."""
+        return self.takes_polynomials and self.takes_every_order and not self.is_prescribed
+
+    @property
+    def needs_newest_inputs(self) -> bool:
+        """Whether inputs are to be set to the newest values before a step: it interpolates, or is of another tool."""
+        return self.method in {None, 2}
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class SystemComponent:
-    """One FMU in a system, under a name of its own; ``part["length"]`` is one of its ports.
+    """One FMU in a system; ``component["length"]`` is one of its ports.
 
     :param name: name in the system.
-    :param fmu: what was read from the file.
+    :param fmu: description of the file.
     :param starts: start values that differ from those of the FMU.
-    :param isolated: it runs in a process of its own, where a call may take so long [s]; 0: in this one.
-    :param solver: of its equations, in Model Exchange; None: DOP853 until they turn out to be stiff.
+    :param isolated: time limit [s] of a call in a process of its own; 0: it runs in this process.
+    :param solver: of its equations, in Model Exchange; None: see :data:`Solver`.
     """
 
     name: str
@@ -83,7 +126,7 @@ class SystemComponent:
 
         A port that is called otherwise than its value is that value.
 
-        :raises ConnectError: with the nearest name, if there is nothing of that name.
+        :raises ConnectError: for an unknown name; the message suggests the nearest one.
         """
         if not isinstance(name, str):
             raise ConnectError(f"{self.name}: ports go by name, {shown(name)} is none")
@@ -101,102 +144,59 @@ class SystemComponent:
 
     @property
     def carried(self) -> frozenset[VariableType]:
-        """Types of what can be read from it and given to it: strings have other numbers in another process."""
+        """Types that can be read and set: strings have other addresses in another process."""
         return NUMBERS if self.isolated else RECORDED
 
     def recordable(self, name: str) -> list[str]:
-        """Names of the scalars that a name stands for: itself, or all elements of an array.
+        """Names of a scalar, or of all elements of an array.
 
-        :raises SimulationError: if there is none of this name, or its values cannot be recorded.
+        :raises SimulationError: for an unknown name, or a type that cannot be recorded.
         """
         names = self.fmu.elements(name) if name in self.fmu.arrays else [name]
-        found = [self.scalar(element) for element in names]
-        for variable in found:
+        scalars = [self.scalar(element) for element in names]
+        for variable in scalars:
             if variable.type not in self.carried:
                 words = f"is {variable.type}{' of an isolated FMU' if self.isolated else ''} and cannot be recorded"
-                known = ", ".join(sorted(self.carried))
-                raise SimulationError(f"{self.name}.{name} {words}: leave it out; what can is {known}")
+                allowed = ", ".join(sorted(self.carried))
+                raise SimulationError(f"{self.name}.{name} {words}: leave it out; what can is {allowed}")
         return names
 
     def scalar(self, name: str) -> Scalar:
         """The scalar of this name.
 
-        :raises SimulationError: with the nearest name, if there is none.
+        :raises SimulationError: for an unknown name; the message suggests the nearest one.
         """
         if name not in self.fmu.variables:
             raise SimulationError(f"{self.name}: {self.fmu.unknown(name)}")
         return self.fmu.variables[name]
 
-    @property
-    def reconstruction(self) -> int | None:
-        """What its inputs do within a step: 0 hold, 1 extrapolate, 2 interpolate; None for an FMU of another make.
+    @cached_property
+    def approximation(self) -> InputApproximation:
+        """How it approximates its inputs within a communication step."""
+        fmu, method = self.fmu, self._input_reconstruction()
+        interface: InputInterface = "derivatives" if fmu.input_derivatives else "mean value"
+        if method == 2:
+            interface = "end value"
+        elif method is not None and fmu.inside_inputs:  # FMUs of other tools may claim it without ever asking
+            interface = "intermediate update"
+        is_prescribed = INPUT_RECONSTRUCTION in self.starts and method in {0, 1}
+        return InputApproximation(method, is_prescribed, interface, method is not None or fmu.is_model_exchange)
 
-        In Model Exchange, what they do is not up to the FMU.
-        """
+    def _input_reconstruction(self) -> int | None:
         variable = self.fmu.variables.get(INPUT_RECONSTRUCTION)
         if variable is None or variable.type != "Integer" or self.fmu.is_model_exchange:
             return None
         try:
             return int(self.starts.get(INPUT_RECONSTRUCTION, variable.start or 1))  # type: ignore[arg-type] - one Integer
-        except ValueError:  # of another make after all
+        except ValueError:  # not one of ours after all
             return None
 
-    @property
-    def interpolates(self) -> bool:
-        """Whether it takes the inputs that are set before a step for those at its end."""
-        return self.reconstruction == 2
-
-    @property
-    def left_alone(self) -> bool:
-        """Whether the user has said that its inputs hold or extrapolate, which takes nothing from the end of a step."""
-        return INPUT_RECONSTRUCTION in self.starts and self.reconstruction in {0, 1}
-
-    @property
-    def samples(self) -> bool:
-        """Whether the user has said that its inputs hold: what they read depends on where communication points are."""
-        return self.left_alone and self.reconstruction == 0
-
-    @property
-    def requests_intermediate_update(self) -> bool:
-        """Whether it asks how inputs move within a step: an FMI 3.0 FMU of ours; others may say so and never ask."""
-        return self.reconstruction is not None and self.fmu.inside_inputs and not self.interpolates
-
-    @property
-    def is_told(self) -> bool:
-        """Whether it can know how inputs move within a step, so that derivatives of its outputs are right."""
-        return self.requests_intermediate_update or (self.fmu.input_derivatives and not self.interpolates)
-
-    @property
-    def follows(self) -> bool:
-        """Whether it follows what it is told inside a step, unless the user wants it otherwise."""
-        known = self.takes_curves and not self.interpolates
-        return known and not self.left_alone and self.way in {"polynomial", "asked"}
-
-    @property
-    def takes_newest(self) -> bool:
-        """Whether it is to be given the newest inputs before a step: it interpolates, or it is of another make."""
-        return self.reconstruction in {None, 2}
-
-    @property
-    def takes_curves(self) -> bool:
-        """Whether derivatives of inputs do of every order: of ours, or where its equations are solved here."""
-        return self.reconstruction is not None or self.fmu.is_model_exchange
-
-    @property
-    def way(self) -> Way:
-        """How its inputs can be made to move within a step."""
-        if self.interpolates:
-            return "interpolate"
-        if self.requests_intermediate_update:
-            return "asked"
-        return "polynomial" if self.fmu.input_derivatives else "mean"
-
     def interpolating(self) -> SystemComponent:
-        """The same, but that it interpolates its inputs."""
+        """A copy that interpolates its inputs."""
         return replace(self, starts={**self.starts, INPUT_RECONSTRUCTION: 2})
 
     def apart(self, limit: float = TIME_LIMIT) -> SystemComponent:
-        """The same, isolated, unless it is so already."""
+        """A copy in a process of its own; itself if it has one."""
         return self if self.isolated else replace(self, isolated=limit)
 
     def __repr__(self) -> str:
@@ -207,7 +207,7 @@ class SystemComponent:
 @final
 @dataclass(frozen=True)
 class Port:
-    """A variable, array, port or point of one component, to be connected with another."""
+    """A variable, an array or a terminal of a component, to be connected with another."""
 
     part: SystemComponent
     name: str
@@ -224,16 +224,16 @@ class Port:
 
     @property
     def is_array(self) -> bool:
-        """Whether it stands for all elements of an array."""
+        """Whether it is an array."""
         return self.name in self.part.fmu.arrays
 
     @property
     def exists(self) -> bool:
-        """Whether it is a variable or an array; a point is none."""
+        """Whether it is a variable or an array, and not a terminal like a point."""
         return self.is_array or self.name in self.part.fmu.variables
 
     def elements(self) -> list[Port]:
-        """The scalars of an array; of a scalar, itself."""
+        """The elements of an array; of a scalar, itself."""
         return [Port(self.part, name) for name in self.part.fmu.elements(self.name)]
 
     @property
@@ -270,8 +270,8 @@ class Port:
 def time_limit(what: str, isolated: object) -> float:
     """How long a call of an isolated FMU may take [s]; 0 of one that is not isolated.
 
-    :param what: that it is given as.
-    :raises SimulationError: unless it is a truth value, or a number that is not negative.
+    :param what: label of the value, for messages.
+    :raises SimulationError: unless it is a truth value or a finite number that is not negative.
     """
     seconds = TIME_LIMIT if isolated is True else float(isolated) if isinstance(isolated, Real) else math.nan
     if not 0 <= seconds < math.inf:

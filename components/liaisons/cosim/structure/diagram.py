@@ -1,8 +1,7 @@
-"""A picture of a system as SVG: its FMUs as blocks with ports, what is connected, and in which order they are called.
+"""A block diagram of a system as SVG: FMUs with ports, connections, and the execution order.
 
-Sources stand left of what they feed.  A triple, a point or an array is one port, an arrow with two heads takes the
-force back.  The mouse over a block shows start values, over an arrow the variables.  Whatever text is shown is escaped:
-names come from FMUs of any make.
+Sources are left of their targets.  A port, a point or an array is one port, an arrow with two heads includes the
+force.  Tooltips of blocks show start values, those of arrows the variables.  All text is escaped.
 """
 
 from __future__ import annotations
@@ -21,19 +20,19 @@ from liaisons.cosim.structure.connections import Connection
 from liaisons.files import replacing
 
 _MOST = 60
-"""So many blocks are drawn."""
+"""Largest number of blocks."""
 _WIDTH, _HEAD, _LINE = 170, 47, 16
-"""Of a block, of its title, of a port [px]."""
+"""Width of a block, heights of its title and of a port [px]."""
 _GAP, _SPACE, _MARGIN = 70, 34, 32
-"""Between columns, between blocks of one, around all [px]."""
+"""Distances between columns, between blocks of a column, and to the border [px]."""
 _COLUMNS = 6
-"""So many stand side by side; longer rows are broken."""
+"""Largest number of columns side by side."""
 _LANE = 7
-"""Between arrows that run side by side [px]."""
+"""Distance of parallel arrows [px]."""
 _FREE = 4
-"""So many ports of an FMU are drawn that are not connected."""
+"""Largest number of unconnected ports of an FMU that are drawn."""
 _LETTER = 6.0
-"""Width of one [px]."""
+"""Width of a character [px]."""
 
 _ARROW = (
     '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" markerHeight="7" '
@@ -50,7 +49,7 @@ class Diagram:
     svg: str
 
     def write(self, path: Path | str) -> None:
-        """Write it as a file."""
+        """Write the file."""
         with replacing(Path(path)) as whole:
             whole.write_text(self.svg, encoding="utf-8")
 
@@ -61,7 +60,7 @@ class Diagram:
 @final
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """What one port hands to another: names of parts and ports, and the connections that it is made of."""
+    """An arrow: names of component and port at both ends, and its connections."""
 
     source: tuple[str, str]
     target: tuple[str, str]
@@ -71,7 +70,7 @@ class _Wire:
 @final
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Where an FMU stands, and its ports from above: left what it takes, right what it gives."""
+    """Column and ports of an FMU, from above; inputs are left, outputs right."""
 
     part: SystemComponent
     column: int
@@ -84,10 +83,7 @@ class _Block:
 
 
 def diagram(name: str, parts: Mapping[str, SystemComponent], connections: Collection[Connection]) -> Diagram:
-    """The picture of a system.
-
-    :param name: of the system.
-    """
+    """The block diagram of a system of this name."""
     feeds = {c.target.place: c.source.place for c in connections}
     forward = {c.target.place: c.source.place for c in connections if not c.back}
     groups = schedule.groups(parts, feeds)
@@ -115,8 +111,8 @@ def diagram(name: str, parts: Mapping[str, SystemComponent], connections: Collec
 
 
 def _wires(connections: Iterable[Connection]) -> list[_Wire]:
-    """What ports are connected with; what takes a force back belongs to the port that moves."""
-    found: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
+    """The arrows of a diagram; a force that goes back belongs to the arrow of its port."""
+    wires: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
     for c in connections:
         source, target = (_whole(port, back=c.back) for port in (c.source, c.target))
         one, other = c.source.part.fmu.terminals.points.get(source), c.target.part.fmu.terminals.points.get(target)
@@ -124,8 +120,8 @@ def _wires(connections: Iterable[Connection]) -> list[_Wire]:
             source, target = one.point, other.point
         ends = (c.source.place[0], source), (c.target.place[0], target)
         ends = (ends[1], ends[0]) if c.back else ends
-        found.setdefault(ends, _Wire(*ends, [])).connections.append(c)
-    return list(found.values())
+        wires.setdefault(ends, _Wire(*ends, [])).connections.append(c)
+    return list(wires.values())
 
 
 def _whole(port: Port, *, back: bool) -> str:
@@ -134,7 +130,7 @@ def _whole(port: Port, *, back: bool) -> str:
 
 
 def _free(part: SystemComponent, causality: str) -> list[str]:
-    """Ports of an FMU of ours, the same on the page: coordinates, and points for their coordinates."""
+    """Names of the ports of a causality, points instead of their components."""
     points = part.fmu.terminals.points
     entries = part.fmu.variables.entries
     values = [name for name in entries if entries[name].like.causality == causality and Port(part, name).triple()]
@@ -147,26 +143,26 @@ def _blocks(
     pairs: Collection[tuple[str, str]],
     wires: Collection[_Wire],
 ) -> dict[str, _Block]:
-    """Each right of what feeds it, with the ports that are connected, and then a few that are not."""
+    """Blocks by name, each right of its sources, with connected ports and then a few others."""
     before: dict[str, list[str]] = {}
     for source, target in pairs:
         before.setdefault(target, []).append(source)
-    found: dict[str, _Block] = {}
+    blocks: dict[str, _Block] = {}
     for name in drawn:
         part = parts[name]
-        column = max((found[source].column + 1 for source in before.get(name, ()) if source in found), default=0)
+        column = max((blocks[source].column + 1 for source in before.get(name, ()) if source in blocks), default=0)
         ends = [wire.target[1] for wire in wires if wire.target[0] == name]
         begins = [wire.source[1] for wire in wires if wire.source[0] == name]
         left, right = (
             list(dict.fromkeys([*used, *(free if len(free) <= _FREE else ())]))
             for used, free in ((ends, _free(part, "input")), (begins, _free(part, "output")))
         )
-        found[name] = _Block(part, column, left, right)
-    return found
+        blocks[name] = _Block(part, column, left, right)
+    return blocks
 
 
 def _corners(blocks: Mapping[str, _Block]) -> tuple[dict[str, tuple[int, int]], list[int]]:
-    """Upper left corners of the blocks, and where each row of columns ends."""
+    """Upper left corners of the blocks, and the lower ends of the rows."""
     corners: dict[str, tuple[int, int]] = {}
     bottoms: list[int] = []
     top = _MARGIN + 10
@@ -216,7 +212,7 @@ def _arrows(
     corners: Mapping[str, tuple[int, int]],
     bottoms: list[int],
 ) -> list[str]:
-    """From the right of a block to the left of the next one; all others below what lies between."""
+    """Arrows to the next column directly, others below the blocks between."""
     lanes = 0
     drawn = []
     for wire in wires:
@@ -240,7 +236,7 @@ def _arrows(
 
 
 def _cornered(points: list[tuple[float, float]]) -> str:
-    """A line of horizontal and vertical pieces with round corners."""
+    """SVG path of horizontal and vertical lines with round corners."""
     words = [f"M{points[0][0]:g} {points[0][1]:g}"]
     for before, at, after in zip(points, points[1:], points[2:], strict=False):
         (ax, ay), (bx, by) = (_towards(at, other) for other in (before, after))
@@ -249,7 +245,7 @@ def _cornered(points: list[tuple[float, float]]) -> str:
 
 
 def _towards(at: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
-    """A little way from one point to another, half of it at most."""
+    """The point 6 px from one towards another, at most halfway."""
     dx, dy = other[0] - at[0], other[1] - at[1]
     length = max(abs(dx), abs(dy))
     part = min(6.0, length / 2) / length if length else 0.0
@@ -257,7 +253,7 @@ def _towards(at: tuple[float, float], other: tuple[float, float]) -> tuple[float
 
 
 def _cut(words: str, most: int) -> str:
-    """Shortened to the width that there is."""
+    """The text, shortened to so many characters."""
     return words if len(words) <= most else f"{words[: most - 1]}…"
 
 

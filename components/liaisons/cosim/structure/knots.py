@@ -1,4 +1,4 @@
-"""Tables of a motion as knots: between two of them a motion is the polynomial of degree five that fits both."""
+"""Motions as tables of knots (t, σ, σ̇, σ̈), with a quintic Hermite polynomial between two of them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 ROUNDING = 1e-13
-"""Numbers of two knots at one instant are equal if they differ by no more than this part of the greatest in their
-column and of the greatest value, rates times the span of the table: a number of 13 digits is so far off."""
+"""Relative tolerance for two knots at one instant to be equal; a number of 13 digits is so far off."""
 _COLUMNS = ("times", "values", "rates", "accelerations")
 
 
@@ -24,15 +23,15 @@ def knots(
 ) -> NDArray[np.float64]:
     """Knots (t, σ, σ̇, σ̈), a column each, shape (4, n).
 
-    What is not given of rates and accelerations is that of the quintic spline through what is, between jumps.
+    Rates and accelerations that are not given are those of a quintic spline between jumps.
 
-    :param times: [s], ascending, shape (n,), n >= 2; twice the same is a jump, unless both knots agree to
-        :data:`ROUNDING`: then they are one.
-    :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
+    :param times: [s], ascending, shape (n,), n >= 2; an instant that is there twice is a jump, unless both knots
+        agree to :data:`ROUNDING`.
+    :raises SimulationError: if these are no numbers, of unequal count, or not ascending.
     """
-    given = dict(zip(_COLUMNS, (times, values, rates, accelerations), strict=True))
+    columns_of = dict(zip(_COLUMNS, (times, values, rates, accelerations), strict=True))
     columns = {
-        name: _column(name, column) for name, column in given.items() if column is not None or name in _COLUMNS[:2]
+        name: _column(name, column) for name, column in columns_of.items() if column is not None or name in _COLUMNS[:2]
     }
     t = columns["times"]
     for name, column in columns.items():
@@ -43,18 +42,18 @@ def knots(
     if wrong.size:
         later, before = t[wrong[0] + 1], t[wrong[0]]
         raise SimulationError(f"times: {later:g} after {before:g} s: they must ascend; twice the same is a jump")
-    found = np.zeros((4, t.size))
+    table = np.zeros((4, t.size))
     jumps = np.flatnonzero(steps == 0) + 1
     for part in np.split(np.arange(t.size), jumps):
         beside = (columns[name][part] if name in columns else None for name in _COLUMNS[2:])
-        found[:, part] = _smooth(t[part], columns["values"][part], *beside)
-    agree = _agree(found, jumps)
-    found[1:, jumps] = np.where(agree, found[1:, jumps - 1], found[1:, jumps])
-    return np.delete(found, jumps[agree.all(axis=0)], axis=1)
+        table[:, part] = _smooth(t[part], columns["values"][part], *beside)
+    agree = _agree(table, jumps)
+    table[1:, jumps] = np.where(agree, table[1:, jumps - 1], table[1:, jumps])
+    return np.delete(table, jumps[agree.all(axis=0)], axis=1)
 
 
 def _agree(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether two knots at one instant, the later of which are given, have the same numbers to rounding; (3, n)."""
+    """Whether the knots of columns ``later`` agree with those before them to rounding, shape (3, n)."""
     span = table[0, -1] - table[0, 0]
     powers = span ** np.arange(3)[:, None] if span > 0 else np.ones((3, 1))  # so that all rows have the unit of a value
     rows = table[1:] * powers
@@ -64,12 +63,12 @@ def _agree(table: NDArray[np.float64], later: NDArray[np.intp]) -> NDArray[np.bo
 
 def _column(name: str, column: ArrayLike | None) -> NDArray[np.float64]:
     try:
-        found = np.asarray(column, dtype=float)
+        numbers = np.asarray(column, dtype=float)
     except (TypeError, ValueError):
-        found = np.zeros((0, 0))
-    if found.ndim != 1 or not np.isfinite(found).all():
+        numbers = np.zeros((0, 0))
+    if numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise SimulationError(f"{name} = {shown(column)}: give finite numbers, one a time")
-    return found
+    return numbers
 
 
 def _smooth(
@@ -87,14 +86,14 @@ def _smooth(
 
 
 def curve(table: NDArray[np.float64]) -> PPoly:
-    """The motion through knots, (4, n); at a jump it has what comes after."""
+    """The piecewise polynomial through knots, shape (4, n); at a jump it has the limit from the right."""
     from scipy.interpolate import PPoly  # slow to load
 
     t, y, v, a = table
-    kept = np.diff(t) > 0
-    h = np.diff(t)[kept]
-    (y, y_1), (v, v_1), (a, a_1) = ((column[:-1][kept], column[1:][kept]) for column in (y, v, a))
-    # What the parabola from the begin of an interval lacks at its end: of the value, the rate, the acceleration.
+    lasting = np.diff(t) > 0
+    h = np.diff(t)[lasting]
+    (y, y_1), (v, v_1), (a, a_1) = ((column[:-1][lasting], column[1:][lasting]) for column in (y, v, a))
+    # Residuals of the Taylor parabola from the start of an interval at its end: value, rate, acceleration.
     lacks = [y_1 - (y + v * h + a * h**2 / 2), (v_1 - v - a * h) * h, (a_1 - a) * h**2]
     upper = np.array([[6, -3, 0.5], [-15, 7, -1], [10, -4, 0.5]]) @ lacks / h ** np.array([[5], [4], [3]])
-    return PPoly(np.vstack([upper, a / 2, v, y]), np.append(t[:-1][kept], t[-1]))
+    return PPoly(np.vstack([upper, a / 2, v, y]), np.append(t[:-1][lasting], t[-1]))

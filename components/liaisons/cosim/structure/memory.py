@@ -12,13 +12,13 @@ from liaisons.errors import SimulationError
 _POINT, _SIGNAL = 40, 16
 """Bytes that a communication point takes, and each signal at it: on the bus's rows and in the result."""
 _ALWAYS_FREE = 1e8
-"""Bytes for which nobody is asked."""
+"""Bytes below which free memory is not looked up."""
 
 
 def check_memory(start_time: float, stop_time: float, step_size: float, signals: int) -> None:
-    """Whether the recording of so many signals fits into the memory that is free.
+    """Check that a recording of so many signals fits into free memory.
 
-    :raises SimulationError: if not; says what would be stored and how to store less.
+    :raises SimulationError: if it does not; with its size, and ways to store less.
     """
     points = (stop_time - start_time) / step_size + 1
     needed = points * (_POINT + _SIGNAL * signals)
@@ -31,7 +31,7 @@ def check_memory(start_time: float, stop_time: float, step_size: float, signals:
 
 
 def _free() -> float:
-    """Memory [B] that can be taken now, where the system says it; else all that it has; else what most have."""
+    """Free memory [B] on Linux, all memory on macOS, else a guess."""
     with suppress(OSError, AttributeError, TypeError):  # Linux
         return 1024.0 * int(re.search(r"MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text())[1])  # type: ignore[index]
     with suppress(OSError, AttributeError, ValueError):  # macOS

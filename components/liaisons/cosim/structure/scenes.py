@@ -1,4 +1,4 @@
-"""The picture of what was simulated, and what it needs beside what was recorded: the FMUs are asked for it."""
+"""Pictures of simulated FMUs, and the variables for them that were not recorded: FMUs calculate these again."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ Values = Mapping[str, NDArray[np.float64]]
 class FmuScene:
     """The picture of one FMU or of several.
 
-    :param parts: by what stands before the names of their variables in the result.
+    :param parts: by the prefix of their variables in the result.
     """
 
     parts: Mapping[str, SystemComponent]
 
     @property
     def picture(self) -> Picture:
-        """Of all of them; of one without a picture its points."""
+        """The picture of all; of an FMU without a picture, its points."""
         return together(self._pictures)
 
     @cached_property
@@ -46,26 +46,24 @@ class FmuScene:
         return {prefix: picture_of(part) for prefix, part in self.parts.items()}
 
     def values(self, known: Values) -> Values:
-        """All variables of the picture at some frames.
-
-        What is not known the FMU gives, initialized at the configuration of each frame.
+        """All variables of the picture at some frames; those not recorded come from FMUs initialized at each frame.
 
         :param known: signals at the frames, by name.
-        :raises SimulationError: if a part cannot say it.
+        :raises SimulationError: if an FMU cannot calculate them.
         """
-        found = dict(known)
+        signals = dict(known)
         for prefix, part in self.parts.items():
-            wanted = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in found]
-            own = {name.removeprefix(prefix): values for name, values in known.items() if name.startswith(prefix)}
-            if wanted:
-                found |= {f"{prefix}{name}": values for name, values in _asked(part, wanted, own).items()}
-        return found
+            missing = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in signals]
+            recorded = {name.removeprefix(prefix): values for name, values in known.items() if name.startswith(prefix)}
+            if missing:
+                signals |= {f"{prefix}{name}": values for name, values in _asked(part, missing, recorded).items()}
+        return signals
 
 
 def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
-    """A result that was read from a CSV file, with the picture of the FMU that it is of.
+    """A result read from a CSV file, with the picture of its FMU.
 
-    :param starts: parameters with which it was simulated, where they differ from the FMU's.
+    :param starts: parameters of the simulation that differ from those of the FMU.
     :raises SimulationError: if a file cannot be read.
     """
     return replace(Result.from_csv(result), scene=FmuScene({"": SystemComponent.of(fmu.stem, fmu, starts)}))
@@ -74,7 +72,7 @@ def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
 def picture_of(part: SystemComponent) -> Picture:
     """The picture inside an FMU, or its points.
 
-    :raises SimulationError: if it cannot be read, or shows what is no variable.
+    :raises SimulationError: if it cannot be read, or refers to an unknown variable.
     """
     path, variables = part.fmu.path, part.fmu.variables
     with Archive(path) as archive:
@@ -88,29 +86,29 @@ def picture_of(part: SystemComponent) -> Picture:
     return picture
 
 
-def _asked(part: SystemComponent, wanted: list[str], known: Values) -> Values:
-    """Values of variables at configurations, which an instance takes as its start."""
+def _asked(part: SystemComponent, names: list[str], known: Values) -> Values:
+    """Values of variables of an instance that is initialized at the configurations."""
     count = max((len(values) for values in known.values()), default=1)
-    given = _configuration(part, known)
-    buffer = (c_double * len(wanted))()
-    found = np.empty((len(wanted), count))
+    configurations = _configuration(part, known)
+    buffer = (c_double * len(names))()
+    results = np.empty((len(names), count))
     with ExitStack() as stack:
         folders = extracted([part.fmu], stack.enter_context(passing_folder()))
         instance = stack.enter_context(make(part.name, part.fmu, folders[part.fmu.path]))
         instance.initialize(part.starts, None, 0.0, 1.0)
-        read = instance.getter([part.fmu.variables[name] for name in wanted], buffer)
+        read = instance.getter([part.fmu.variables[name] for name in names], buffer)
         for k in range(count):
-            for name, values in given.items():
+            for name, values in configurations.items():
                 instance.assign(name, values[k])
             if status := read():
                 raise instance.failure("get", status, f"in frame {k}")
-            found[:, k] = buffer
-    return dict(zip(wanted, found, strict=True))
+            results[:, k] = buffer
+    return dict(zip(names, results, strict=True))
 
 
 def _configuration(part: SystemComponent, known: Values) -> Mapping[str, Any]:
-    """Values of a frame by what takes them: inputs, and the start of each coordinate; arrays are whole."""
-    variables, given, arrays = part.fmu.variables, {}, {}
+    """Values of the frames by inputs and initial coordinates that take them; arrays are whole."""
+    variables, configuration, arrays = part.fmu.variables, {}, {}
     for name, values in known.items():
         base, index = split(name)
         if base not in variables.entries:
@@ -120,10 +118,10 @@ def _configuration(part: SystemComponent, known: Values) -> Mapping[str, Any]:
         if entry is None or entry.like.causality not in {"input", "parameter"}:
             continue
         if index is None:
-            given[target] = values.tolist()
+            configuration[target] = values.tolist()
         else:
             arrays.setdefault(target, []).append((index, values))
     for target, columns in arrays.items():
         rows = np.stack([values for _, values in sorted(columns, key=lambda column: column[0])], axis=1)
-        given[target] = [tuple(row) for row in rows.tolist()]
-    return given
+        configuration[target] = [tuple(row) for row in rows.tolist()]
+    return configuration

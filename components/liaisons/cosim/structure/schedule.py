@@ -1,6 +1,6 @@
-"""In which order the FMUs of a system are set, stepped and read: pure bookkeeping, no FMU is touched.
+"""The order in which the FMUs of a system are set, stepped and read; a graph algorithm that calls no FMU.
 
-What an input holds.  At every communication point all outputs and inputs belong to the same instant t (inputs are
+Values of inputs: at every communication point all outputs and inputs belong to the same instant t (inputs are
 refreshed, outputs that depend on them directly are read again), and that is what is recorded.  Over the step from t
 to t + H, with Gauss-Seidel coupling::
 
@@ -8,12 +8,12 @@ to t + H, with Gauss-Seidel coupling::
     source                          y(t) ------------ doStep -----------> y(t + H)
     target, hold or extrapolate     u = y(t) -------- doStep -----------> u := y(t + H), outputs are read
     target, interpolate             u := y(t + H) --- doStep -----------> outputs are read
-    target of another make          u := y(t + H) --- doStep -----------> outputs are read
+    foreign target                  u := y(t + H) --- doStep -----------> outputs are read
 
 An FMU of ours (it has the parameter ``input_reconstruction``) that holds or extrapolates takes its inputs for those at
 t and is given them; one that interpolates remembers those at t and is given those at t + H.  So do all whose sources
-are stepped before them, unless the user has said otherwise: they have order 6 at ports, not 3.  An FMU of another make
-is given the newest values that there are.  With Jacobi coupling every input holds the value at t.
+are stepped before them, unless the user has chosen otherwise: they have order 6 at ports, not 3.  A foreign FMU gets
+the newest values.  With Jacobi coupling every input holds the value at t.
 
 In a cycle the components are stepped in the order in which they were added, and what feeds back to an earlier one
 belongs to t: an error of first order in H.  If in a cycle outputs depend directly on inputs all the way round (an
@@ -44,9 +44,9 @@ _Vertex = TypeVar("_Vertex", bound=Hashable)
 
 
 def groups(names: Iterable[str], feeds: Feeds) -> list[list[str]]:
-    """Sources before what they feed; each cycle is one group, its components as they were added.
+    """Strongly connected components of the connection graph, in execution order; members as they were added.
 
-    Where connections say nothing, the order of addition stays.  (Kosaraju's algorithm.)
+    Components that are not connected stay in the order of addition.  (Kosaraju's algorithm.)
     """
     targets: dict[str, list[str]] = {name: [] for name in names}
     for target, source in dict.fromkeys((target, source) for (target, _), (source, _) in feeds.items()):
@@ -61,19 +61,21 @@ def in_cycles(groups: Iterable[Sequence[str]], feeds: Feeds) -> set[str]:
 
 
 def _strong(edges: Mapping[_Vertex, list[_Vertex]]) -> list[list[_Vertex]]:
-    """Nodes that lead to each other, grouped; groups before what they lead to, nodes as they are listed."""
+    """Strongly connected components of a graph in topological order, their vertices as they are listed."""
     number = {node: k for k, node in enumerate(edges)}
-    back: dict[_Vertex, list[_Vertex]] = {node: [] for node in edges}
-    for node, others in edges.items():
-        for other in others:
-            back[other].append(node)
+    sources: dict[_Vertex, list[_Vertex]] = {node: [] for node in edges}
+    for node, targets in edges.items():
+        for target in targets:
+            sources[target].append(node)
     seen: set[_Vertex] = set()
-    found = [_reached([node], edges, seen) for node in reversed(_reached(number, back, set())) if node not in seen]
-    return [sorted(group, key=number.__getitem__) for group in reversed(found)]
+    components = [
+        _reached([node], edges, seen) for node in reversed(_reached(number, sources, set())) if node not in seen
+    ]
+    return [sorted(group, key=number.__getitem__) for group in reversed(components)]
 
 
 def _reached(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]], seen: set[_Vertex]) -> list[_Vertex]:
-    """What can be reached, each after what it leads to, and put into ``seen``."""
+    """Vertices that can be reached, in postorder; they are added to ``seen``."""
     finished: list[_Vertex] = []
     for root in roots:
         path = [] if root in seen else [(root, iter(edges[root]))]
@@ -91,40 +93,40 @@ def _reached(roots: Iterable[_Vertex], edges: Mapping[_Vertex, list[_Vertex]], s
 
 
 def algebraic_loops(feeds: Feeds, depends: Depends) -> list[list[VariableReference]]:
-    """Cycles in which every output depends directly on the input before it; of entangled ones, one.
+    """Cycles in which every output depends directly on the input before it; one of each strong component.
 
     :returns: of each, outputs and the inputs that they feed in turn, the first one again at the end.
     """
     inputs: dict[str, list[VariableReference]] = {}
-    for place in feeds:
-        inputs.setdefault(place[0], []).append(place)
+    for input_ in feeds:
+        inputs.setdefault(input_[0], []).append(input_)
     nodes = dict.fromkeys([*feeds.values(), *feeds])
     edges: dict[VariableReference, list[VariableReference]] = {node: [] for node in nodes}
     for target, source in feeds.items():
         edges[source].append(target)
     for source in dict.fromkeys(feeds.values()):
-        for place in inputs.get(source[0], ()):
-            if depends(source, place):
-                edges[place].append(source)
+        for input_ in inputs.get(source[0], ()):
+            if depends(source, input_):
+                edges[input_].append(source)
     return [_round(group[0], set(group), edges) for group in _strong(edges) if len(group) > 1]
 
 
 def _round(start: _Vertex, group: Collection[_Vertex], edges: Mapping[_Vertex, list[_Vertex]]) -> list[_Vertex]:
-    """A shortest way from a node back to itself, breadth first."""
-    came: dict[_Vertex, _Vertex] = {}
+    """A shortest cycle through a vertex, by breadth-first search."""
+    before: dict[_Vertex, _Vertex] = {}
     front = [start]
-    while start not in came:
-        following = [(other, node) for node in front for other in edges[node] if other in group and other not in came]
-        came.update(reversed(following))
+    while start not in before:
+        following = [(other, node) for node in front for other in edges[node] if other in group and other not in before]
+        before.update(reversed(following))
         front = list(dict.fromkeys(other for other, _ in following))
-    way = [start, came[start]]
-    while way[-1] != start:
-        way.append(came[way[-1]])
-    return way[::-1]
+    cycle = [start, before[start]]
+    while cycle[-1] != start:
+        cycle.append(before[cycle[-1]])
+    return cycle[::-1]
 
 
 def order(names: Iterable[str], feeds: Feeds) -> list[str]:
-    """Sources before what they feed; as added where nothing else is said, and within a cycle."""
+    """Components in execution order; in the order of addition within a cycle or without connections."""
     return [name for group in groups(names, feeds) for name in group]
 
 
@@ -132,12 +134,12 @@ def late_inputs(ordered: Sequence[str], feeds: Feeds, coupling: Coupling) -> lis
     """Connected inputs whose value at the end of a step is not known when their component is stepped."""
     if coupling != "gauss-seidel":
         return list(feeds) if coupling == "jacobi" else []
-    turn = {name: k for k, name in enumerate(ordered)}
-    return [place for place, (source, _) in feeds.items() if turn[source] >= turn[place[0]]]
+    position = {name: k for k, name in enumerate(ordered)}
+    return [input_ for input_, (source, _) in feeds.items() if position[source] >= position[input_[0]]]
 
 
 def consistent(ordered: Sequence[str], feeds: Feeds, depends: Depends) -> list[Operation]:
-    """Make all outputs and inputs belong to the present instant: for initialization, and after it."""
+    """Operations after which all outputs and inputs belong to one instant, in and after initialization."""
     program = _Writer(ordered, feeds, depends)
     for name in ordered:
         program.get(name)
@@ -149,7 +151,7 @@ def step(
 ) -> list[Operation]:
     """One communication step, from consistent values at t to consistent values at t + H.
 
-    :param newest: components that are given the newest values before a step, instead of those at t.
+    :param newest: components that get the newest values before a step, instead of those at t.
     """
     program = _Writer(ordered, feeds, depends)
     if coupling == "jacobi":
@@ -169,7 +171,7 @@ def step(
 
 @final
 class _Writer:
-    """Operations that are written down, and which values belong to the new instant after them."""
+    """A sequence of operations, and the values that belong to the new instant after them."""
 
     def __init__(self, ordered: Sequence[str], feeds: Feeds, depends: Depends) -> None:
         self._feeds = feeds
@@ -177,10 +179,10 @@ class _Writer:
         self._inputs: dict[str, list[VariableReference]] = {name: [] for name in ordered}
         self._outputs: dict[str, list[VariableReference]] = {name: [] for name in ordered}
         self._targets: dict[VariableReference, list[VariableReference]] = {}
-        for place, source in feeds.items():
-            self._inputs[place[0]].append(place)
+        for input_, source in feeds.items():
+            self._inputs[input_[0]].append(input_)
             self._outputs[source[0]].append(source)
-            self._targets.setdefault(source, []).append(place)
+            self._targets.setdefault(source, []).append(input_)
         self._operations: list[Operation] = []
         self._new: set[VariableReference] = set()
         self._waiting: dict[str, set[VariableReference]] = {}  # inputs that are still old, of components that were read
@@ -191,55 +193,55 @@ class _Writer:
 
     def set(self, name: str) -> None:
         self._operations.append(("set", name))
-        self._new.update(place for place in self._inputs[name] if self._feeds[place] in self._new)
+        self._new.update(input_ for input_ in self._inputs[name] if self._feeds[input_] in self._new)
 
     def step(self, name: str) -> None:
         self._operations.append(("step", name))
 
     def get(self, name: str) -> None:
         self._operations.append(("get", name))
-        old = {place for place in self._inputs[name] if place not in self._new}
+        old = {input_ for input_ in self._inputs[name] if input_ not in self._new}
         self._waiting.pop(name, None)
         if old:
             self._waiting[name] = old
-            self._missing[name] = sum(self._feeds[place] not in self._new for place in old)
+            self._missing[name] = sum(self._feeds[input_] not in self._new for input_ in old)
             if self._missing[name] < len(old):
                 heappush(self._partly, (self._turn[name], name))
             if self._missing[name] == 0:
                 heappush(self._ready, (self._turn[name], name))
-        self._renew(o for o in self._outputs[name] if not any(self._depends(o, place) for place in old))
+        self._renew(o for o in self._outputs[name] if not any(self._depends(o, input_) for input_ in old))
 
     def _renew(self, outputs: Iterable[VariableReference]) -> None:
-        """These outputs belong to the new instant."""
+        """Mark outputs that belong to the new instant."""
         for output in outputs:
             if output in self._new:
                 continue
             self._new.add(output)
-            for place in self._targets[output]:
-                name = place[0]
-                if place in self._waiting.get(name, ()):
+            for input_ in self._targets[output]:
+                name = input_[0]
+                if input_ in self._waiting.get(name, ()):
                     self._missing[name] -= 1
                     heappush(self._partly, (self._turn[name], name))
                     if self._missing[name] == 0:
                         heappush(self._ready, (self._turn[name], name))
 
     def refresh(self) -> None:
-        """Hand new outputs on to the components that were read and can have all their inputs new."""
+        """Set the inputs of components that were read too early and can have all inputs new."""
         while self._ready:
             _, name = heappop(self._ready)
             if name in self._waiting and self._missing[name] == 0:
                 self._visit(name)
 
     def finish(self) -> list[Operation]:
-        """Refresh everything, going round cycles once, and drop readings that nobody looks at."""
+        """Refresh everything, cycles once, and drop readings that are not used."""
         self.refresh()
         while self._waiting:
             partly = self._next_partly()
             if partly is not None:
                 self._visit(partly)
-            else:  # outputs depend directly on inputs all the way round: begin with what there is
+            else:  # an algebraic loop: start with old values
                 first = min(self._waiting, key=self._turn.__getitem__)
-                self._renew([self._feeds[place] for place in self._inputs[first] if place in self._waiting[first]])
+                self._renew([self._feeds[input_] for input_ in self._inputs[first] if input_ in self._waiting[first]])
             self.refresh()
         return self._useful()
 
@@ -255,12 +257,12 @@ class _Writer:
         self.get(name)
 
     def _useful(self) -> list[Operation]:
-        """The operations without those readings after which the same is read again before it is handed on."""
+        """The operations without readings that are repeated before they are used."""
         useful: list[Operation] = []
         again: set[str] = set()
         for action, name in reversed(self._operations):
             if action == "set":
-                again.difference_update(self._feeds[place][0] for place in self._inputs[name])
+                again.difference_update(self._feeds[input_][0] for input_ in self._inputs[name])
             if action != "get" or name not in again:
                 useful.append((action, name))
             if action == "get":

@@ -1,4 +1,4 @@
-"""Functions of time that drive inputs, where no FMU does."""
+"""Functions of time as sources of inputs."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import LiaisonsError, SimulationError
 
 SIGNALS = ""
-"""Stands for the functions of time, where the name of a component is expected."""
+"""Name of the component that all functions of time belong to."""
 
 _BOOLEAN = (0, 1)
 _KEPT = 4096
-"""So many values are kept, of steps that are made together and the one before."""
+"""Number of values in the cache of a function."""
 _ROUNDING = 1e-12
-"""Of 1 s and of the time; FMUs of ours do the same."""
+"""Relative tolerance of instants, as in FMUs of liaisons."""
 
 Function = Callable[[float], float | Sequence[float]]
 """A function of time [s]."""
@@ -35,11 +35,11 @@ class Signal:
     """A function of time [s] with the instants at which its value or one of its rates jumps.
 
     ``inputs={"length": Signal(lambda t: (1 + abs(t - 0.5), np.sign(t - 0.5), 0.0), breaks=[0.5])}``: a run has
-    communication points there of its own accord, and asks for the values before and after each, not for those at it.
+    communication points there, and evaluates the function before and after each, not at it.
 
-    :param function: of the time; returns a number, or value, rate and acceleration.
-    :param breaks: these instants [s].
-    :raises SimulationError: if the function is none, or the breaks are no list of finite numbers.
+    :param function: returns a number, or value, rate and acceleration.
+    :param breaks: instants [s].
+    :raises SimulationError: if the function is not callable, or the breaks are no list of finite numbers.
     """
 
     function: Function
@@ -51,16 +51,16 @@ class Signal:
         object.__setattr__(self, "breaks", tuple(_instants("Signal", self.breaks).tolist()))
 
     def __call__(self, t: float) -> float | Sequence[float]:
-        """What the function returns at t [s]."""
+        """The value of the function at t [s]."""
         return self.function(t)
 
 
 @final
 @dataclass(frozen=True)
 class Drive:
-    """A function of time [s] that feeds inputs of one component: a number, or one for each of them.
+    """A function of time [s] that feeds one input of a component, or several with a number each.
 
-    :param among: the integers that its values have to be among, if they have to.
+    :param among: smallest and largest of the integers that are allowed; None: reals.
     :param breaks: instants [s] at which its values or their rates jump, ascending.
     """
 
@@ -73,11 +73,11 @@ class Drive:
 
     @property
     def places(self) -> list[VariableReference]:
-        """Where its values stand on the bus."""
+        """References of its values on the bus."""
         return [(SIGNALS, f"{part}.{variable}") for part, variable in self.inputs]
 
     def right(self, t: float) -> NDArray[np.float64]:
-        """Its values just after t, shape (inputs,): the limits from the right, to rounding."""
+        """Limits of its values from the right of t, to rounding, shape (inputs,)."""
         return self(t + float(self.rounding(t)))
 
     def sample(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -88,45 +88,44 @@ class Drive:
         instants = times.ravel().tolist()
         try:
             values = np.array([self.function(t) for t in instants], dtype=float).reshape(len(instants), -1)
-        except Exception:  # noqa: BLE001 - said by the call for the instant that it is of
+        except Exception:  # noqa: BLE001 - raised again for its instant below
             values = np.empty((0, 0))
         if values.shape != (len(instants), len(self.inputs)) or not np.isfinite(values).all():
             values = np.array([self(t) for t in instants])
         return values.reshape(*times.shape, -1)
 
     def rounding(self, t: ArrayLike) -> NDArray[np.float64]:
-        """The function may compare its time with a break after some roundings of both."""
+        """Distance [s] from t beyond which a function is past a break at t, whatever it rounds."""
         return 8 * np.spacing(np.maximum(np.abs(t), np.max(np.abs(self.breaks), initial=0.0)))
 
     def begin(self, t: float) -> None:
-        """From now on, its values at t are the limits from the right: a smooth piece begins there.
+        """Start a smooth piece at t: from now on its values there are the limits from the right.
 
-        Integers and truth values are what the function returns at t itself, unless it has a break there.
+        Integers and truth values remain those at t itself, unless it has a break there.
         """
         self._begins.clear()
-        here = self(t)
+        value = self(t)
         if self.among is None or np.any(np.abs(self.breaks - t) <= rounding(t)):
             right = self.right(t)
-            self._begins[t] = here if np.allclose(right, here, rtol=1e-12, atol=1e-100) else right
+            self._begins[t] = value if np.allclose(right, value, rtol=1e-12, atol=1e-100) else right
 
     def next_break(self, time: float) -> float | None:
         """The first of its breaks after an instant [s]."""
-        place = int(np.searchsorted(self.breaks, time + rounding(time), side="right"))
-        return float(self.breaks[place]) if place < len(self.breaks) else None
+        index = int(np.searchsorted(self.breaks, time + rounding(time), side="right"))
+        return float(self.breaks[index]) if index < len(self.breaks) else None
 
     def __call__(self, t: float) -> NDArray[np.float64]:
         """Its values, shape (inputs,).
 
-        :raises SimulationError: if the function raises, or returns something else than so many finite numbers, or
-            integers.
+        :raises SimulationError: if the function raises, or returns other than so many finite numbers or integers.
         """
         if t in self._begins:
             return self._begins[t]
-        if (known := self._known.get(t)) is None:
+        if (values := self._known.get(t)) is None:
             if len(self._known) >= _KEPT:
                 self._known.clear()
-            known = self._known[t] = self._evaluated(float(t))
-        return known
+            values = self._known[t] = self._evaluated(float(t))
+        return values
 
     def _evaluated(self, t: float) -> NDArray[np.float64]:
         name = self.inputs[0][1]
@@ -146,18 +145,18 @@ class Drive:
 
 
 def rounding(time: float) -> float:
-    """So far from an instant is the same instant [s]."""
+    """Distance [s] within which two instants are the same."""
     return _ROUNDING * (1 + abs(time))
 
 
 def drives(
     functions: Mapping[VariableReference, Function], parts: Mapping[str, SystemComponent], start_time: float
 ) -> list[Drive]:
-    """The functions of time that drive inputs; one that returns several numbers drives a whole port.
+    """The sources of inputs; a function that returns three numbers drives a whole port.
 
-    :param functions: their instants of jumps are what they have as ``breaks``, :class:`Signal` or not.
-    :raises SimulationError: if there is no such input, it is driven twice, what drives it is no function, or its breaks
-        are no numbers.
+    :param functions: by input; an attribute ``breaks``, as :class:`Signal` has it, lists their jumps.
+    :raises SimulationError: for an unknown input or one that is driven twice, for what is no function, and for breaks
+        that are no numbers.
     """
     found: list[Drive] = []
     for (owner, driven_as), function in functions.items():
@@ -177,33 +176,33 @@ def drives(
         inputs = tuple(port.place for port in triple) if triple and whole else ((owner, name),)
         among = None if variable.type == "Real" else _BOOLEAN if variable.type == "Boolean" else RANGES[variable.base]
         found.append(Drive(function, inputs, among, _instants(f"inputs: {name}", getattr(function, "breaks", ()))))
-    driven = [place for drive in found for place in drive.inputs]
-    for place in driven:
-        if driven.count(place) > 1:
-            raise SimulationError(f"inputs: {'.'.join(place)} is driven twice, by itself and by its port")
+    fed = [input_ for drive in found for input_ in drive.inputs]
+    for input_ in fed:
+        if fed.count(input_) > 1:
+            raise SimulationError(f"inputs: {'.'.join(input_)} is driven twice, by itself and by its port")
     return found
 
 
 def _instants(label: str, breaks: object) -> NDArray[np.float64]:
-    """Instants [s], ascending, each once.
+    """Instants [s], sorted and unique.
 
-    :raises SimulationError: if they are no list of finite numbers.
+    :raises SimulationError: unless they are a list of finite numbers.
     """
     listed = isinstance(breaks, (Sequence, np.ndarray)) and not isinstance(breaks, (str, bytes))
     try:
-        found = np.asarray(breaks if listed else None, dtype=float)
+        instants = np.asarray(breaks if listed else None, dtype=float)
     except (TypeError, ValueError):
-        found = np.array(np.nan)
-    if found.ndim != 1 or not np.isfinite(found).all():
+        instants = np.array(np.nan)
+    if instants.ndim != 1 or not np.isfinite(instants).all():
         raise SimulationError(f"{label}: breaks = {shown(breaks)}: give a list of finite numbers, instants in seconds")
-    return np.unique(found)
+    return np.unique(instants)
 
 
 def evaluate(function: Function, name: str, t: float) -> NDArray[np.float64]:
-    """What a function of time returns.
+    """Value of a function of time, shape () or (n,).
 
-    :param name: the input that it is for.
-    :raises SimulationError: if it raises, or returns no numbers.
+    :param name: of its input, for messages.
+    :raises SimulationError: if the function raises, or returns no numbers.
     """
     try:
         return np.asarray(function(t), dtype=float)

@@ -1,0 +1,186 @@
+"""Rows of a goal: scalar expressions with bounds at the start, at the end and along the motion, and its cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liaisons.arguments import shown
+from liaisons.errors import LiaisonsError, PlanError
+from liaisons.expressions.formulas import FormulaError, formula
+from liaisons.operators.goals import elements, is_expression, limits, motion_names, unit_quaternion
+from liaisons.operators.symbols import GoalSymbols
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A scalar that has to lie in a range."""
+
+    label: str
+    expression: ca.SX
+    low: float = 0.0
+    high: float = 0.0
+    size: float = 1.0
+
+    @property
+    def relative(self) -> ca.SX:
+        """In units of its size."""
+        return self.expression / self.size
+
+    @property
+    def range(self) -> str:
+        """Its bounds as a text."""
+        return f"{self.low:g}" if self.low == self.high else f"({self.low:g}, {self.high:g})"
+
+
+@dataclass(frozen=True, eq=False)
+class GoalRows:
+    """Rows and cost in symbols."""
+
+    start: list[Row]
+    end: list[Row]
+    path: list[Row]
+    cost: ca.SX
+    cost_size: float
+
+    @property
+    def along(self) -> ca.SX:
+        """Cost and rows along the motion, in units of sizes."""
+        return ca.vertcat(self.cost / self.cost_size, *(row.relative for row in self.path))
+
+
+def goal_rows(symbols: GoalSymbols) -> GoalRows:
+    """Rows and cost of a goal.
+
+    :raises PlanError: for an unknown name, or what is no range.
+    """
+    start, end, path = (sized(symbols, rows(symbols)) for rows in (_start_rows, _end_rows, _path_rows))
+    cost = _cost(symbols)
+    return GoalRows(start, end, path, cost, symbols.magnitude(cost))
+
+
+def sized(symbols: GoalSymbols, rows: Iterable[Row]) -> list[Row]:
+    """Rows with their sizes."""
+    sizes = symbols.sizes
+    return [replace(row, size=sizes.get(row.label) or symbols.magnitude(row.expression)) for row in rows]
+
+
+def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
+    """Refuse forces where the effective mass vanishes: finite ones do not determine the acceleration.
+
+    :raises PlanError: if it is singular at the start.
+    """
+    sizes = symbols.motion_sizes[0]
+    relative = symbols.evaluate(symbols.mass, 0.0) * np.outer(sizes, sizes) / (symbols.energy * symbols.time**2)
+    eigenvalues = np.linalg.eigvalsh(relative)
+    if eigenvalues[0] <= 1e-9 * max(1e-300, np.max(np.abs(eigenvalues))) or eigenvalues[-1] <= 1e-12:
+        raise PlanError(
+            f"{symbols.name}: {label}: the effective mass Θ at {', '.join(symbols.goal.moves)} is singular at the "
+            "start, so that no bounded force tells the acceleration; bound or weigh accelerations, or give the part "
+            "a mass"
+        )
+
+
+def _evaluated(symbols: GoalSymbols, label: str, given: Any) -> ca.SX:
+    """Value of a user's function or text of the variables, a column."""
+    try:
+        value = formula(given, symbols.signals) if isinstance(given, str) else given(symbols.signals)
+        value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
+    except FormulaError as error:
+        raise PlanError(f"{symbols.name}: {label}: {error}") from None
+    except LiaisonsError:
+        raise
+    except Exception as error:
+        raise PlanError(f"{symbols.name}: {label}: {type(error).__name__}: {error}") from error
+    return ca.vec(value)
+
+
+def _vanishing(symbols: GoalSymbols, label: str, given: Any) -> list[Row]:
+    value = _evaluated(symbols, label, given)
+    return [Row(f"{label}[{i}]", row) for i, row in enumerate(ca.vertsplit(value))]
+
+
+def _start_rows(symbols: GoalSymbols) -> list[Row]:
+    if is_expression(symbols.goal.start):
+        return _vanishing(symbols, "start", symbols.goal.start)
+    owner, start, rows = symbols.name, dict(symbols.start), []
+    for name, axes in symbols.quaternions.items():
+        if name in start:
+            start |= dict(zip(axes, unit_quaternion(f"{owner}: {name}", start[name]).tolist(), strict=True))
+    for i, name in enumerate(symbols.state_names):
+        symbol, parameter = symbols.state[i], symbols.start_parameters.get(name, "")
+        if name not in start and not parameter:
+            rows.append(Row(name, symbol - symbols.initial_state[i]))
+            continue
+        value = start[name] if name in start else symbols.parameters[parameter]
+        if value is not None:
+            rows.append(Row(name, symbol, *limits(owner, "start", name, value)))
+    for i, move in enumerate(symbols.goal.moves):
+        default = None if move in symbols.goal.closed else symbols.initial_sigma[i]
+        defaults = (default, None)
+        for name, column, otherwise in zip(motion_names(move)[:2], symbols.motion[:2], defaults, strict=True):
+            value = start.get(name, otherwise)
+            if value is not None:
+                rows.append(Row(name, column[i], *limits(owner, "start", name, value)))
+    return rows
+
+
+def _end_rows(symbols: GoalSymbols) -> list[Row]:
+    owner, end = symbols.name, symbols.goal.end
+    if is_expression(end):
+        return _vanishing(symbols, "end", end)
+    rows: list[Row] = []
+    for name, value in elements(f"{owner}: end", end, [v.name for v in symbols.model.variables]).items():
+        if value is None:
+            continue
+        if name in symbols.quaternions:
+            w, x, y, z = unit_quaternion(f"{owner}: {name}", value)
+            q = ca.vertcat(*(symbols.signals[axis] for axis in symbols.quaternions[name]))
+            vector = ca.DM([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]) @ q  # of conjugate(goal) ⊗ q
+            rows += [Row(f"{name}[{i + 1}]", vector[i]) for i in range(3)]
+        else:
+            rows.append(Row(name, symbols.signals[name], *limits(owner, "end", name, value)))
+    return rows
+
+
+def _path_rows(symbols: GoalSymbols) -> list[Row]:
+    """Bounds of the goal, and the domains of other coordinates."""
+    owner, variables = symbols.name, symbols.model.variables
+    rows: dict[str, Row] = {}
+    for name, value in elements(f"{owner}: bounds", symbols.goal.bounds, [v.name for v in variables]).items():
+        pair = value if isinstance(value, (tuple, list)) else shown(value)
+        low, high = limits(owner, "bounds", name, pair)
+        rows[name] = Row(name, symbols.signals[name], low, high)
+    domains: dict[str, Any] = {v.name: v for v in symbols.model.inputs}
+    domains |= {s.name: s for s in symbols.component.coordinates}
+    start_sizes = dict(zip(symbols.goal.moves, map(float, symbols.initial_sigma_sizes), strict=True))
+    for name in (*symbols.goal.moves, *symbols.state_names):
+        domain = domains.get(name)
+        if domain is None or name in rows or (domain.minimum is None and domain.maximum is None):
+            continue
+        value = symbols.parameters.get(symbols.start_parameters.get(name, ""), 0.0)
+        around = start_sizes.get(name) or abs(value) or symbols.sizes.get(name, 1.0)
+        margin = 1e-3 * around if domain.strict else 0.0  # a singularity lies there
+        low = -np.inf if domain.minimum is None else float(domain.minimum) + margin
+        high = np.inf if domain.maximum is None else float(domain.maximum) - margin
+        rows[name] = Row(name, symbols.signals[name], low, high)
+    return [*rows.values()]
+
+
+def _cost(symbols: GoalSymbols) -> ca.SX:
+    minimize, rates = symbols.goal.minimize, symbols.motion[1]
+    if minimize == "time":
+        return ca.SX(1)
+    if minimize == "effort":
+        refuse_singular_mass(symbols, "effort")
+        return ca.sumsqr(symbols.forces)
+    if minimize == "motion":
+        return ca.bilin(symbols.mass, rates, rates) / 2
+    value = _evaluated(symbols, "minimize", minimize)
+    if value.shape != (1, 1):
+        raise PlanError(f"{symbols.name}: minimize gives {value.shape[0]} numbers; one is wanted")
+    return value

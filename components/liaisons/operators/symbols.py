@@ -1,0 +1,317 @@
+"""The variables of a goal's mechanism in CasADi, with the numbers and sizes that they have at the start."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liaisons.arguments import finite, shown
+from liaisons.errors import PlanError, suggestion
+from liaisons.language import Chain, Mechanism, Orientation
+from liaisons.library import component, model
+from liaisons.mechanics import Model
+from liaisons.operators.goals import (
+    Array,
+    Goal,
+    Readings,
+    chain_size,
+    elements,
+    is_expression,
+    limits,
+    motion_names,
+    number,
+)
+from liaisons.operators.scaling import base_scales, size
+
+ROUNDING = 1e-10
+"""Nothing that is smaller than this, in units of its size, can be told from 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class GoalSymbols:
+    """Expressions of the state and of σ, σ̇, σ̈, and their numbers at the start."""
+
+    goal: Goal
+    component: Any
+    model: Model
+    parameters: Mapping[str, float]
+    inputs: Mapping[str, Any]
+    start: Mapping[str, Any]  # values of the goal, by scalars and orientations; nothing if it is an expression
+    start_parameters: Mapping[str, str]  # parameters that are start values, by coordinates and rates
+    initial_sigma: Array
+    quaternions: Mapping[str, tuple[str, ...]]  # states, by orientations
+    state_names: tuple[str, ...]  # of the mechanism
+    state: ca.SX
+    motion: tuple[ca.SX, ca.SX, ca.SX]  # σ, σ̇, σ̈
+    sizes: Mapping[str, float]  # by variables
+    time: float  # [s]
+    energy: float  # [J]
+
+    @property
+    def name(self) -> str:
+        """Name of the component."""
+        return self.component.__name__
+
+    @property
+    def arguments(self) -> list[ca.SX]:
+        """State, σ, σ̇ and σ̈."""
+        return [self.state, *self.motion]
+
+    @property
+    def moved(self) -> dict[str, ca.SX]:
+        """Elements of σ, σ̇, σ̈ by the names of an FMU."""
+        columns = zip(
+            map(ca.vertsplit, self.motion), zip(*map(motion_names, self.goal.moves), strict=True), strict=True
+        )
+        return {name: x for symbols, names in columns for name, x in zip(names, symbols, strict=True)}
+
+    @property
+    def _arguments(self) -> tuple[Any, ...]:
+        """Time, states, inputs and parameters of the model's functions."""
+        y = ca.vertcat(self.state, 0, 0)
+        return 0, y, column({**self.inputs, **self.moved}), column(self.parameters)
+
+    @cached_property
+    def rates(self) -> ca.SX:
+        """Rates of the state."""
+        return ca.densify(_expanded(self.model.derivatives)(*self._arguments)[: len(self.state_names)])
+
+    @cached_property
+    def initial_state(self) -> ca.SX:
+        """The state at the start, its start values being symbols of their own."""
+        inputs = {**self.inputs, **{move: self.moved[move] for move in self.goal.moves}}
+        for move in self.goal.moves:
+            _, rate, acceleration = motion_names(move)
+            inputs |= {rate: number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
+        states = zip(self.state_names, ca.vertsplit(self.state), strict=True)
+        own = {self.start_parameters[name]: x for name, x in states if name in self.start_parameters}
+        first = _expanded(self.model.start)(0, column(inputs), column({**self.parameters, **own}))[0]
+        return ca.densify(first[: len(self.state_names)])
+
+    @cached_property
+    def signals(self) -> Readings:
+        """All variables by name."""
+        memory = ca.DM.zeros(len(self.model.memory), 1)
+        z = ca.vertsplit(_expanded(self.model.outputs_function)(*self._arguments, memory))
+        signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
+        signals |= dict(zip(self.state_names, ca.vertsplit(self.state), strict=True))
+        values = {**self.inputs, **self.moved, **self.parameters}
+        return Readings(self.name, signals | {name: ca.SX(value) for name, value in values.items()})
+
+    @property
+    def state_sizes(self) -> Array:
+        """Sizes of the state."""
+        return np.array([self.sizes.get(name, 1.0) for name in self.state_names])
+
+    @property
+    def motion_sizes(self) -> list[Array]:
+        """Sizes of σ, σ̇ and σ̈."""
+        sizes = np.array([self.sizes[name] for name in self.goal.moves])
+        return [sizes / self.time**n for n in range(3)]
+
+    @property
+    def initial_sigma_sizes(self) -> Array:
+        """Sizes of σ at the start: what is > 0 stays so."""
+        return np.where(self.initial_sigma == 0, self.motion_sizes[0], np.abs(self.initial_sigma))
+
+    @property
+    def relative_rates(self) -> ca.SX:
+        """Rates of the state in units of their sizes."""
+        return self.rates / (self.state_sizes / self.time)
+
+    @property
+    def forces(self) -> ca.SX:
+        """Operators' forces of the coordinates that move."""
+        return ca.vertcat(*(self.signals[f"{name}_force"] for name in self.goal.moves))
+
+    @property
+    def mass(self) -> ca.SX:
+        """Effective mass Θ of the coordinates that move."""
+        return ca.jacobian(self.forces, self.motion[2])
+
+    @property
+    def declared_state(self) -> Array:
+        """Start values of the state as declared; momenta are 0."""
+        starts = self.start_parameters
+        return np.array([self.parameters[starts[name]] if name in starts else 0.0 for name in self.state_names])
+
+    def evaluate(self, expression: ca.SX, spread: float, seed: int = 0) -> Array:
+        """Numbers of an expression at the start, or at random states around it.
+
+        :param spread: how far around, in units of sizes.
+        """
+        rng, state = np.random.default_rng(seed), self.declared_state
+        state[[i for i, name in enumerate(self.state_names) if name == Orientation.quaternion[0]]] = 1.0
+        still = np.zeros(len(self.goal.moves))
+        centres = [state, self.initial_sigma, still, still]
+        sizes = [self.state_sizes, self.initial_sigma_sizes, *self.motion_sizes[1:]]
+        points = [
+            x + spread * rng.uniform(-1, 1, x.shape) * factor * size
+            for x, factor, size in zip(centres, (1, 0.5, 3, 3), sizes, strict=True)
+        ]
+        function = ca.Function("evaluate", self.arguments, [expression])
+        return np.atleast_2d(np.array(function(*points)))
+
+    def slope(self, expression: ca.SX, symbols: ca.SX) -> ca.SX:
+        """Derivatives with respect to symbols in units of their sizes."""
+        columns = zip(self.arguments, (self.state_sizes, *self.motion_sizes), strict=True)
+        pairs = [pair for column, sizes in columns for pair in zip(ca.vertsplit(column), sizes, strict=True)]
+        sizes = {symbol.name(): float(value) for symbol, value in pairs}
+        return ca.jacobian(expression, symbols) @ ca.diag(ca.DM([sizes[x.name()] for x in ca.vertsplit(symbols)]))
+
+    def acts(self, expression: ca.SX, symbols: ca.SX) -> NDArray[np.bool_]:
+        """Which symbols enter which rows, numerically: terms that cancel are none.
+
+        :param expression: in units of its size.
+        """
+        slope = self.slope(expression, symbols)
+        if slope.nnz() == 0:
+            return np.zeros(slope.shape, dtype=bool)
+        slope = ca.densify(slope)
+        return np.any([np.abs(self.evaluate(slope, 0.3, seed)) > ROUNDING for seed in range(1, 4)], axis=0)
+
+    def depends(self, expression: ca.SX, symbols: ca.SX) -> bool:
+        """Whether any of the symbols enters.
+
+        :param expression: in units of its size.
+        """
+        return bool(self.acts(expression, symbols).any())
+
+    def vanishes(self, expression: ca.SX) -> bool:
+        """Whether an expression, in units of its size, is 0 everywhere."""
+        everything = ca.vertcat(*self.motion, self.state)
+        return not self.depends(expression, everything) and abs(self.evaluate(expression, 0.3).item()) < ROUNDING
+
+    def magnitude(self, expression: ca.SX) -> float:
+        """Size of a scalar at states around the start: of its value and of its changes."""
+        slope = self.slope(expression, ca.vertcat(*self.arguments))
+        column = ca.densify(ca.horzcat(expression, slope))
+        values = np.array([np.linalg.norm(self.evaluate(column, 0.5, seed)) for seed in range(1, 10)])
+        finite_ones = values[np.isfinite(values)]
+        return float(np.median(finite_ones)) or 1.0 if finite_ones.size else 1.0
+
+
+def goal_symbols(goal: Goal) -> GoalSymbols:
+    """Symbols of a goal's mechanism, and their numbers.
+
+    :raises PlanError: for an unknown name, with the nearest one, or a value that is not allowed.
+    """
+    declared: Any = component(goal.component)
+    name = declared.__name__
+    if not issubclass(declared, (Mechanism, Chain)):
+        raise PlanError(f"{name} is an operator; plan the motion of a mechanism")
+    flat = model(declared, **chain_size(goal.component, goal.values)).flat()
+    _check_moves(goal, name, flat)
+    parameters, inputs = _values(goal, declared, flat)
+    own = {name for parameter in declared.parameters for name in parameter.names}
+    start_parameters = {re.sub(r"_0(\[\d+\])?$", r"\1", name): name for name in parameters if name not in own}
+    states = tuple(state.name for state in flat.states[:-2])
+    quaternions = {turn.name: turn.quaternion for turn in getattr(declared, "orientations", ())}
+    given = {} if is_expression(goal.start) else goal.start
+    start = elements(f"{name}: start", given, [v.name for v in flat.variables])
+    rates = set(start_parameters) - set(states)
+    moved = {end for move in goal.moves for end in motion_names(move)[:2]}
+    known = {*states, *rates, *moved, *quaternions}
+    for key in start:
+        if key not in known:
+            raise PlanError(f"{name}: start has no {key!r}{suggestion(key, known)}")
+    for key in {*states, *moved} & start.keys():
+        if start[key] is not None:
+            limits(name, "start", key, start[key])
+    parameters |= {start_parameters[rate]: number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
+    for key in states:
+        if key in start_parameters and isinstance(start.get(key), (int, float)):
+            parameters[start_parameters[key]] = float(start[key])
+    units = {variable.name: variable.unit for variable in (*flat.parameters, *flat.inputs, *flat.outputs)}
+    base = _base_scales(goal, units, parameters | inputs)
+    return GoalSymbols(
+        goal=goal,
+        component=declared,
+        model=flat,
+        parameters=parameters,
+        inputs=inputs,
+        start=start,
+        start_parameters=start_parameters,
+        initial_sigma=np.array([middle(start.get(move), inputs[move]) for move in goal.moves]),
+        quaternions=quaternions,
+        state_names=states,
+        sizes={name: size(base, unit) for name, unit in units.items()},
+        time=size(base, "s"),
+        energy=size(base, "J"),
+        state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
+        motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in motion_names("sigma")),  # type: ignore[arg-type]
+    )
+
+
+def middle(value: Any, default: float) -> float:
+    """A number in a range."""
+    if value is None:
+        return default
+    if isinstance(value, (tuple, list)):
+        ends = [x for x in value if x is not None and np.isfinite(x)]
+        return float(np.mean(ends)) if ends else default
+    return float(value)
+
+
+def column(values: Mapping[str, Any]) -> ca.SX:
+    """Values below each other; (0, 1) if there are none."""
+    return ca.vertcat(ca.SX(0, 1), *values.values())
+
+
+def _check_moves(goal: Goal, owner: str, flat: Model) -> None:
+    actives = [active.value for active in flat.active]
+    if not actives:
+        raise PlanError(f"{owner} has no active coordinate: there is nothing that an operator could move")
+    for name in goal.moves:
+        if name not in actives:
+            is_free = name in {state.name for state in flat.states}
+            hint = f": it moves freely; moves takes {', '.join(actives)}" if is_free else suggestion(name, actives)
+            raise PlanError(f"{owner}: moves = {name!r} is no active coordinate{hint}")
+    if len(set(goal.moves)) < len(goal.moves) or not goal.moves:
+        raise PlanError(f"{owner}: moves = {shown(list(goal.moves))}: name each coordinate once")
+
+
+def _values(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], dict[str, Any]]:
+    """Parameters and inputs, with the values of the goal."""
+    owner = declared.__name__
+    parameters, inputs = ({v.name: v.starts[0] for v in group} for group in (flat.parameters, flat.inputs))
+    moved = {name for move in goal.moves for name in motion_names(move)}
+    variables = {p.name: p.variable("parameter", "fixed") for p in declared.parameters}
+    variables |= {v.name: v for v in flat.inputs if v.name not in variables}
+    for name, value in goal.values.items():
+        if name in chain_size(declared, goal.values):
+            continue
+        if name in moved:
+            raise PlanError(f"{owner}: {name} is moved and cannot have the fixed value {shown(value)}")
+        if name not in variables:
+            raise PlanError(f"{owner} has no parameter or input {name!r}{suggestion(name, variables)}")
+        finite(f"{owner}: {name}", value, PlanError)
+        if not variables[name].allows(float(value)):
+            raise PlanError(f"{owner}: {name} = {value} must be {variables[name].domain()}")
+        (parameters if name in parameters else inputs)[name] = float(value)
+    return parameters, inputs
+
+
+def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Array:
+    """Sizes of the base units, from the numbers of parameters, start, end, bounds and duration."""
+    groups: list[Any] = [group for group in (goal.bounds, goal.start, goal.end) if isinstance(group, Mapping)]
+    numbers = [
+        (value, units[name])
+        for group in groups
+        for name, values in group.items()
+        for value in (values if isinstance(values, (tuple, list)) else [values])
+        if name in units and isinstance(value, (int, float))
+    ]
+    numbers += [(value, units[name]) for name, value in values.items()]
+    return base_scales([*numbers, *((value, "s") for value in goal.duration)])
+
+
+def _expanded(function: ca.Function) -> ca.Function:
+    return function if function.is_a("SXFunction") else function.expand()
