@@ -12,7 +12,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from itertools import chain, count
 from pathlib import Path
 from typing import get_args
 from xml.etree.ElementTree import Element, SubElement
@@ -112,14 +111,12 @@ def _identifiers(names: Iterable[str]) -> dict[str, str]:
     """A unique identifier for each name."""
     identifiers: dict[str, str] = {}
     for name in sorted(names, key=lambda name: name != _identifier(name)):  # identifiers stay
-        identifiers[name] = _unused(_identifier(name), "", identifiers.values())
+        free, number = _identifier(name), 1
+        while free in identifiers.values():
+            number += 1
+            free = f"{_identifier(name)}_{number}"
+        identifiers[name] = free
     return identifiers
-
-
-def _unused(stem: str, suffix: str, used: Collection[str]) -> str:
-    """The first of ``stem``, ``stem_2``, ``stem_3``, ..., with the suffix, that is not used."""
-    numbered = (f"{stem}_{number}{suffix}" for number in count(2))
-    return next(name for name in chain([f"{stem}{suffix}"], numbered) if name not in used)
 
 
 def _moved(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str, str]) -> Port:
@@ -222,9 +219,12 @@ def _add_fmu(files: Files, part: SystemComponent) -> str:
 def _add_file(files: Files, name: str, content: bytes | Path) -> str:
     """Add a resource under a unique name that is safe in a URI."""
     stem, dot, suffix = re.sub(r"[^\w.\-]", "_", name, flags=re.ASCII).rpartition(".")
-    unused = _unused(f"resources/{stem}", f"{dot}{suffix}", files)
-    files[unused] = content
-    return unused
+    number, free = 1, f"resources/{stem}{dot}{suffix}"
+    while free in files:
+        number += 1
+        free = f"resources/{stem}_{number}{dot}{suffix}"
+    files[free] = content
+    return free
 
 
 def _check_scalars(path: Path, parts: Iterable[SystemComponent], connections: Iterable[Connection]) -> None:
