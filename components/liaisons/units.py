@@ -124,7 +124,7 @@ def _exponent(power: int | Fraction) -> str:
     return str(power) if Fraction(power).denominator == 1 else f"({power})"
 
 
-_RATE = {"1": "1/s", "m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2", "s": "1", "J": "W", "1/s": "1/s2"}
+_RATE = {ANY: ANY, "m/s": "m/s2", "rad/s": "rad/s2", "s": "1", "J": "W", "1/s": "1/s2"}
 _FORCE = {"m": "N", "rad": "N.m", "1": "J"}
 _MOMENTUM = {"m": "kg.m/s", "rad": "kg.m2/s", "1": "J.s"}
 _MULTIPLIER = {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"}
@@ -132,9 +132,7 @@ _MULTIPLIER = {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"}
 
 def rate(name: str) -> str:
     """Unit of the time derivative of a quantity with this unit; of ANY, ANY."""
-    if name in _RATE or name == ANY:
-        return _RATE.get(name, ANY)
-    return f"{name}.s" if "/" in name else f"{name}/s"
+    return _RATE.get(name, f"{name}.s" if "/" in name else f"{name}/s")
 
 
 def force(name: str) -> str:

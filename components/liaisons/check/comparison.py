@@ -82,10 +82,10 @@ class Comparison:
 
         :raises ValidityError: if there is none of this name.
         """
-        for difference in self.differences:
-            if difference.name == name:
-                return difference
-        raise ValidityError(f"{name!r} was not compared; compared: {', '.join(d.name for d in self.differences)}")
+        differences = {difference.name: difference for difference in self.differences}
+        if name not in differences:
+            raise ValidityError(f"{name!r} was not compared; compared: {', '.join(differences)}")
+        return differences[name]
 
     @property
     def relative(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -69,16 +70,14 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
     """Write an MP4."""
     import imageio_ffmpeg
 
-    film = None
-    for image in pixels(stage, turns=turns, width=720):
-        if film is None:
-            size = image.shape[1], image.shape[0]
-            film = imageio_ffmpeg.write_frames(str(path), size, fps=RATE, output_params=["-f", "mp4"])
-            film.send(None)
+    images = pixels(stage, turns=turns, width=720)
+    first = next(images)
+    film = imageio_ffmpeg.write_frames(str(path), first.shape[1::-1], fps=RATE, output_params=["-f", "mp4"])
+    film.send(None)
+    for image in chain([first], images):
         film.send(np.ascontiguousarray(image))
         progress()
-    if film is not None:
-        film.close()
+    film.close()
 
 
 def write_strip(stage: Stage, path: Path, *, count: int = 6, **_: object) -> None:

@@ -40,8 +40,9 @@ def visual(shown: Frames) -> tuple[bytes, bytes]:
             table = values if values.ndim == 2 else np.broadcast_to(values, (len(shown.time), values.size))
             for k, column in enumerate(table.T):
                 if np.ptp(column):
-                    columns[f"{kind}{i}_{name}_{k}"] = column
-                    ElementTree.SubElement(element, "cref").text = f"{kind}{i}_{name}_{k}"
+                    reference = f"{kind}{i}_{name}_{k}"
+                    columns[reference] = column
+                    ElementTree.SubElement(element, "cref").text = reference
                 else:
                     ElementTree.SubElement(element, "exp").text = repr(float(column[0]))
     ElementTree.indent(root)

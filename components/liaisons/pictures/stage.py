@@ -130,15 +130,12 @@ def _box(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float)
     assert shape.size is not None
     edges = shape.axes[k] * shape.size[k, :, None] / 2
     seen = camera.see(edges)
-    for i in range(3):
-        a, b = seen[(i + 1) % 3], seen[(i + 2) % 3]
-        for side in (1.0, -1.0):
-            if side * seen[i, 2] <= 0:
-                continue
-            face = centre + side * seen[i]
-            light = 0.55 + 0.45 * max(0.0, float(side * shape.axes[k, i] @ np.array(LIGHT)))
-            corners = np.array([face + a + b, face + a - b, face - a - b, face - a + b])[:, :2]
-            yield Face(face[2], corners, (*(light * c for c in rgb("box")), opacity))
+    for i in np.flatnonzero(seen[:, 2]):  # of both faces across an axis, the one towards the eye
+        side = np.sign(seen[i, 2])
+        a, b, face = seen[(i + 1) % 3], seen[(i + 2) % 3], centre + side * seen[i]
+        light = 0.55 + 0.45 * max(0.0, float(side * shape.axes[k, i] @ np.array(LIGHT)))
+        corners = np.array([face + a + b, face + a - b, face - a - b, face - a + b])[:, :2]
+        yield Face(face[2], corners, (*(light * c for c in rgb("box")), opacity))
 
 
 def _zigzag(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:

@@ -25,9 +25,8 @@ def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Mea
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
-    columns: Mapping[str, Measure] = (
-        keep if isinstance(keep, Mapping) else {name: name for name in listed("keep", keep, SweepError)}
-    )
+    names = keep if isinstance(keep, Mapping) else listed("keep", keep, SweepError)
+    columns: dict[str, Measure] = {name: keep[name] if isinstance(keep, Mapping) else name for name in names}
     if not columns:
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
     for name, measure in columns.items():
@@ -35,7 +34,7 @@ def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Mea
             split(measure)
         elif not callable(measure):
             raise SweepError(f"keep: {name} = {shown(measure)}; give the name of a signal or a function of the Result")
-    return dict(columns)
+    return columns
 
 
 def split(measure: str) -> tuple[str, str]:
@@ -53,17 +52,17 @@ def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
 
     :raises SweepError: if a function fails or returns no number.
     """
-    values = []
-    for name, measure in keep.items():
+
+    def value(name: str, measure: Measure) -> float:
         if isinstance(measure, str):
             signal, word = split(measure)
-            values.append(float(_MEASURES[word](result[signal])))
-            continue
+            return float(_MEASURES[word](result[signal]))
         try:
-            values.append(float(measure(result)))
+            return float(measure(result))
         except Exception as error:
             raise SweepError(f"keep: the function of {name!r} fails: {type(error).__name__}: {error}") from error
-    return tuple(values)
+
+    return tuple(value(*column) for column in keep.items())
 
 
 def identity(measure: Measure) -> bytes:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import logging
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from liaisons.cosim.running.run import Run
 from liaisons.cosim.structure.components import SystemComponent
@@ -26,10 +26,8 @@ Task: TypeAlias = tuple[Study, Mapping[Path, Path], str]
 """The sweep, the folder of each extracted FMU, and a folder for temporary files."""
 
 
-class SimulateCase(Protocol):
-    """Simulates one case, with isolated FMUs if they are ``suspect``."""
-
-    def __call__(self, case: int, /, *, suspect: bool = False) -> Outcome: ...
+SimulateCase: TypeAlias = Callable[[int, bool], Outcome]
+"""Simulates one case, with isolated FMUs if they are suspect."""
 
 
 @contextmanager
@@ -41,7 +39,7 @@ def session(task: Task) -> Iterator[SimulateCase]:
     with ExitStack() as stack:
         run: Run | None = None
 
-        def outcome(case: int, /, *, suspect: bool = False) -> Outcome:
+        def outcome(case: int, suspect: bool) -> Outcome:
             nonlocal run
             try:
                 parts = study.starts(case)

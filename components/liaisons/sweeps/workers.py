@@ -298,7 +298,7 @@ def _work(pipe: Connection, current: NDArray[np.float64], task: Task, parent: in
                 return
             for case in cases:
                 current[1], current[0] = case, time.monotonic()
-                outcomes[case] = outcome(case, suspect=suspect)
+                outcomes[case] = outcome(case, suspect)
                 current[0] = math.inf
                 if time.monotonic() - reported > _FLUSH:
                     pipe.send(outcomes)
