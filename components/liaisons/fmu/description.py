@@ -45,13 +45,13 @@ _SOURCES = (
 # Capabilities of the back ends; others are false or 0.
 _BOTH = ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate")
 _NATIVE = (*_BOTH, "providesDirectionalDerivative")
-_MODEL_EXCHANGE = dict.fromkeys(("completedIntegratorStepNotNeeded", *_NATIVE), "true")
-_CO_SIMULATION = {
+_MODEL_EXCHANGE: dict[str, str] = dict.fromkeys(("completedIntegratorStepNotNeeded", *_NATIVE), "true")
+_CO_SIMULATION: dict[str, str] = {
     **dict.fromkeys(("canHandleVariableCommunicationStepSize", "canInterpolateInputs"), "true"),
     "maxOutputDerivativeOrder": "1",
     **dict.fromkeys(_NATIVE, "true"),
 }
-_CO_SIMULATION_IN_PYTHON = dict.fromkeys(
+_CO_SIMULATION_IN_PYTHON: dict[str, str] = dict.fromkeys(
     ("needsExecutionTool", "canHandleVariableCommunicationStepSize", *_BOTH), "true"
 )
 LOG_CATEGORIES = {
