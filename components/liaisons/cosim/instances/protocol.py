@@ -121,9 +121,9 @@ class Instance(ABC):
     def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
         """Let these inputs follow values inside each step; returns a call to make before it.
 
-        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
+        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to request them.
 
-        :param values: at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)); may change from step to step.
+        :param values: at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)); may change any time.
         """
         raise NotImplementedError
 
