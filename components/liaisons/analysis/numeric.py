@@ -66,7 +66,6 @@ def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> N
 
 def eigenproblem(K: NDArray, M: NDArray) -> tuple[NDArray, NDArray]:
     """Eigenvalues, ascending, and vectors as columns of K u = Ω² M u, both symmetric, uᵀ M u = 1 (K eq. 139, 151)."""
-    root = np.linalg.cholesky(M)
-    half = np.linalg.solve(root, K)
-    squares, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
-    return squares, np.linalg.solve(root.T, vectors)
+    from scipy.linalg import eigh
+
+    return eigh(K, M)

@@ -37,17 +37,17 @@ def declared(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
 # ---- return values of methods --------------------------------------------------------------------------------------
 
 
-def call(picture: object, name: str, *arguments: Any) -> Any:
+def call(instance: object, name: str, *arguments: Any) -> Any:
     """Value of a method or formula of a component; any exception becomes a ComponentError with its name."""
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("error", message=r"\s*casadi: a numpy function", category=FutureWarning)
-            value = getattr(picture, name)
+            value = getattr(instance, name)
             return value(*arguments) if callable(value) else value
     except LiaisonsError:
         raise
     except Exception as error:
-        raise ComponentError(f"{type(picture).__name__}.{name}: {_reason(error)}") from error
+        raise ComponentError(f"{type(instance).__name__}.{name}: {_reason(error)}") from error
 
 
 def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
@@ -71,11 +71,11 @@ def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> 
     return expression
 
 
-def components_of(picture: object, name: str) -> Mapping[str, ca.SX]:
+def components_of(instance: object, name: str) -> Mapping[str, ca.SX]:
     """Components of a named point by axis; a ComponentError for any other return value."""
-    components = call(picture, name)
+    components = call(instance, name)
     if not isinstance(components, Mapping) or not components:
-        raise ComponentError(f"{type(picture).__name__}.{name}: return the components, e.g. {{'x': ..., 'z': ...}}")
+        raise ComponentError(f"{type(instance).__name__}.{name}: return the components, e.g. {{'x': ..., 'z': ...}}")
     return components
 
 
@@ -85,13 +85,13 @@ class Formulas:
     :raises ComponentError: for one that raises, or returns no scalar of the allowed symbols.
     """
 
-    def __init__(self, picture: object) -> None:
-        self._picture, self._owner = picture, type(picture)
+    def __init__(self, instance: object) -> None:
+        self._instance, self._owner = instance, type(instance)
         self._found: list[Declared] = []  # in the order of their dependence
 
     def __call__(self, name: str, symbols: Mapping[str, ca.SX], unit: str, *arguments: Any) -> ca.SX:
         """Scalar of the allowed symbols that a method returns, in this unit."""
-        return self.take(name, call(self._picture, name, *arguments), symbols, unit)
+        return self.take(name, call(self._instance, name, *arguments), symbols, unit)
 
     def take(self, label: str, value: Any, symbols: Mapping[str, ca.SX], unit: str) -> ca.SX:
         """Scalar of a return value; the label of a component is ``"bob['x']"``."""
@@ -103,7 +103,7 @@ class Formulas:
 
     def each(self, name: str, symbols: Mapping[str, ca.SX], unit: Mapping[str, str]) -> None:
         """Check a method that returns scalars by name, in these units."""
-        returned = call(self._picture, name)
+        returned = call(self._instance, name)
         if not isinstance(returned, Mapping) or returned.keys() != unit.keys():
             what = list(returned) if isinstance(returned, Mapping) else returned
             raise ComponentError(f"{self._owner.__name__}.{name} returns {what}; it must give {list(unit)}")

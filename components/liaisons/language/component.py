@@ -71,10 +71,10 @@ class Component(ABC):
         if not abstract:
             require_methods(cls)
             reject_reserved_names(cls)
-            picture = cls()
-            layout = picture.layout()
+            instance = cls()
+            layout = instance.layout()
             reject_clashes(cls, [*(v.name for v in layout.variables), *(d.name for d in layout.dimensions)])
-            picture._check()
+            instance._check()
 
     @abstractmethod
     def _check(self) -> None:

@@ -72,10 +72,10 @@ class Declaration(ABC, Generic[T]):
     @overload
     def __get__(self, instance: object, owner: type) -> T: ...
     def __get__(self, instance: Any, owner: type) -> Self | T:
-        return self if instance is None else self.of(instance)
+        return self if instance is None else self.value_in(instance)
 
     @abstractmethod
-    def of(self, picture: Any) -> T:
+    def value_in(self, instance: Any) -> T:
         """Symbol or expression in an instance of the component."""
 
 
@@ -116,8 +116,8 @@ class Symbol(Declaration[ca.SX]):
         self.start = _number(start, description)
         self.minimum, self.maximum = (x if x is None else _number(x, description) for x in (low, high))
 
-    def of(self, picture: Any) -> ca.SX:
-        return picture.symbols[self.name]
+    def value_in(self, instance: Any) -> ca.SX:
+        return instance.symbols[self.name]
 
     def __set__(self, instance: object, value: object) -> None:
         raise ComponentError(f"{type(instance).__name__}.{self.name} is a symbol and cannot be assigned")
@@ -189,8 +189,8 @@ class ParameterArray(Parameter):
     def names(self) -> tuple[str, ...]:
         return tuple(element(self.name, i) for i in range(1, self.dimension.count + 1))
 
-    def of(self, picture: Any) -> ca.SX:
-        return ca.vertcat(*(picture.symbols[name] for name in self.names))
+    def value_in(self, instance: Any) -> ca.SX:
+        return ca.vertcat(*(instance.symbols[name] for name in self.names))
 
     def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
         return replace(super().variable(causality, variability, name), start=self.leading, dimension=self.dimension)
@@ -292,8 +292,8 @@ class Size(Declaration[int]):
             raise ComponentError(f"{name}: it must be a whole number >= {self.minimum}")
         return int(value)
 
-    def of(self, picture: Any) -> int:
-        return picture.sizes[self.name]
+    def value_in(self, instance: Any) -> int:
+        return instance.sizes[self.name]
 
 
 class Components(dict[str, Any]):
@@ -329,9 +329,9 @@ class Joint(Declaration[Components]):
         """Names of all axes."""
         return tuple(self.unit_of)
 
-    def of(self, picture: Any) -> Components:
-        axes = {axis: picture.symbols[f"{self.name}_{axis}"] for axis in self.axes}
-        return Components(f"{type(picture).__name__}.{self.name}", axes)
+    def value_in(self, instance: Any) -> Components:
+        axes = {axis: instance.symbols[f"{self.name}_{axis}"] for axis in self.axes}
+        return Components(f"{type(instance).__name__}.{self.name}", axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,9 +384,9 @@ class Orientation(Declaration[Attitude]):
         """Names of the start values beside the quaternion."""
         return self.rates if self.start == "rate" else self.momenta
 
-    def of(self, picture: Any) -> Attitude:
+    def value_in(self, instance: Any) -> Attitude:
         columns = (self.quaternion, self.rates, self.momenta)
-        return Attitude(*(ca.vertcat(*(picture.symbols[name] for name in names)) for names in columns))
+        return Attitude(*(ca.vertcat(*(instance.symbols[name] for name in names)) for names in columns))
 
 
 class DeclaredFormula(Declaration[T]):
@@ -401,13 +401,13 @@ class DeclaredFormula(Declaration[T]):
         self.method = method
         return self
 
-    def of(self, picture: Any) -> T:
-        if self.name not in picture.formulas:
-            value: Any = self.method(picture)
+    def value_in(self, instance: Any) -> T:
+        if self.name not in instance.formulas:
+            value: Any = self.method(instance)
             if isinstance(value, Mapping):
-                value = Components(f"{type(picture).__name__}.{self.name}", value)
-            picture.formulas[self.name] = value
-        return picture.formulas[self.name]
+                value = Components(f"{type(instance).__name__}.{self.name}", value)
+            instance.formulas[self.name] = value
+        return instance.formulas[self.name]
 
 
 class point(DeclaredFormula[Mapping[str, ca.SX]]):

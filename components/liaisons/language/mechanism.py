@@ -201,15 +201,15 @@ class Mechanism(MechanicalComponent, abstract=True):
         _check_mass_matrix(self, lagrangian, kinetic, motion)
 
 
-def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
-    name = type(picture).__name__
-    metric, rates = ca.hessian(lagrangian, picture.free.q_dot)[0], ca.vertcat(picture.free.q_dot, picture.active.s_dot)
+def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
+    name = type(m).__name__
+    metric, rates = ca.hessian(lagrangian, m.free.q_dot)[0], ca.vertcat(m.free.q_dot, m.active.s_dot)
     if ca.depends_on(metric, rates):
         raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them")
-    start = picture.start_values()
+    start = m.start_values()
     at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
     function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
-    at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*picture.coordinates, *picture.actives))
+    at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*m.coordinates, *m.actives))
 
     def at(values: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray]:
         metric, energy, left = function(*(values[symbol] for symbol in motion))
@@ -227,9 +227,9 @@ def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, mo
         )
     if _is_inertia(matrix):
         return
-    still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(picture.free.q_dot), strict=True) if not row.any()]
+    still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(m.free.q_dot), strict=True) if not row.any()]
     what = f"no mass moves with {still[0]}" if still else f"mass matrix {matrix.tolist()} is not positive definite"
-    for item, other in _other_values(picture):
+    for item, other in _other_values(m):
         if not _is_inertia(at(start | {item.name: other})[0]):
             continue
         value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
@@ -255,9 +255,9 @@ def _is_inertia(matrix: np.ndarray) -> bool:
     return finite and bool(np.min(np.linalg.eigvalsh(matrix)) > 1e-14 * np.max(np.abs(matrix)))
 
 
-def _other_values(picture: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
+def _other_values(m: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
     """Declarations that could make a mass matrix singular, each with another value."""
-    yield from ((item, 1.0) for item in picture.parameters if item.start <= 0)
-    for item in (*picture.coordinates, *picture.actives):
+    yield from ((item, 1.0) for item in m.parameters if item.start <= 0)
+    for item in (*m.coordinates, *m.actives):
         size = item.nominal if isinstance(item, Coordinate) else 1.0
         yield from ((item, item.start + change * size) for change in (0.1, -0.1))

@@ -96,7 +96,7 @@ class Operator(Component, abstract=True):
 
     def _chosen(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
         """Rows of :meth:`interval` as expressions of all rows."""
-        instants, ascends = ca.vertsplit(self.table[0].of(self)), ca.SX(1)
+        instants, ascends = ca.vertsplit(self.table[0].value_in(self)), ca.SX(1)
         begun, has_length = [], []
         for t_0, t_1 in pairwise(instants):
             ascends = ca.logic_and(ascends, t_1 >= t_0)
@@ -115,7 +115,7 @@ class Operator(Component, abstract=True):
         if rests:
             more = stack([*has_length, ca.SX(0)])  # whether there is a next row
             end = stack([ca.SX(0), *ca.vertsplit(begin * more)[:-1]]) + begin * (1 - more)
-        whole = [next(p for p in self.table if p.name == name).of(self) for name in columns]
+        whole = [next(p for p in self.table if p.name == name).value_in(self) for name in columns]
         return [ca.dot(begin, x) for x in whole], [ca.dot(end, x) for x in whole]
 
     @property

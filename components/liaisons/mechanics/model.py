@@ -184,9 +184,9 @@ class Model:
         )
 
 
-def described(picture: Component) -> dict[str, Any]:
+def described(instance: Component) -> dict[str, Any]:
     """Arguments of Model that come from the declarations: names, variables, documentation."""
-    component = type(picture)
+    component = type(instance)
     return {
         "name": component.__name__,
         "module": component.__module__,
@@ -194,5 +194,5 @@ def described(picture: Component) -> dict[str, Any]:
         "documentation": inspect.getdoc(component) or component.__name__,
         "experiment": component.experiment,
         "closed_form": inspect.getdoc(getattr(component, "exact", None)) or "",
-        **vars(picture.layout()),
+        **vars(instance.layout()),
     }

@@ -49,25 +49,25 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     )
 
 
-def of_operator(picture: Operator, signal: ca.SX) -> tuple[Equation, ...]:
+def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
     """Signal and rates of the internal states."""
-    rates = picture.internal_rates()
-    internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in picture.internal_states)
-    arrays = any(isinstance(p, ParameterArray) for p in picture.parameters)  # a choice among many is no formula
+    rates = operator.internal_rates()
+    internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in operator.internal_states)
+    arrays = any(isinstance(p, ParameterArray) for p in operator.parameters)  # a choice among many is no formula
     return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
 
 
-def of_chain(picture: Chain) -> tuple[Equation, ...]:
+def of_chain(chain: Chain) -> tuple[Equation, ...]:
     """Energies of a link, and the joint of the next one."""
-    base = picture.base() or {}
-    dissipated = ca.SX(picture.friction_coefficient()) * ca.SX(picture.kinetic_energy())
-    dissipated += ca.SX(picture.dissipation_function()) + ca.SX(picture.bond_dissipation())
-    points = picture.point_components()
+    base = chain.base() or {}
+    dissipated = ca.SX(chain.friction_coefficient()) * ca.SX(chain.kinetic_energy())
+    dissipated += ca.SX(chain.dissipation_function()) + ca.SX(chain.bond_dissipation())
+    points = chain.point_components()
     return (
-        Equation("link", "kinetic_energy", ca.SX(picture.kinetic_energy())),
-        Equation("link", "potential_energy", ca.SX(picture.potential_energy()) + ca.SX(picture.bond_energy())),
+        Equation("link", "kinetic_energy", ca.SX(chain.kinetic_energy())),
+        Equation("link", "potential_energy", ca.SX(chain.potential_energy()) + ca.SX(chain.bond_energy())),
         *_friction("link", "D", dissipated),
-        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in picture.tip().items()),
+        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
         *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
         *_rows("points", points, stack(points.values())),
     )

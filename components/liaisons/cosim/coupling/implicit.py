@@ -1,4 +1,4 @@
-"""The coupled step of a whole system: group after group, sources before what they feed."""
+"""The coupled step of a whole system: its strong components in execution order."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from liaisons.errors import SimulationError
 Snapshot = tuple[State, list[Past]]
 
 _ROOM = 17
-"""So many numbers an unknown compiled code needs room for: points and changes, secants, and what there is now."""
+"""Numbers of scratch memory for an unknown: points and changes, secants, and the present ones."""
 
 
 @final
@@ -95,7 +95,7 @@ class Coupled:
         raise AssertionError(status)
 
     def _solve(self, component: StrongComponent, phase: Phase, size: float = 0.0) -> None:
-        """Solve the equations of a component at the instant that the clock shows."""
+        """Solve the equations of a component in the present step."""
         equations, start = byref(component.record(phase)), self._bus.start
         if status := self._library.solve_component(byref(self._record), equations, start, c_double(size)):
             component.fail(phase, self._record.failure, status)
@@ -135,7 +135,7 @@ class Coupled:
         return min((component.order for component in self._components), default=6)
 
     def settle(self, *, initial: bool) -> None:
-        """Make everything fit at the begin of a piece, which the clock shows."""
+        """Solve the equations at the start of a piece, the present time."""
         time = self._bus.end.value
         self._drive(time, self._ahead(time))
         for component in self._components:
@@ -148,10 +148,7 @@ class Coupled:
         self.signals.before[:] = self.signals.now
 
     def cross(self) -> None:
-        """Make the step that the clock shows, which is tiny, to an instant where something jumps; forget the past.
-
-        Until its end every input goes on as it was known at its start.
-        """
+        """Make the present step, a tiny one, to a break, with all inputs extrapolated; forget the past."""
         signals, time = self.signals, self._bus.end.value
         signals.now[:] = signals.before
         self._drive(time, self._ahead(time))
@@ -168,7 +165,7 @@ class Coupled:
         self.settle(initial=False)
 
     def _ahead(self, time: float) -> float | None:
-        """An instant of the piece that begins at this one [s], if there is one, and anything that asks for it."""
+        """A later instant of the piece that starts at this one [s]; None if there is none, or no function of time."""
         if not self._drives:
             return None
         reference = bisect_right(self._times, time + rounding(time))
@@ -178,7 +175,7 @@ class Coupled:
         return min([self._times[reference], *breaks])
 
     def _step_in_thirds(self, k: int) -> int:
-        """Step a source in thirds, for its outputs have no past yet; returns 1."""
+        """Step a source, whose outputs have no past yet, in thirds; returns 1."""
         history, size, source = self._histories[k], self._bus.size.value, self._components[k].source
         assert source is not None
         history.others[:] = source.step_in_thirds()[:, history.made - source.values.start]
@@ -213,7 +210,7 @@ class Coupled:
                 self.signals.now[slope] = 0.0 if other is None else _jerk(values, drive(other), time - other)
 
 
-def _jerk(here: NDArray[np.float64], there: NDArray[np.float64], size: float) -> float:
-    """Third derivative, here, of the quintic with these values, rates and accelerations; there is ``size`` before."""
-    change = (60 * (here[0] - there[0]) / size - 36 * here[1] - 24 * there[1]) / size
-    return float((change + 9 * here[2] - 3 * there[2]) / size)
+def _jerk(end: NDArray[np.float64], start: NDArray[np.float64], size: float) -> float:
+    """Third derivative at the end of the quintic through value, rate and acceleration at both ends, ``size`` apart."""
+    change = (60 * (end[0] - start[0]) / size - 36 * end[1] - 24 * start[1]) / size
+    return float((change + 9 * end[2] - 3 * start[2]) / size)

@@ -43,7 +43,7 @@ def coefficients(count: int) -> NDArray[np.float64]:
 @final
 @dataclass(frozen=True)
 class Polynomials:
-    """Derivatives of some inputs at the begin of a step, a linear function of the signals at both its ends.
+    """Derivatives of inputs at the start of a step, as linear functions of the signals at both its ends.
 
     :param which: input and order of each derivative.
     :param signals: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.

@@ -133,7 +133,7 @@ class Signals:
         return self.zero if source[0] in cycle else self.index[curve(self._parts, self._feeds, source)[0][0]]
 
     def makes(self, index: int) -> bool:
-        """Whether the slope of a value is one that nobody gives."""
+        """Whether no FMU gives the slope of a value."""
         return self.references[index][0] not in self.sloped
 
     def continuous(self, index: int) -> bool:

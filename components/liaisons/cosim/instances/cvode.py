@@ -115,7 +115,7 @@ class Cvode:
             self._check(_root_init(self._memory, count, self._functions[1]))
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
-        """Begin anew at this time [s] from :attr:`states`, which have these nominal values, all above 0."""
+        """Restart at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
         self._largest[: self.states.size] = np.asarray(nominals) * self._tolerance
         self._check(_set_tolerances(self._memory, self._tolerance, self._errors))
         self._check(_restart(self._memory, time, self._vector))

@@ -1,7 +1,7 @@
-"""An FMU in a process of its own: it may crash, end its process or hang, and only its run ends, with what there is.
+"""An FMU in a process of its own: if it crashes, exits or hangs, only its run ends, with the result so far.
 
-The process is forked, makes the instance and every call of it.  What is seldom goes through a pipe, calls that were
-prepared through shared memory; see ``isolated.c``.
+The process is forked, makes the instance and calls it.  Rare calls go through a pipe, prepared ones through shared
+memory; see ``isolated.c``.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ class Isolated(Instance):
         self._ask(f"fmi{self._fmu.version}ExitInitializationMode", "exit_initialization")
 
     def reset(self) -> None:
-        self._ask("its return to the begin", "reset")
+        self._ask("its reset", "reset")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
         self._far.reads = 1
@@ -304,7 +304,7 @@ class Isolated(Instance):
         return " or ".join(f"fmi{self._fmu.version}{word}{base}" for base in dict.fromkeys(v.base for v in variables))
 
     def _ask(self, task: str, *message: object) -> Any:
-        """Have something done there, once all that was posted is made.
+        """Call the other process, once all posted calls are made.
 
         :param task: for a message.
         """
@@ -325,7 +325,7 @@ class Isolated(Instance):
 
     def _answer(self, task: str) -> Any:
         self._task = task
-        lost, self._far.lost = _ENDED, _ENDED  # if an interrupt comes while we wait, nobody knows where it is
+        lost, self._far.lost = _ENDED, _ENDED  # an interrupt while we wait leaves its state unknown
         try:
             error, value, lost = None, None, _LATE
             while lost and self._pipe.poll(self._far.limit):

@@ -1,7 +1,7 @@
-"""Running FMUs of Model Exchange: their states are integrated here from each event to the next one.
+"""Running FMUs of Model Exchange, whose states are integrated here from event to event.
 
-By DOP853, whose steps can be taken back; by CVODE where equations are stiff, or there is no C compiler.  An
-input that is told how it moves within a step moves so; else it is held.
+DOP853, whose steps can be repeated, integrates them; CVODE, if they are stiff or there is no C compiler.  Inputs follow
+their derivatives within a step, if these are set, else they are held.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _FORWARD = (4.0, -3.0, 4 / 3, -1 / 4)
 class ModelExchange(Loaded, ABC):
     """An instance of Model Exchange: between steps in continuous-time mode, where its outputs are those of the time.
 
-    :param stiff: CVODE integrates from the begin on.
+    :param stiff: CVODE integrates from the start on.
     :cvar derivatives: the function that calculates them.
     """
 
@@ -67,7 +67,7 @@ class ModelExchange(Loaded, ABC):
         self._motion: InputMotion | None = None
         super().__init__(name, fmu, directory)
 
-    # ---- from the begin to the first step
+    # ---- initialization
 
     def initialize(
         self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
@@ -144,7 +144,7 @@ class ModelExchange(Loaded, ABC):
         return Call(put).with_failure("set", write.failure or self.failure)
 
     def _placed(self, variables: Scalars) -> NDArray[np.intp]:
-        """Where inputs stand among those that are held."""
+        """Indices of inputs among those that are held."""
         places = [self._places.setdefault(variable.name, len(self._places)) for variable in variables]
         self._held = np.full(len(self._places), np.nan)
         return np.array(places, dtype=np.intp)
@@ -285,7 +285,7 @@ class ModelExchange(Loaded, ABC):
         return False
 
     def _begun(self) -> Cvode | Dop853:
-        """The solver, which has begun anew where it had to."""
+        """The solver, restarted if the states may have changed."""
         solver = self._solver
         assert solver is not None
         if self._stale:
@@ -420,7 +420,7 @@ class ModelExchange(Loaded, ABC):
     # ---- back
 
     def states(self) -> tuple[Call, Call]:
-        """As :meth:`Instance.states`; CVODE, which cannot go back, begins anew after both."""
+        """As :meth:`Instance.states`; CVODE, whose state cannot be saved, restarts after both."""
         self._final = self.flag(False)
         save, restore = super().states()
         saved: list[Any] = []
@@ -451,7 +451,7 @@ class ModelExchange(Loaded, ABC):
         if not self._warned_of_repeats:
             self._warned_of_repeats = True
             words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first"
-            more = "begin anew and are less accurate; smaller ones and a smaller tolerance may be needed"
+            more = "restart and are less accurate; smaller ones and a smaller tolerance may be needed"
             logger.warning("%s: %s from%s, %s", self.name, words, self._when(""), more)
 
     def _forget(self, library: CDLL) -> None:

@@ -1,4 +1,4 @@
-"""What a running FMU can be asked for, whichever version of FMI it has: from instantiation to release."""
+"""Running FMUs of every version of FMI, from instantiation to release."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Instance(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Take note that the state is about to be one from before initialization."""
+        """Prepare for a state from before initialization, which is set next."""
 
     @abstractmethod
     def getter(self, variables: Scalars, values: Numbers) -> Call:
@@ -112,7 +112,7 @@ class Instance(ABC):
         """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values.
+        """A call that sets derivatives of inputs at the start of the next step from a buffer of as many values.
 
         Where :attr:`Fmu.input_derivatives` says that it can.
         """

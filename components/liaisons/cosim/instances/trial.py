@@ -1,4 +1,4 @@
-"""Starts an FMU in a process of its own, for :mod:`liaisons.cosim.running.probe`; says on stdout what comes next.
+"""Starts an FMU in a process of its own, for :mod:`liaisons.cosim.running.probe`; writes each stage to stdout.
 
 Needs little but the standard library, so that it takes some hundredths of a second.  Statuses do not matter: what an
 FMU refuses it will refuse again, with a message.

@@ -1,4 +1,4 @@
-"""Numbers that are none, in what FMUs of others put out."""
+"""Warnings of outputs that are not finite."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MOST = 20  # variables that are named
 
 
 def warn_of_what_is_not_finite(result: Result) -> None:
-    """Say of every signal that is not a number or infinite somewhere where that begins."""
+    """Warn of every signal with values that are not finite, with the first of them."""
     count = 0
     for name, values in zip(result.names, result.values, strict=True):
         wrong = ~np.isfinite(values)

@@ -1,4 +1,4 @@
-"""A library that crashes would take the whole process along: another process tries it first."""
+"""A trial of every FMU in a process of its own, since a library that crashes ends the process that calls it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _known: WeakSet[Fmu] = WeakSet()
 def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float]) -> None:
     """Load, instantiate, initialize and step an FMU in a process of its own, once a file.
 
-    Its inputs have their start values there, so a later crash is still possible.  FMUs that we have built on this
-    machine are not tried (by their digests: what a file says of its maker anybody can write), nor are those that were
-    tried with the same start values before.
+    Its inputs keep their start values, so a later crash is still possible.  FMUs that were built on this machine (by
+    their digests, for the name of the tool can be forged) and those tried before with the same start values are not
+    tried.
 
     :param directory: where the FMU was extracted.
     :param times: begin and first communication point of the simulation [s], at least.
