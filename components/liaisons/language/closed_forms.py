@@ -31,16 +31,16 @@ _RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
 class Values:
     """Arguments of a closed form: ``at.gravity`` is the value of the call, else that of the declaration."""
 
-    def __init__(self, label: str, declared: Mapping[str, Variable], given: Mapping[str, object]) -> None:
+    def __init__(self, label: str, declared: Mapping[str, Variable], values: Mapping[str, object]) -> None:
         self._label, self._declared = label, declared
-        self._given = {name: self._checked(name, value) for name, value in given.items()}
+        self._values = {name: self._checked(name, value) for name, value in values.items()}
         self._read: set[str] = set()
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         self._read.add(name)
-        return self._given[name] if name in self._given else _start(self._variable(name))
+        return self._values[name] if name in self._values else _start(self._variable(name))
 
     def array(self, *names: str) -> NDArray:
         """The values of several variables, shape (n,)."""
@@ -48,7 +48,7 @@ class Values:
 
     def reject_unread(self, text: str) -> None:
         """Raise a ValidityError for values that differ from the declaration but were not read."""
-        for name, value in self._given.items():
+        for name, value in self._values.items():
             start = _start(self._declared[name])
             if name not in self._read and not np.array_equal(value, start):
                 raise ValidityError(f"{self._label}: {name} = {value} must be {start}; it is {text}")
@@ -64,8 +64,8 @@ class Values:
         try:
             numbers = np.broadcast_to(np.asarray(value, dtype=float), shape)
         except (TypeError, ValueError):
-            wanted = "a number" if shape == () else f"{variable.count} numbers"
-            raise ValidityError(f"{self._label}: {name} = {value!r}; give {wanted}") from None
+            expected = "a number" if shape == () else f"{variable.count} numbers"
+            raise ValidityError(f"{self._label}: {name} = {value!r}; give {expected}") from None
         if not all(np.isfinite(x) and variable.allows(float(x)) for x in numbers.ravel()):
             raise ValidityError(f"{self._label}: {name} = {value} must be {variable.domain() or 'finite'}")
         return numbers if shape else float(numbers)
@@ -98,13 +98,13 @@ class ClosedForm(Generic[R]):
         bound.owner = owner
         return bound
 
-    def __call__(self, *arguments: Any, **given: Any) -> R:
+    def __call__(self, *arguments: Any, **values: Any) -> R:
         assert self.owner is not None  # it is an attribute of a component
         label = f"{self.owner.__name__}.{self.__name__}"
-        wanted = self._signature.parameters
-        own = {name: given.pop(name) for name in [*given] if name in wanted}
-        at = Values(label, _settable(self.owner, given), given)
-        own |= {name: value for name, value in (("at", at), ("component", self.owner)) if name in wanted}
+        expected = self._signature.parameters
+        own = {name: values.pop(name) for name in [*values] if name in expected}
+        at = Values(label, _settable(self.owner, values), values)
+        own |= {name: value for name, value in (("at", at), ("component", self.owner)) if name in expected}
         try:
             call = self._signature.bind(*arguments, **own)
         except TypeError as error:
@@ -145,13 +145,13 @@ def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], Cl
     return lambda function: ClosedForm(function, text, conditions)
 
 
-def _settable(owner: type[Component], given: dict[str, Any]) -> Mapping[str, Variable]:
+def _settable(owner: type[Component], values: dict[str, Any]) -> Mapping[str, Variable]:
     """Parameters, start values and inputs, as declared; of a chain as long as n, which is taken out, or an array."""
     if not issubclass(owner, Chain):
         return _variables(owner)
-    arrays = (len(value) for value in given.values() if np.ndim(value) == 1)
+    arrays = (len(value) for value in values.values() if np.ndim(value) == 1)
     try:
-        return _variables(owner, owner.n.checked(owner.__name__, given.pop("n", next(arrays, owner.n.default))))
+        return _variables(owner, owner.n.checked(owner.__name__, values.pop("n", next(arrays, owner.n.default))))
     except ComponentError as error:
         raise ValidityError(str(error)) from None
 
