@@ -289,8 +289,8 @@ class Controller:
     ) -> float:
         """Greatest of the forces tried at a port, from 0 on, after which what is held came back.
 
-        Doubled until it falls, forty times at most, then halved in between twelve times: nothing is said of other
-        forces.
+        The force is doubled until the mechanism falls, sixty times at most; then the interval is bisected twelve
+        times.  Forces that were not tried may give another result.
 
         :param port: input of the mechanism, ``"theta_force"``.
         :param duration: how long the force acts [s].
@@ -361,9 +361,11 @@ class Controller:
         return np.linalg.lstsq(np.array(starts), np.array(ends), rcond=None)[0].T
 
     def verify(self) -> list[Verdict]:
-        """Whether one step or the whole course of the FMUs is what was predicted, and what is controlled comes back.
+        """Verdicts on the linear prediction and on the undisturbed motion, as the FMUs perform them.
 
-        And whether what nobody disturbs stays with its motion: for two rounds, or until well after the end of the plan.
+        The measured matrix of one step, or of the whole trajectory, and its multipliers are the predicted ones;
+        controllable deviations decay; without disturbance the mechanism follows the trajectory, for two rounds or
+        until well after the end of the plan.
         """
         measured = self.measured()
         subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"

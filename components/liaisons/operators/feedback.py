@@ -16,7 +16,7 @@ Step = tuple[Array, Array]
 """A and B of x' = A x + B u, from one communication point to the next."""
 
 RANK = 1e-8
-"""A direction that is reached by less than this, of what is asked for, is out of reach."""
+"""Directions that inputs reach by less than this, relative to the largest, are not controllable."""
 _ROUNDS = 20000
 """So often the recursion goes back at most until its gains stay."""
 

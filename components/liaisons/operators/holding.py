@@ -94,7 +94,7 @@ def hold(
     Once a step the states are read and the accelerations of what moves are chosen, so that the sum over all steps of
     Σ weight (x - x_0)² + effort w² is least, each divided by its size: an angle's is 1, a length's that at which the
     mass has the angles' moment of inertia (of a pendulum its length), time is in radians of the free motion.  Where a
-    moved coordinate enters nothing (the angle of a wheel), it is held only if it is asked for by name.  A plan that
+    moved coordinate enters nothing (the angle of a wheel), it is held only if it is given by name.  A plan that
     returns to where it began is repeated; one after which the mechanism can rest is held there.
 
     :param motion: a plan; or name, file or class of a mechanism.

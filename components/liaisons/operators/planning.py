@@ -1,4 +1,4 @@
-"""``plan``: from what is wanted of a mechanism to the motion of its active coordinates that does it at least cost."""
+"""``plan``: from a goal to the motion of active coordinates that reaches it at least cost."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def plan(
             bounds={"psi_1": (-3, 3), "psi_2": (-3, 3)}, arm_1=0.25, arm_2=0.25,
         )
 
-    Names are those of the FMU.  What is not said of the start is as declared, at rest; an orientation goes by its own
+    Names are those of the FMU.  Values that start does not give are as declared, at rest; an orientation has its own
     name, as a quaternion.  A function of the mechanism (``lambda m: m.bob_x - 1``) or the same as text stands for
     start or end where something has to vanish, and for ``minimize``.
 
@@ -76,7 +76,7 @@ def plan(
     :param tries: how many motions to start from, where extremals compete; the best one is kept, so that more of them
         give nothing worse.  Unless given, 4 that agree are enough, 8 the most.
     :param guess: a plan of the same kind to start from.
-    :param time_limit: [s]; what there is then, or at Ctrl-C, is returned, ``motion.finished`` False.
+    :param time_limit: [s]; then, or at Ctrl-C, the best motion so far is returned, with ``motion.finished`` False.
     :param progress: show a progress bar on stderr.
     :param start_values: parameters, and inputs that stay constant, by name.
     :param keywords: further ones; a keyword that is also a setting is the setting.

@@ -290,7 +290,7 @@ def _needed(symbols: GoalSymbols, states: list[_State], rows: GoalRows, closed: 
         more = (other for other in states if other.name not in needed and other not in pending)
         pending += [other for other in more if symbols.depends(rate, other.symbol)]
     if not needed:
-        raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.moves)} can change is asked for")
+        raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.moves)} can change is part of the goal")
     return needed
 
 

@@ -35,7 +35,7 @@ from liaisons.operators.verifying import NOTHING, hamiltonian_scale
 COARSE = 10
 """Intervals of the mesh on which starts are tried."""
 STARTS = 8
-"""So many starts at most, unless a number is asked for."""
+"""Greatest number of starts, unless ``tries`` is given."""
 _AGREED = 2
 """So many that lead to the same optimum are enough then; one more where the duration is free, two where σ is closed."""
 _ALIKE = 1e-3
@@ -69,7 +69,7 @@ _LED = 1e-5
 _LED_ROUGHLY = 0.1
 """On coarse meshes; a solution that the differential equations do not have is off by its own size."""
 _CORRECTIONS = 6
-"""How often arcs are inserted where the Hamiltonian asks for it, or taken away where they vanish."""
+"""How often arcs are inserted where the Hamiltonian is less at another bound, or removed where they vanish."""
 _SUBSTEPS = 32
 """Of Runge and Kutta's method in an interval: of fourth order, these leave 1e-8 of what a mesh of order 10 resolves."""
 

@@ -243,7 +243,7 @@ def solve(
 ) -> Solution:
     """Solve the problem on the mesh of the guess.
 
-    :param clock: a limit; what there is then is returned as not finished.
+    :param clock: a limit, at which the last iterate is returned as not finished.
     :param soft: come as near to the end as possible, at any cost, instead of reaching it.
     :param shift: added to the values at the end.
     :param near: the guess is all but the solution: stay with it.
@@ -420,7 +420,7 @@ def _run(opti: ca.Opti, *, near: bool, soft: bool, clock: Clock) -> str:
         "max_wall_time": clock.left,
     }
     stay = {"mu_init": 1e-7, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
-    opti.callback(clock.tick)  # also keeps the last iterate for one who interrupts
+    opti.callback(clock.tick)  # also keeps the last iterate at an interrupt
     opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | stay})
     try:
         opti.solve()
