@@ -4,18 +4,22 @@ The public names are in ``__init__.pyi``, where type checkers read them, too; ea
 simulating FMUs never loads the symbolic layers.
 """
 
-import importlib
+import pkgutil
 import warnings
 
 import lazy_loader
 
 _getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-_MOVED = dict.fromkeys(("Claims", "dots", "panels", "scenario", "slope", "table", "within"), "scenarios")
+_RENAMED = {
+    **{name: f"scenarios.{name}" for name in ("Claims", "dots", "panels", "scenario", "slope", "table", "within")},
+    "condition": "assertion",
+    "submersion": "rheonomic_constraint",
+}
 
 
 def __getattr__(name: str) -> object:
-    if name not in _MOVED:
+    if name not in _RENAMED:
         return _getattr(name)
-    module = f"{__name__}.{_MOVED[name]}"
-    warnings.warn(f"liaisons.{name} is now {module}.{name}", DeprecationWarning, stacklevel=2)
-    return getattr(importlib.import_module(module), name)
+    new = f"{__name__}.{_RENAMED[name]}"
+    warnings.warn(f"liaisons.{name} is now {new}", DeprecationWarning, stacklevel=2)
+    return pkgutil.resolve_name(new)

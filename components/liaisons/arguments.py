@@ -1,6 +1,6 @@
-"""What arguments are taken for, and what is said of those that are something else.
+"""Checks of arguments.
 
-Each function takes what to call the argument, the argument, and the class of the error that it raises.
+Each function takes a label for the message, the argument, and the class of the error that it raises.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ T = TypeVar("T")
 
 
 def shown(value: object) -> str:
-    """A value in one line that is not too long."""
+    """A value in one line of 80 characters at most."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def listed(label: str, names: object, error: Error = InvalidValueError) -> list[str]:
-    """Names as a list; one may stand for itself."""
+    """Names, or one name, as a list."""
     if isinstance(names, str):
         return [names]
-    found = list(names) if isinstance(names, Iterable) and not isinstance(names, (Mapping, bytes)) else [None]
-    if not all(isinstance(name, str) for name in found):
+    items = list(names) if isinstance(names, Iterable) and not isinstance(names, (Mapping, bytes)) else [None]
+    if not all(isinstance(name, str) for name in items):
         raise error(f"{label} = {shown(names)}: give a name or a list of names")
-    return [str(name) for name in found]
+    return [str(name) for name in items]
 
 
-def named(label: str, given: object, error: Error = InvalidValueError) -> Mapping[str, Any]:
-    """A dictionary by names."""
-    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
-        raise error(f"{label} = {shown(given)}: give a dictionary with names as keys")
-    return given
+def named(label: str, dictionary: object, error: Error = InvalidValueError) -> Mapping[str, Any]:
+    """A dictionary whose keys are names."""
+    if not isinstance(dictionary, Mapping) or not all(isinstance(name, str) for name in dictionary):
+        raise error(f"{label} = {shown(dictionary)}: give a dictionary with names as keys")
+    return dictionary
 
 
 def merged(
@@ -121,7 +121,7 @@ def whole(label: str, value: object, error: Error = InvalidValueError, *, least:
         raise error(f"{label} = {shown(value)}: give a whole number, {least} at least")
 
 
-def chosen(label: str, value: object, known: Sequence[str], error: Error = InvalidValueError) -> None:
+def chosen(label: str, value: object, choices: Sequence[str], error: Error = InvalidValueError) -> None:
     """Check that it is one of some words."""
-    if not isinstance(value, str) or value not in known:
-        raise error(f"{label} = {shown(value)}: choose one of {', '.join(map(repr, known))}")
+    if not isinstance(value, str) or value not in choices:
+        raise error(f"{label} = {shown(value)}: choose one of {', '.join(map(repr, choices))}")

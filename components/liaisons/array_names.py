@@ -27,25 +27,25 @@ def split(name: str) -> tuple[str, Shape | None]:
     """``"theta[3]"`` is ``("theta", (3,))``; a name without an index at its end is itself and None."""
     if not name.endswith("]"):  # most of them, at a tenth of the cost
         return name, None
-    found = _ELEMENT.fullmatch(name)
-    return (found[1], tuple(map(int, found[2].split(",")))) if found else (name, None)
+    match = _ELEMENT.fullmatch(name)
+    return (match[1], tuple(map(int, match[2].split(",")))) if match else (name, None)
 
 
 def offset(index: Shape, shape: Shape) -> int | None:
     """Index of an element, from 0, the last index running fastest; None if there is no such element."""
     if len(index) != len(shape):
         return None
-    place = 0
+    number = 0
     for i, n in zip(index, shape, strict=True):
         if not 1 <= i <= n:
             return None
-        place = place * n + i - 1
-    return place
+        number = number * n + i - 1
+    return number
 
 
-def complete(found: Sequence[Shape]) -> Shape | None:
-    """The shape whose indices these are, all of them and in order; None if they are no such thing."""
-    shape = found[-1]
-    if math.prod(shape) != len(found) or any(len(index) != len(shape) for index in found):
+def complete(indices: Sequence[Shape]) -> Shape | None:
+    """The shape of the array with these indices; None if they are not all of one, in order."""
+    shape = indices[-1]
+    if math.prod(shape) != len(indices):
         return None
-    return shape if all(offset(index, shape) == place for place, index in enumerate(found)) else None
+    return shape if all(offset(index, shape) == number for number, index in enumerate(indices)) else None

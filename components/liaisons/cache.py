@@ -1,4 +1,4 @@
-"""The user's cache: what can be made again, and which FMUs need not be tried before they are run."""
+"""The user's cache: compiled libraries, and digests of FMUs that need no trial before they are run."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from contextlib import suppress
 from hashlib import file_digest
 from pathlib import Path
 
-_MOST = 1000  # digests that are kept, the newest
-_known: set[str] = set()  # what this process has added, also where nothing can be written
+_MOST = 1000  # digests that are stored, the newest
+_remembered: set[str] = set()  # by this process, also if the cache cannot be written
 
 
 def folder() -> Path:
-    """Where this system wants what can be made again."""
+    """The folder for caches of this user and system."""
     if sys.platform == "win32":
         root = os.environ.get("LOCALAPPDATA")
     elif sys.platform == "darwin":
@@ -35,21 +35,21 @@ def digest(path: Path) -> str:
 
 
 def knows(key: str) -> bool:
-    """Whether an FMU of this digest was built by us, or tried with success."""
-    return key in _known or key in _kept()
+    """Whether an FMU with this digest was built by us, or tried with success."""
+    return key in _remembered or key in _stored()
 
 
 def remember(key: str) -> None:
     """Add a digest; where the cache cannot be written, for this process only."""
-    _known.add(key)
+    _remembered.add(key)
     path = _file()
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    lines = [line for line in _kept() if line != key][1 - _MOST :]
+    lines = [line for line in _stored() if line != key][1 - _MOST :]
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             part.write_text("\n".join([*lines, key]), encoding="ascii")
-            part.replace(path)  # of two at once one is lost, which is tried again then
+            part.replace(path)  # of two at once one is lost, and its FMU tried again
         finally:
             part.unlink(missing_ok=True)
 
@@ -58,7 +58,7 @@ def _file() -> Path:
     return folder() / "fmus-that-run"
 
 
-def _kept() -> list[str]:
+def _stored() -> list[str]:
     try:
         return _file().read_text(encoding="ascii").splitlines()
     except (OSError, ValueError):  # ValueError: not ours

@@ -23,13 +23,13 @@ from liaisons.errors import BuildError
 # The same sources give the same bytes: no contraction to fused operations, no build id, no symbols, no paths.
 FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off"),
-    "-fno-tree-slp-vectorize",  # what is stored in pairs makes the next stage of the solver wait, a fifth of its time
+    "-fno-tree-slp-vectorize",  # stores in pairs delay the next stage of the solver by a fifth
     *("-fPIC", "-shared", "-fvisibility=hidden", "-g0"),
 )
 WASM_FLAGS = (
     *("-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz", "-s"),
     *("-fno-math-errno", "-ffp-contract=off", "-fvisibility=hidden"),
-    "-Wl,-z,stack-size=1048576",  # of zig's 16 MiB nothing would be used
+    "-Wl,-z,stack-size=1048576",  # instead of the 16 MiB of zig
 )
 TIME_OUT = 900.0  # [s] for one file
 
@@ -49,7 +49,7 @@ class Target:
 
 
 _objects: dict[bytes, bytes] = {}
-"""What this process has compiled: the runtime of one FMU is that of the next."""
+"""Object files that this process has compiled: FMUs have the same runtime."""
 
 _ELF = ("-Wl,--build-id=none", "-s", "-lm")
 TARGETS = (
@@ -62,9 +62,9 @@ TARGETS = (
 
 
 def host() -> Target:
-    """The platform that we run on.
+    """The platform of this process.
 
-    :raises BuildError: if it is none of those that we know.
+    :raises BuildError: if it is none of :data:`TARGETS`.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
     system = {"win32": "windows", "darwin": "macos"}.get(sys.platform, sys.platform)
@@ -89,7 +89,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
     """Compile and link C sources to a shared library.
 
     :param sources: contents of the ``.c`` and ``.h`` files by name.
-    :param cross: by zig for the oldest system that it knows, instead of for this machine by any compiler.
+    :param cross: by zig for the oldest system it supports, not for this machine by any compiler.
     :returns: the library; the same bytes for the same sources and compiler.
     :raises BuildError: if there is no compiler, or it fails or does not end; with its first words.
     """
@@ -99,7 +99,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
         tool = "binaries for other platforms need" if cross else "no C compiler is found; install one, or"
         raise BuildError(f"{tool} the compiler in the ziglang package: pip install ziglang")
     aim = ["-target", target.triple, "-fno-sanitize=undefined"] if compiler is zig else []
-    flags = [flag for flag in (*FLAGS, *target.flags) if not _is_of_linker(flag)]
+    flags = [flag for flag in (*FLAGS, *target.flags) if not _is_linker_flag(flag)]
     with _written(sources) as (folder, names):
         for name in names:  # relative to the folder: no path gets into the library
             command = [*compiler, *aim, *flags, "-I.", "-c", name, "-o", f"{name}.o"]
@@ -116,7 +116,7 @@ def compile_library(sources: Mapping[str, bytes], target: Target, *, cross: bool
 
 
 def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
-    """Compile and link C sources to a WebAssembly module, from which those functions can be called that say so.
+    """Compile and link C sources to a WebAssembly module with the exported functions.
 
     :param flags: for the compiler, beside those for small code.
     :returns: the module; the same bytes for the same sources and compiler.
@@ -132,7 +132,7 @@ def compile_wasm(sources: Mapping[str, bytes], *flags: str) -> bytes:
 
 @contextmanager
 def _written(sources: Mapping[str, bytes]) -> Iterator[tuple[Path, list[str]]]:
-    """A folder with the sources, and the names of those that are compiled."""
+    """A folder with the sources, and the names of the C files."""
     with tempfile.TemporaryDirectory(prefix="liaisons-") as folder:
         for name, content in sources.items():
             Path(folder, name).write_bytes(content)
@@ -140,17 +140,15 @@ def _written(sources: Mapping[str, bytes]) -> Iterator[tuple[Path, list[str]]]:
 
 
 def _with_headers(name: str, sources: Mapping[str, bytes]) -> list[tuple[str, bytes]]:
-    """A file and what it includes of the others: most of a runtime is the same for both versions of FMI."""
-    found, open_ends = {name}, [name]
-    while open_ends:
-        included = re.findall(rb'^#include "([^"]+)"', sources[open_ends.pop()], re.MULTILINE)
-        new = {header.decode() for header in included} & sources.keys() - found
-        found |= new
-        open_ends += new
-    return [(file, sources[file]) for file in sorted(found)]
+    """A file and the headers that it includes: most of a runtime is the same for both versions of FMI."""
+    files = [name]
+    for file in files:
+        headers = re.findall(rb'^#include "([^"]+)"', sources[file], re.MULTILINE)
+        files += {header.decode() for header in headers} & sources.keys() - set(files)
+    return [(file, sources[file]) for file in sorted(files)]
 
 
-def _is_of_linker(flag: str) -> bool:
+def _is_linker_flag(flag: str) -> bool:
     return flag in {"-shared", "-s"} or flag.startswith(("-Wl,", "-l"))
 
 
@@ -159,7 +157,7 @@ def _run(command: list[str], folder: Path) -> None:
         process = subprocess.Popen(
             command,
             cwd=folder,
-            env={**os.environ, "TMPDIR": str(folder)},  # what is left of one that is killed goes with the folder
+            env={**os.environ, "TMPDIR": str(folder)},  # temporary files of a killed compiler go with the folder
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -179,8 +177,8 @@ def _run(command: list[str], folder: Path) -> None:
             raise
     if process.returncode != 0:
         lines = output.splitlines()
-        said = [line for line in lines if "error" in line.lower()] or lines or ["it said nothing"]
-        raise BuildError(f"the C compiler {command[0]} failed: {' | '.join(said[:3])}")
+        errors = [line for line in lines if "error" in line.lower()] or lines or ["it said nothing"]
+        raise BuildError(f"the C compiler {command[0]} failed: {' | '.join(errors[:3])}")
 
 
 def _kill(process: subprocess.Popen[str]) -> None:

@@ -1,4 +1,4 @@
-"""Files that appear when they are complete."""
+"""Files that are replaced as a whole."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from liaisons.errors import SimulationError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A file to write in place of another; takes its place at the end, if nothing went wrong.
+    """A temporary file that replaces another one at the end, unless an exception is raised.
 
-    Links are followed.  What is no plain file (a device, a pipe, what the standard output goes to), or has no file
-    beside it because the folder is locked, is written into.
+    Links are followed.  A device, a pipe, the file of a standard stream, and a file in a folder that cannot be written
+    are overwritten instead.
 
     :raises SimulationError: if it cannot be written.
     """
     try:
-        if _is_kept(path):
+        if _is_overwritten(path):
             with tempfile.TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True) as folder:
-                whole = Path(folder, path.name)
-                yield whole
-                with whole.open("rb") as source, _opened(path) as sink:
+                part = Path(folder, path.name)
+                yield part
+                with part.open("rb") as source, _opened(path) as sink:
                     shutil.copyfileobj(source, sink)
             return
         target = path.resolve()
@@ -46,18 +46,18 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def check_writable(path: Path) -> None:
-    """Notice before a long run what would keep :func:`replacing` from writing after it, as far as one can know.
+    """Check before a long run that :func:`replacing` can write after it, as far as possible.
 
     :raises SimulationError: if it cannot be written.
     """
     try:
-        if not _is_kept(path):
+        if not _is_overwritten(path):
             part = _part(path.resolve())
             part.open("xb").close()
             part.unlink()
         elif path.is_dir():
             raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
-        elif not os.access(path, os.W_OK):  # not opened: that of a pipe waits until somebody reads
+        elif not os.access(path, os.W_OK):  # not opened: opening a pipe waits for a reader
             raise PermissionError(EACCES, os.strerror(EACCES))
     except OSError as error:
         raise _unwritable(path, error) from None
@@ -67,8 +67,8 @@ def _part(target: Path) -> Path:
     return target.with_name(f".{target.name}.{os.getpid()}.part")
 
 
-def _is_kept(path: Path) -> bool:
-    """Whether this is written into rather than replaced."""
+def _is_overwritten(path: Path) -> bool:
+    """Whether a file is overwritten instead of replaced."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -87,7 +87,7 @@ def _standard_stream(status: os.stat_result) -> int | None:
 
 
 def _opened(path: Path) -> IO[bytes]:
-    """What is no plain file, to be written into; a standard stream goes on where it is."""
+    """A file opened for overwriting; a standard stream continues at its position."""
     descriptor = _standard_stream(path.stat())
     if descriptor is None:
         return path.open("wb")

@@ -1,4 +1,4 @@
-"""Folders for passing files, which go with the process that made them, however it ends."""
+"""Temporary folders that are removed when their process ends, however it ends."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-# Told each folder when it is made and again when it has gone; at the end of its input it removes those that are left.
-# No signal that ends the process it serves ends it, too.
+# Reads the name of each folder when it is created and again when it is removed; at the end of its input it removes the
+# rest.  It ignores the signals that end the process it serves.
 _JANITOR = """
 import shutil, signal, sys
 for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -28,24 +28,24 @@ for folder in folders:
 
 @contextmanager
 def passing_folder() -> Iterator[Path]:
-    """A new folder; it goes at the end, and if this process is killed or crashes before, right after it."""
+    """A new folder, removed at the end of the context, or after this process if that is killed or crashes."""
     folder = TemporaryDirectory(prefix="liaisons-", ignore_cleanup_errors=True)
-    _tell(folder.name)
+    _report(folder.name)
     try:
         with folder:
             yield Path(folder.name)
     finally:
-        _tell(folder.name)
+        _report(folder.name)
 
 
-def _tell(name: str) -> None:
-    with suppress(OSError):  # there can be no other process, or it was killed: then only an orderly end removes it
+def _report(name: str) -> None:
+    with suppress(OSError):  # no second process: then only the context removes it
         os.write(_janitor(os.getpid()), os.fsencode(name).hex().encode() + b"\n")
 
 
 @lru_cache(maxsize=1)
 def _janitor(_process: int) -> int:
-    """The pipe to a janitor of this process; a forked one has its own."""
+    """The pipe to the janitor of this process; a forked one has its own."""
     read, write = os.pipe()
     try:
         janitor = subprocess.Popen(
@@ -61,5 +61,5 @@ def _janitor(_process: int) -> int:
         raise
     finally:
         os.close(read)
-    janitor.returncode = 0  # nobody waits for it: it ends after us
+    janitor.returncode = 0  # it ends after this process: no wait
     return write

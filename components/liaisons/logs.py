@@ -1,4 +1,4 @@
-"""Where warnings of simulations go, and those of one run."""
+"""The logger of simulations, and the collection of the warnings of one run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import final
 logger = logging.getLogger("liaisons.cosim")
 
 _MOST = 100
-"""Different warnings that are kept; what comes after them is counted."""
+"""Different warnings that are collected; more are counted only."""
 
 
 @final
@@ -20,38 +20,38 @@ class Warnings:
 
     def __init__(self) -> None:
         self._texts: dict[str, None] = {}
-        self._others = 0
+        self._omitted = 0
 
     def add(self, text: str) -> None:
-        """Keep a text, on one line."""
+        """Add a text, on one line."""
         text = " ".join(text.split())
         if text in self._texts or len(self._texts) < _MOST:
             self._texts[text] = None
         else:
-            self._others += 1
+            self._omitted += 1
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """What was kept."""
-        return (*self._texts, *([f"and {self._others} more"] if self._others else []))
+        """The texts, and how many more there were."""
+        return (*self._texts, *([f"and {self._omitted} more"] if self._omitted else []))
 
 
 @contextmanager
 def collected_warnings() -> Iterator[Warnings]:
-    """Collect the warnings that this thread logs meanwhile; they are logged all the same."""
-    found = Warnings()
-    token = _collecting.set((*_collecting.get(), found))
+    """Collect the warnings that this thread logs in the context; they are logged all the same."""
+    warnings = Warnings()
+    token = _collecting.set((*_collecting.get(), warnings))
     try:
-        yield found
+        yield warnings
     finally:
         _collecting.reset(token)
 
 
 def _collect(record: logging.LogRecord) -> bool:
-    """Hand a warning to all that collect; a filter, for a handler would keep Python's own from printing it."""
+    """Collect a warning; a filter, since a handler would replace Python's own, which prints it."""
     if record.levelno == logging.WARNING:
-        for found in _collecting.get():
-            found.add(record.getMessage())
+        for warnings in _collecting.get():
+            warnings.add(record.getMessage())
     return True
 
 

@@ -1,4 +1,4 @@
-"""How processes end: not later than the one that started them, and in good order when they are asked to.
+"""Ends of processes: with their parent, and in good order on signals.
 
 The standard library only, so that they start quickly.
 """
@@ -17,18 +17,18 @@ from functools import lru_cache
 from pathlib import Path
 
 TIME_LIMIT = 60.0
-"""[s] that a call of an FMU in a process of its own may take unless one says more."""
+"""Default for a call of an isolated FMU [s]."""
 _SET_DEATH_SIGNAL, _SET_DUMPABLE, _SET_SUBREAPER = 1, 4, 36  # PR_SET_PDEATHSIG, _DUMPABLE, _CHILD_SUBREAPER
 _SYNCHRONIZE, _INFINITE = 0x0010_0000, 0xFFFF_FFFF
-_PAUSE = 0.2  # [s] between two looks at the parent
+_PAUSE = 0.2  # [s] between two checks of the parent
 _GRACE = 3.0  # [s] for an orderly end
-_MOMENT = 1e-3  # [s] between two looks at processes that are killed
+_MOMENT = 1e-3  # [s] between two checks of killed processes
 _ENDINGS = {getattr(signal, name) for name in ("SIGTERM", "SIGCHLD") if hasattr(signal, name)}
 _handled: set[int] = set()  # signals that end this process in good order
 
 
 def die_with_parent(parent: int) -> None:
-    """End this process as soon as its parent ends, whatever this one does by then; called by it first thing.
+    """End this process as soon as its parent ends, whatever it does then; the first call in a process.
 
     On Linux the kernel does it, when the *thread* ends that started the
     process; elsewhere a thread watches, which foreign code that never returns does not stop.
@@ -50,12 +50,12 @@ def _process_control(option: int, value: int) -> bool:
 
 
 def fork_guarded(*, close: Callable[[], object]) -> int:
-    """Fork (Linux), with a process between both that ends all that the new one has started when either of them ends.
+    """Fork (Linux), with a guard between both that ends all descendants of the new process when parent or child ends.
 
-    It ends as the new process does, once nothing of that is left, and ends it all when it is terminated (SIGTERM).
+    The guard ends as the new process does, after its descendants, or when it is terminated (SIGTERM).
 
-    :param close: closes what the process between must not keep open.
-    :returns: in the parent the id of the process between, in the new process 0.
+    :param close: closes files that the guard must not keep open.
+    :returns: in the parent the id of the guard, in the new process 0.
     """
     parent = os.getpid()
     guard = os.fork()
@@ -64,9 +64,9 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
     guard = os.getpid()
     usual = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDINGS)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles interrupts
     _process_control(_SET_DEATH_SIGNAL, signal.SIGTERM)
-    _process_control(_SET_SUBREAPER, 1)  # what loses its parent is our child then
+    _process_control(_SET_SUBREAPER, 1)  # orphans become our children
     if os.getppid() != parent:
         os._exit(1)
     child = os.fork()
@@ -85,7 +85,7 @@ def fork_guarded(*, close: Callable[[], object]) -> int:
 
 
 def _guarded(child: int) -> int:
-    """Wait for the end of a child, or SIGTERM, and end all that is left; the exit code of the child."""
+    """Exit code of a child, after its end or SIGTERM; all other descendants are killed."""
     statuses: dict[int, int] = {}
     while child not in statuses and signal.sigwait(_ENDINGS) != signal.SIGTERM:
         statuses |= _reaped()
@@ -93,14 +93,14 @@ def _guarded(child: int) -> int:
     while (left := _children()) and time.monotonic() < end:
         for process in left:
             with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)  # does nothing to one that is ending
+                os.kill(process, signal.SIGKILL)  # no effect on one that is ending
         time.sleep(_MOMENT)
         statuses |= _reaped()
     return os.waitstatus_to_exitcode(statuses.get(child, 1))
 
 
 def _die_of(number: int) -> None:
-    """End as by this signal, without a core."""
+    """End by this signal, without a core dump."""
     _process_control(_SET_DUMPABLE, 0)
     if number != signal.SIGKILL:
         signal.signal(number, signal.SIG_DFL)
@@ -109,24 +109,24 @@ def _die_of(number: int) -> None:
 
 
 def _reaped() -> dict[int, int]:
-    """Children that have ended, and their statuses."""
-    found: dict[int, int] = {}
+    """Statuses of children that have ended, by process id."""
+    statuses: dict[int, int] = {}
     with suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:
-            found[ended[0]] = ended[1]
-    return found
+            statuses[ended[0]] = ended[1]
+    return statuses
 
 
 def _children() -> list[int]:
-    """Of this process, by the file system of processes."""
-    found = []
+    """Children of this process, from /proc."""
+    children = []
     for entry in os.scandir("/proc"):
         if entry.name.isdigit():
             with suppress(OSError):
                 words = Path(entry.path, "stat").read_bytes().rpartition(b")")[2].split()
                 if int(words[1]) == os.getpid():
-                    found.append(int(entry.name))
-    return found
+                    children.append(int(entry.name))
+    return children
 
 
 def _watch(parent: int) -> None:
@@ -134,7 +134,7 @@ def _watch(parent: int) -> None:
         kernel = ctypes.WinDLL("kernel32")
         kernel.OpenProcess.restype = ctypes.c_void_p
         handle = ctypes.c_void_p(kernel.OpenProcess(_SYNCHRONIZE, 0, parent))
-        kernel.WaitForSingleObject(handle, _INFINITE)  # at once if there is no such process any more
+        kernel.WaitForSingleObject(handle, _INFINITE)  # returns at once if the process has ended
     else:
         while os.getppid() == parent:
             time.sleep(_PAUSE)
@@ -143,24 +143,24 @@ def _watch(parent: int) -> None:
 
 @contextmanager
 def orderly_end() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end this process as an exception does, so that what it holds is released.
+    """Let SIGTERM and SIGHUP end this process as an exception does, so that resources are released.
 
-    It exits with status 128 + signal.  Foreign code that does not return within some seconds is not waited for.
+    It exits with status 128 + signal, after some seconds even if foreign code does not return.
     """
     usual = signal.SIG_DFL
-    wanted = {getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)}
-    numbers = {int(number) for number in wanted if signal.getsignal(number) is usual}  # not those that nohup ignores
+    names = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    numbers = {number for name in names if signal.getsignal(number := getattr(signal, name)) is usual}  # unless ignored
     if sys.platform == "win32" or _handled or threading.current_thread() is not threading.main_thread():
         yield
         return
     read, write = os.pipe()
     os.set_blocking(write, False)
     before = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
-    _forget_after_fork()
+    _restore_after_fork()
     _handled.update(numbers)
     for number in numbers:
         signal.signal(number, _end)
-    threading.Thread(target=_end_at_last, args=(read,), daemon=True).start()
+    threading.Thread(target=_end_after_grace, args=(read,), daemon=True).start()
     try:
         yield
     finally:
@@ -175,8 +175,8 @@ def _end(number: int, _frame: object) -> None:
     raise SystemExit(128 + number)
 
 
-def _end_at_last(pipe: int) -> None:
-    """Wait for one of the signals, whose numbers Python writes even while foreign code runs."""
+def _end_after_grace(pipe: int) -> None:
+    """Wait for a signal, whose number Python writes to the pipe even while foreign code runs."""
     while number := os.read(pipe, 1):
         if number[0] in _handled:
             time.sleep(_GRACE)
@@ -185,23 +185,23 @@ def _end_at_last(pipe: int) -> None:
 
 
 @lru_cache(maxsize=1)
-def _forget_after_fork() -> None:
-    """A forked process shares the pipe, so that its signals would end us: it is to have none of all this."""
-    os.register_at_fork(before=_hold, after_in_parent=_let_go, after_in_child=_forget)
+def _restore_after_fork() -> None:
+    """Restore the signals in forked processes, which share the pipe: theirs would end this process."""
+    os.register_at_fork(before=_block, after_in_parent=_unblock, after_in_child=_restore)
 
 
-def _hold() -> None:
+def _block() -> None:
     signal.pthread_sigmask(signal.SIG_BLOCK, _handled)
 
 
-def _let_go() -> None:
+def _unblock() -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _handled)
 
 
-def _forget() -> None:
+def _restore() -> None:
     if _handled:
         signal.set_wakeup_fd(-1)
         for number in _handled:
             signal.signal(number, signal.SIG_DFL)
-        _let_go()
+        _unblock()
         _handled.clear()

@@ -1,4 +1,4 @@
-"""A bar for one who waits at a terminal or a notebook."""
+"""Progress bars in terminals and notebooks."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 
-_PAUSE = 0.1  # [s] between two looks
+_PAUSE = 0.1  # [s] between two updates
 
 
 @contextmanager
 def progress_bar(title: str, words: str, first: float, last: float) -> Iterator[Callable[[float], None]]:
-    """A function that is told how far a run has come, and shows it on stderr; in a file or a pipe it leaves nothing.
+    """A function that shows on stderr the progress it is called with; nothing in a file or a pipe.
 
     :param title: what runs; nothing is shown when empty.
-    :param words: how to say it, for example ``"t = {:g} of {:g} s"``.
-    :param first: where the run begins, and
-    :param last: where it ends.
+    :param words: format of the progress, for example ``"t = {:g} of {:g} s"``.
+    :param first: progress at the start.
+    :param last: progress at the end.
     """
     if not title:
         yield lambda _: None
@@ -31,7 +31,7 @@ def progress_bar(title: str, words: str, first: float, last: float) -> Iterator[
         BarColumn(),
         TimeRemainingColumn(),
         console=console,
-        auto_refresh=False,  # no thread draws, for the run may start processes
+        auto_refresh=False,  # without a thread, since the run may start processes
         redirect_stdout=False,
         redirect_stderr=False,
         disable=not (find_spec("ipywidgets") if console.is_jupyter else console.is_interactive),

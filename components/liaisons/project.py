@@ -1,4 +1,4 @@
-"""Where the files of a project are, and how a Python file that is named on the command line is loaded."""
+"""Directories of a project, and Python files as modules."""
 
 from __future__ import annotations
 
@@ -20,26 +20,24 @@ _OURS = _SHIPPED if _SHIPPED.is_dir() else _CLONE / "scenarios"
 
 
 def fmus_directory() -> Path:
-    """Where built FMUs live: ``$LIAISONS_FMUS``, else ``fmus/`` where we are."""
+    """Directory of built FMUs: ``$LIAISONS_FMUS``, else ``fmus/`` in the working directory."""
     return Path(os.environ.get("LIAISONS_FMUS") or "fmus")
 
 
 def scenario_files() -> dict[str, Path]:
-    """Scenarios by name: ``scenarios/`` where we are, and those of liaisons."""
-    found: dict[str, Path] = {}
-    for folder in (_OURS, Path("scenarios")):
-        found |= {path.stem: path for path in folder.glob("[!_]*.py")}
-    return dict(sorted(found.items()))
+    """Scenarios by name: those in ``scenarios/`` of the working directory, and ours."""
+    paths = [path for folder in (_OURS, Path("scenarios")) for path in folder.glob("[!_]*.py")]
+    return dict(sorted((path.stem, path) for path in paths))
 
 
 def figures_directory(scenario: Path) -> Path:
-    """Where the figure of a scenario goes: ``figures/`` beside it; of one of ours, outside of a clone, where we are."""
+    """Directory for the figure of a scenario: ``figures/`` beside it, or for ours in a wheel where we are."""
     elsewhere = _OURS == _SHIPPED or not Path.cwd().is_relative_to(_CLONE)
     return Path("figures") if elsewhere and scenario.resolve().parent == _OURS else scenario.parent / "figures"
 
 
 def declared_components() -> list[str] | None:
-    """The list ``components`` of ``fmus/fmus.toml`` where we are, files relative to that; None if there is none.
+    """The list ``components`` of ``fmus/fmus.toml``, with paths relative to it; None if there is no such file.
 
     :raises ProjectError: if it has no such list.
     """
@@ -54,7 +52,7 @@ def declared_components() -> list[str] | None:
 
 
 def from_here(path: Path) -> Path:
-    """A path as one would type it: from where we are, if it is below."""
+    """A path relative to the working directory if it is below."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 

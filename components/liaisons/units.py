@@ -1,4 +1,4 @@
-"""SI units as metadata: exponents of the base units, display units, and the units that follow from them.
+"""SI units as metadata: exponents of base units, display units, and units derived from them.
 
 A unit is a product of SI symbols with integer exponents, at most one ``/``, factors joined by ``.``:
 ``"kg.m2/s"``, ``"N.m"``, ``"1/s"``.  Numbers in this package are always SI; a unit never is part of a name.
@@ -12,32 +12,23 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 
-ANY = ""  # a quantity that takes the unit of what it is connected to
+ANY = ""  # of a quantity that takes the unit of the variable it is connected to
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
-# symbol -> exponents of the base units
-_SYMBOLS: dict[str, dict[str, int]] = {
-    "1": {},
-    "kg": {"kg": 1},
-    "m": {"m": 1},
-    "s": {"s": 1},
-    "A": {"A": 1},
-    "K": {"K": 1},
-    "mol": {"mol": 1},
-    "cd": {"cd": 1},
-    "rad": {"rad": 1},
-    "Hz": {"s": -1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "C": {"A": 1, "s": 1},
-    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "T": {"kg": 1, "s": -2, "A": -1},
+_DERIVED = {
+    "Hz": "1/s",
+    "N": "kg.m/s2",
+    "J": "kg.m2/s2",
+    "W": "kg.m2/s3",
+    "Pa": "kg/m.s2",
+    "C": "A.s",
+    "V": "kg.m2/s3.A",
+    "T": "kg/s2.A",
 }
+_SYMBOLS = ("1", *BASE, *_DERIVED)
 
-# what an importer may show instead, the first by default for angles: (name, factor) with  display = factor * SI
+# display units, the first by default for angles: (name, factor) with  display = factor * SI
 _DISPLAY: dict[str, tuple[tuple[str, float], ...]] = {
     "rad": (("deg", 57.29577951308232),),
     "rad/s": (("deg/s", 57.29577951308232), ("rpm", 9.549296585513721)),
@@ -78,10 +69,16 @@ def parse(name: str) -> Unit:
                 f"at most one '/', e.g. 'kg.m2/s' (known symbols: {', '.join(_SYMBOLS)})"
             )
         power = sign * int(match[2] or 1)
-        for base, exponent in _SYMBOLS[match[1]].items():
+        for base, exponent in _exponents(match[1]).items():
             exponents[base] = exponents.get(base, 0) + power * exponent
     ordered = tuple((base, exponents[base]) for base in BASE if exponents.get(base))
     return Unit(name, ordered, _DISPLAY.get(name, ()))
+
+
+def _exponents(symbol: str) -> dict[str, int]:
+    if symbol in _DERIVED:
+        return dict(parse(_DERIVED[symbol]).exponents)
+    return {} if symbol == "1" else {symbol: 1}
 
 
 Powers = tuple[int | Fraction, ...]
@@ -114,8 +111,8 @@ def written(exponents: Powers) -> str:
             return name
 
     def factors(sign: int) -> str:
-        found = zip(BASE, exponents, strict=False)
-        return ".".join(base + _exponent(abs(power)) for base, power in found if power * sign > 0)
+        pairs = zip(BASE, exponents, strict=False)
+        return ".".join(base + _exponent(abs(power)) for base, power in pairs if power * sign > 0)
 
     top, bottom = factors(1), factors(-1)
     return f"{top or '1'}/{bottom}" if bottom else top or "1"
@@ -127,17 +124,15 @@ def _exponent(power: int | Fraction) -> str:
     return str(power) if Fraction(power).denominator == 1 else f"({power})"
 
 
-_RATE = {"1": "1/s", "m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2", "s": "1", "J": "W", "1/s": "1/s2"}
+_RATE = {ANY: ANY, "m/s": "m/s2", "rad/s": "rad/s2", "s": "1", "J": "W", "1/s": "1/s2"}
 _FORCE = {"m": "N", "rad": "N.m", "1": "J"}
 _MOMENTUM = {"m": "kg.m/s", "rad": "kg.m2/s", "1": "J.s"}
 _MULTIPLIER = {"m/s": "N", "rad/s": "N.m", "1/s": "J", "J": "1/s"}
 
 
 def rate(name: str) -> str:
-    """Unit of the time derivative of a quantity with this unit; of one that takes any, any."""
-    if name in _RATE or name == ANY:
-        return _RATE.get(name, ANY)
-    return f"{name}.s" if "/" in name else f"{name}/s"
+    """Unit of the time derivative of a quantity with this unit; of ANY, ANY."""
+    return _RATE.get(name, f"{name}.s" if "/" in name else f"{name}/s")
 
 
 def force(name: str) -> str:

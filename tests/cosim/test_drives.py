@@ -15,7 +15,7 @@ from scipy.interpolate import BPoly
 
 from liaisons import Signal
 from liaisons.cosim.coupling.bus import Bus
-from liaisons.cosim.running.inside import Inside
+from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.structure.knots import knots
 from liaisons.cosim.structure.sources import Drive
 from liaisons.errors import SimulationError
@@ -85,8 +85,8 @@ def _integrals(function: Callable[[float], Sequence[float]], count: int) -> NDAr
     """∫ |e| and ∫ (1 - t) |e| over a step from 0 to 1 s, of what a function leaves of its polynomial."""
     drive = Drive(function, tuple(("part", name) for name in ("s", "s_dot", "s_ddot")[:count]))
     values = np.zeros(2)
-    inside = Inside([drive], cast("Bus", SimpleNamespace(room=lambda _: (0, values, None))), 1e-8)
-    inside.look(0.0, 1.0, locate=False)
+    deviations = Deviations([drive], cast("Bus", SimpleNamespace(room=lambda _: (0, values, None))), 1e-8)
+    deviations.integrate(0.0, 1.0, locate=False)
     return abs(values)
 
 

@@ -294,7 +294,7 @@ def trials(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> list[object]:  #
 
 def _again(path: Path, **starts: Any) -> None:
     """Simulate as a new process would, that knows nothing but the cache."""
-    cache._known.clear()
+    cache._remembered.clear()
     path.touch()  # so that it is read anew
     simulate(path, stop_time=1.0, step_size=0.5, **starts)
 

@@ -65,8 +65,8 @@ def same_by_calls_of_python(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], 
     """Compares a coupled run with the same whose FMUs are called by Python, from within the compiled step."""
     recorded = Call.recorded
 
-    def only_coupled(call: Call, kind: int, **fields: Any) -> Call:
-        return recorded(call, kind, **fields) if kind == COUPLED else call
+    def only_coupled(call: Call, kind: int, instance: int | None, **fields: Any) -> Call:
+        return recorded(call, kind, instance, **fields) if kind == COUPLED else call
 
     def compare(run: Run) -> None:
         first = run()

@@ -22,7 +22,6 @@ def test_of_a_step_alone(fmu: FmuPaths, status: int, isolated: bool) -> None:
     assert it.value.result.time.tolist() == [0.0]
 
 
-@pytest.mark.usefixtures("either_loop")
 @pytest.mark.parametrize("status", [-1, -2, 3, 103])
 @pytest.mark.parametrize("isolated", [False, True])
 def test_of_a_coupled_step(fmu: FmuPaths, status: int, isolated: bool) -> None:
@@ -41,7 +40,6 @@ def test_of_equations_alone(tmp_path: Path, isolated: bool) -> None:
     assert it.value.result.time[-1] == pytest.approx(0.4)
 
 
-@pytest.mark.usefixtures("either_loop")
 @pytest.mark.parametrize("isolated", [False, True])
 def test_of_equations_in_a_coupled_step(tmp_path: Path, isolated: bool) -> None:
     """Their derivatives are refused from t = 0.45 s on."""

@@ -135,6 +135,8 @@ def test_a_point_is_a_terminal_of_terminals(renamed: Renamed) -> None:
     system = _oscillation(mass, spring, "mass.tip -> spring.foot")
     assert len(system.connections) == 4
     assert ">tip<" in system.diagram().svg
+    with pytest.raises(ConnectError, match=r"mass\.tip is a terminal and no variable"):
+        system.parts["mass"]["tip"].elements()
     other = renamed("Cubic", CUBIC, point("tip", _terminal("x", _members(CUBIC))), "Other")
     with pytest.raises(ConnectError, match=r"other\.tip has the port components x, spring\.foot has z"):
         wired("other.tip -> spring.foot", other=other, spring=spring)
@@ -213,12 +215,11 @@ def test_our_fmus_say_their_ports(component: FmuPaths, kind: str) -> None:
     by_name = Terminals(fmu.variables)
     assert not fmu.terminals.renamed
     assert fmu.terminals.named.keys() == {"theta", "length", "pivot", "bob"} <= by_name.named.keys()
-    assert fmu.terminals.points == by_name.points
     for name in ("theta", "length", "length_force", "pivot_x_ddot", "bob_z", "bob_z_load"):
         one, two = fmu.terminals.port(name), by_name.port(name)
         assert one is not None
         assert two is not None
-        assert (one.motion, one.force) == (two.motion, two.force)
+        assert (one.motion, one.force, one.point) == (two.motion, two.force, two.point)
         assert one.kind.startswith("_liaisons_")
 
 

@@ -244,9 +244,9 @@ def test_parts_hand_on_what_later_ones_need() -> None:
     for _ in range(5):
         turned = ca.vertcat(turned[1] * turned[2], turned[2] + turned[3], ca.sin(turned[0]), turned[1] - turned[0])
     values = np.random.default_rng(6).uniform(-1, 1, 4)
-    parts, kept = c_parts([(x, "x[{}]")], [(turned, "f[{}]")], kept="w[{}]", most=3)
+    parts, spill = c_parts([(x, "x[{}]")], [(turned, "f[{}]")], spill="w[{}]", most=3)
     assert len(parts) > 4
-    arrays = {"x": values, "w": np.zeros(kept), "f": np.zeros(4), "sin": np.sin}
+    arrays = {"x": values, "w": np.zeros(spill), "f": np.zeros(4), "sin": np.sin}
     for part in parts:  # these statements are Python, too; names of one part are unknown to the next
         exec("\n".join(line.removeprefix("const double ").rstrip(";") for line in part), arrays.copy())
     expected = ca.Function("f", [x], [turned])(values).full()[:, 0]

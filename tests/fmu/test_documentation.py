@@ -103,7 +103,7 @@ def evaluated(terms: Terms, symbols: Mapping[str, float]) -> float:
 @pytest.mark.parametrize("component", CATALOGUE, ids=lambda c: c.__name__)
 def test_formulas_read_back_from_mathml_have_the_values_of_the_symbols(component) -> None:
     model = assemble(component)
-    written_as, rng = Notation.of(model), np.random.default_rng(7)
+    written_as, rng = Notation.from_model(model), np.random.default_rng(7)
     printed = 0
     for equation in model.equations:
         written = formula(equation.right, written_as)
@@ -174,7 +174,7 @@ def test_names_become_letters_dots_and_subscripts() -> None:
     }
     names = Notation([*expected, "length"], {"length", "bend"}, {"bend": "κ", "arm_1": "c_1"})
     assert {name: names[name] for name in expected} == expected
-    assert Notation.of(assemble(PlanarCat))["arm_1"] == expected["arm_1"]
+    assert Notation.from_model(assemble(PlanarCat))["arm_1"] == expected["arm_1"]
     alike = Notation(["mass", "m"])
     assert alike["mass"] != alike["m"]
 
@@ -317,7 +317,7 @@ def test_a_formula_breaks_before_it_runs_off_the_page() -> None:
 
 def test_each_equation_is_shown_or_named_as_too_long() -> None:
     model = assemble(SpatialCat)  # some of its formulas are too long
-    page, written_as = index_page(model).decode(), Notation.of(model)
+    page, written_as = index_page(model).decode(), Notation.from_model(model)
     for equation in model.equations:
         written = formula(equation.right, written_as)
         assert (written.terms[0] if written else written_as[equation.left]) in page

@@ -93,20 +93,20 @@ def sealed(text: bytes) -> bytes:
 
 
 def impossible() -> Iterator[tuple[str, Any]]:
-    yield from ((name, [value]) for name in ("_t",) for value in (math.nan, math.inf, 1, "0", None, True))
-    for name in ("_k", "_given", "_u", "_y", "_m", "_size"):
+    yield from ((name, [value]) for name in ("t",) for value in (math.nan, math.inf, 1, "0", None, True))
+    for name in ("k", "given", "u", "y", "m", "size"):
         yield name, 3.0  # would be put into all places
         yield name, lambda old: old[:-1]
         yield name, lambda old: [*old[:-1], math.nan]
         yield name, lambda old: [*old[:-1], math.inf]
         yield name, lambda old: [*old[:-1], [1.0]]
-    yield "_size", lambda old: [0.0, *old[1:]]
-    yield "_k", lambda old: [-1.0, *old[1:]]  # mass
-    yield from (("_mode", value) for value in (-1, 3, 1.5, True, "1", 10**30))
-    yield from (("_tolerance", value) for value in (0.0, -1.0, 1.0, math.nan, math.inf, 1))
-    yield from ((name, value) for name in ("_started", "_jumped", "stepping") for value in (0, 2, "yes", None))
-    yield "_started", False  # after initialization
-    yield "_unusable", 0
+    yield "size", lambda old: [0.0, *old[1:]]
+    yield "k", lambda old: [-1.0, *old[1:]]  # mass
+    yield from (("mode", value) for value in (-1, 3, 1.5, True, "1", 10**30))
+    yield from (("tolerance", value) for value in (0.0, -1.0, 1.0, math.nan, math.inf, 1))
+    yield from ((name, value) for name in ("started", "jumped", "stepping") for value in (0, 2, "yes", None))
+    yield "started", False  # after initialization
+    yield "unusable", 0
     yield "more", 1
 
 

@@ -97,7 +97,7 @@ def unrolled(component: type[Chain], n: int) -> type[Mechanism]:
         if i > 1:
             w = at(m, i - 1, link.tip)
         else:
-            w = ca.substitute(chain.place(base), _all(chain), _all(m)) if base else ca.SX.zeros(*link.w.shape)
+            w = ca.substitute(chain.joint_column(base), _all(chain), _all(m)) if base else ca.SX.zeros(*link.w.shape)
         symbols = [link.q, link.v, link.w, link.w_dot, link.bonded, chain.parameter_column]
         values = [q, q_dot, w, m.dot(w), ca.SX(base is not None or i > 1), m.parameter_column]
         return ca.substitute(expression, ca.vertcat(*symbols), ca.vertcat(*values))

@@ -233,7 +233,7 @@ def test_projection_goes_the_shortest_way_in_the_metric_of_the_masses(seed: int)
     size = 1e-5
     off = y + size * np.random.default_rng(seed).normal(size=y.size) * ([1] * 5 + [0] * 7)
     A = numbers(EQUATIONS.mass_matrix, n)
-    C = numbers(EQUATIONS.constraints.matrix, n)[list(EQUATIONS.constraints.of_position)]
+    C = numbers(EQUATIONS.constraints.matrix, n)[list(EQUATIONS.constraints.holonomic)]
     allowed = np.linalg.svd(C)[2][2:].T
     push = (project(off, u, k) - off)[:5]
     assert np.abs(push).max() > 1e-6

@@ -417,7 +417,7 @@ def test_plans_are_held_alike_in_all_units(name: str, scale: tuple[float, float,
     expected, regulator = hold(planned(name)), hold(in_units(name, scale))
     mine, theirs = (np.sort(np.abs(one.floquet_multipliers)) for one in (regulator, expected))  # whatever the basis
     np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.max(theirs))
-    assert (regulator.course.after, regulator.conserved) == (expected.course.after, expected.conserved)
+    assert (regulator.trajectory.after, regulator.conserved) == (expected.trajectory.after, expected.conserved)
     verdicts = regulator.verify()
     assert all(verdict.passed for verdict in verdicts), "\n".join(map(str, verdicts))
 
@@ -426,14 +426,14 @@ def test_a_heavy_load_stays_where_it_was_brought() -> None:
     """500 kg on 5 m: momenta of 1e4 kg m²/s, whose mesh error is no motion."""
     goal: dict[str, Any] = PLANS["crane"][2] | {"duration": 8.0, "length": 5.0, "mass": 500.0}
     regulator = hold(plan("Pendulum", "pivot_x", accuracy=None, **goal))
-    assert regulator.course.after == "rests"
+    assert regulator.trajectory.after == "rests"
     assert regulator.simulate(40.0)["Pendulum.pivot_x"][-1] == pytest.approx(1.0, abs=1e-6)
     assert any("undisturbed" in verdict.claim and verdict.passed for verdict in regulator.verify())
 
 
 def test_what_drifts_off_fails_its_verdict() -> None:
     regulator = hold(planned("crane"))
-    lost = replace(regulator, course=replace(regulator.course, planned=regulator.course.planned + 1e-3))
+    lost = replace(regulator, trajectory=replace(regulator.trajectory, motion=regulator.trajectory.motion + 1e-3))
     assert not lost.verify()[-1].passed
 
 
@@ -442,26 +442,26 @@ def test_what_drifts_off_fails_its_verdict() -> None:
 
 def test_a_plan_of_more_steps_than_parameters_is_held_by_a_table_in_a_file() -> None:
     regulator = hold(planned("crane"), step_size=0.01)
-    assert regulator.course.times.size > KNOTS
+    assert regulator.trajectory.times.size > KNOTS
     run = regulator.simulate(15.0, theta_0=0.2)
     assert np.abs(regulator.deviation(run)[:, -1]).max() < 1e-5
     undisturbed = regulator.simulate()
     assert np.abs(regulator.deviation(undisturbed)).max() < 1e-8
     usual = hold(planned("crane"), step_size=0.05)
-    assert usual.course.times.size <= KNOTS
-    in_file = replace(usual, room={})
+    assert usual.trajectory.times.size <= KNOTS
+    in_file = replace(usual, correction_limits={})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("liaisons.models.regulator.KNOTS", 10)
         run = in_file.simulate(3.0, theta_0=0.2)
-    expected = replace(usual, room={}).simulate(3.0, theta_0=0.2)
+    expected = replace(usual, correction_limits={}).simulate(3.0, theta_0=0.2)
     np.testing.assert_array_equal(run["Pendulum.theta"], expected["Pendulum.theta"])  # a file or parameters
 
 
 def test_the_next_jump_is_the_first_pair_that_differs_and_is_still_to_come() -> None:
     times = np.array([0.0, 1.0, 1 + 1e-9, 2.0, 2 + 1e-9, 3.0, 3 + 1e-9])
     planned_values = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0])[None, None]  # the last pair does not differ
-    course = ReferenceTrajectory(times, planned_values, planned_values[0], "ends")
-    np.testing.assert_array_equal(course.next_jump(1e-6), [times[2], times[2], times[4], times[4], *[1e30] * 3])
+    trajectory = ReferenceTrajectory(times, planned_values, planned_values[0], "ends")
+    np.testing.assert_array_equal(trajectory.next_jump(1e-6), [times[2], times[2], times[4], times[4], *[1e30] * 3])
 
 
 @pytest.mark.parametrize("most", [KNOTS, 10])
@@ -478,7 +478,7 @@ def test_jumps_are_announced_from_parameters_and_from_a_file(most: int, monkeypa
 def test_a_time_optimal_plan_is_held_with_the_step_that_it_chooses() -> None:
     goal = PLANS["crane"][2] | {"duration": (1.0, 4.0), "minimize": "time", "bounds": {"pivot_x_ddot": (-4, 4)}}
     regulator = hold(plan("Pendulum", "pivot_x", accuracy=None, **goal))
-    assert regulator.course.after == "rests"
+    assert regulator.trajectory.after == "rests"
     assert np.abs(regulator.deviation(regulator.simulate())).max() < 1e-6
 
 
@@ -502,7 +502,7 @@ def test_what_is_no_push_is_refused(caplog: pytest.LogCaptureFixture) -> None:
     for stop in (np.nan, 0.0, "late"):
         with pytest.raises(PlanError, match="stop_time = "):
             regulator.simulate(stop)
-    assert regulator.course.after == "ends"
+    assert regulator.trajectory.after == "ends"
     regulator.simulate(1.1 * regulator.duration)
     assert "the plan ends in motion at 1.7 s" in caplog.text
 

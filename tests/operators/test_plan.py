@@ -26,6 +26,11 @@ CRANE: dict[str, Any] = {"start": {"theta": 0}, "length": 2.0}
 AT_REST = {"theta": 0, "theta_dot": 0, "pivot_x": 0.5, "pivot_x_dot": 0}
 
 
+def crane(**options: Any) -> Plan:
+    """A load brought from rest to rest, 0.5 m away."""
+    return plan("Pendulum", "pivot_x", end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE, **options)
+
+
 def satellite(turn: float, intervals: int) -> Plan:
     """Two wheels turn a satellite with J_xx = J_yy about its z axis."""
     end = {"attitude": (np.cos(turn / 2), 0, 0, np.sin(turn / 2))}
@@ -63,7 +68,7 @@ def test_bang_bang_is_found_to_the_last_digits() -> None:
 
 
 def test_everything_is_proved_by_replay_mesh_and_law(tmp_path: Path) -> None:
-    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE)
+    motion = crane()
     found = motion.verify()
     assert len(found) >= 5
     assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
@@ -78,7 +83,7 @@ def test_everything_is_proved_by_replay_mesh_and_law(tmp_path: Path) -> None:
 
 
 def test_the_system_goes_through_an_archive_and_masters_that_step_all_at_once(tmp_path: Path) -> None:
-    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE)
+    motion = crane()
     motion.system(interpolate=False).write_ssp(tmp_path / "crane.ssp")
     system = System.from_ssp(tmp_path / "crane.ssp")
     experiment = system.experiment
@@ -89,7 +94,7 @@ def test_the_system_goes_through_an_archive_and_masters_that_step_all_at_once(tm
 
 
 def test_sigma_is_one_polynomial_and_its_derivatives() -> None:
-    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", **CRANE)
+    motion = crane()
     t, h = np.linspace(0.1, 2.9, 30), 1e-4
     ahead, behind, here = (motion.sigma(t + shift) for shift in (h, -h, 0.0))
     for value, rate in (("pivot_x", "pivot_x_dot"), ("pivot_x_dot", "pivot_x_ddot")):
@@ -523,7 +528,7 @@ def test_loops_are_asked_for_by_a_number() -> None:
     assert of_three.duration == pytest.approx(0.3, rel=1e-15)
     assert of_three.cost == pytest.approx(one.cost, rel=1e-9)
     with pytest.raises(PlanError, match="only what is closed goes round"):
-        plan("Pendulum", "pivot_x", end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", loops=2, **CRANE)
+        crane(loops=2)
 
 
 # ---- verdicts -----------------------------------------------------------------------------------------------------
@@ -548,8 +553,7 @@ def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
 
 @pytest.mark.parametrize(("intervals", "passed"), [(2, False), (10, True)])
 def test_a_mesh_that_is_too_coarse_costs_otherwise_than_a_finer_one(intervals: int, passed: bool) -> None:
-    goal: dict[str, Any] = {"duration": 3.0, "minimize": "pivot_x_ddot**2", "accuracy": None, "tries": 1}
-    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, intervals=intervals, **goal, **CRANE)
+    motion = crane(intervals=intervals, accuracy=None, tries=1)
     finer = _meshes(motion.problem.relative, relative(motion.problem, motion.solution), Clock())[0]
     assert finer.claim == f"a mesh of {4 if intervals == 2 else 15} intervals costs the same as one of {intervals}"
     assert finer.passed == passed
@@ -568,7 +572,7 @@ def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:
 
 
 def test_a_time_limit_is_kept_by_verdicts_too() -> None:
-    motion = plan("Pendulum", ["pivot_x"], end=AT_REST, duration=3.0, minimize="pivot_x_ddot**2", tries=1, **CRANE)
+    motion = crane(tries=1)
     found = motion.verify(time_limit=1e-9)
     assert any(np.isnan(verdict.error) for verdict in found)
 
@@ -631,8 +635,7 @@ DAMAGED: dict[str, tuple[tuple[str | int, ...], Any]] = {
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("plans") / "crane.json"
-    goal: dict[str, Any] = {"duration": 3.0, "minimize": "pivot_x_ddot**2", "accuracy": None, "tries": 1}
-    plan("Pendulum", ["pivot_x"], end=AT_REST, **goal, **CRANE).save(path)
+    crane(accuracy=None, tries=1).save(path)
     return path
 
 
@@ -659,9 +662,8 @@ def test_names_and_times_of_a_system_suit_other_tools(saved: Path) -> None:
 
 
 def test_an_arc_is_held_at_a_bound_of_the_goal_only(tmp_path: Path) -> None:
-    goal: dict[str, Any] = {"duration": 3.0, "minimize": "pivot_x_ddot**2", "accuracy": None, "tries": 1}
     path = tmp_path / "crane.json"
-    plan("Pendulum", ["pivot_x"], end=AT_REST, bounds={"pivot_x_ddot": (-5, 5)}, **goal, **CRANE).save(path)
+    crane(bounds={"pivot_x_ddot": (-5, 5)}, accuracy=None, tries=1).save(path)
     document = json.loads(path.read_text())
     for held in ([0, 4.0], [1, 5.0]):
         document["track"]["arcs"][0]["held"] = [held]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable, Mapping
-from itertools import product
+from itertools import count, product
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,7 +20,7 @@ from liaisons.errors import SimulationError
 from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
 from liaisons.pictures.camera import facing
-from liaisons.pictures.frames import RATE, frames
+from liaisons.pictures.frames import RATE, Frames, frames
 from liaisons.pictures.stage import Stage
 
 from .conftest import MECHANISMS
@@ -56,8 +56,8 @@ def test_glb_has_the_positions_to_single_precision(name: str, moved: Callable[[s
     result.animate(tmp_path / "motion.glb")
     document, data = content(tmp_path / "motion.glb")
     assert document["asset"]["version"] == "2.0"
-    moving = {c["target"]["node"]: c["sampler"] for c in document["animations"][0]["channels"]
-              if c["target"]["path"] == "translation"}  # fmt: skip
+    channels = document["animations"][0]["channels"]
+    samplers = {c["target"]["node"]: c["sampler"] for c in channels if c["target"]["path"] == "translation"}
     balls = [s for s in scene.picture.shapes if s["shape"] == "ball"]
     nodes = [i for i, node in enumerate(document["nodes"]) if node["name"] == "ball"]
 
@@ -67,11 +67,17 @@ def test_glb_has_the_positions_to_single_precision(name: str, moved: Callable[[s
 
     for ball, node in zip(balls, nodes, strict=True):
         assert document["nodes"][node]["translation"] == pytest.approx(seen(ball, 0), rel=1e-6, abs=1e-6)
-        if node in moving:
-            accessor = document["accessors"][document["animations"][0]["samplers"][moving[node]]["output"]]
+        if node in samplers:
+            accessor = document["accessors"][document["animations"][0]["samplers"][samplers[node]]["output"]]
             view = document["bufferViews"][accessor["bufferView"]]
             rows = np.frombuffer(data, "<f4", 3 * accessor["count"], view["byteOffset"]).reshape(-1, 3)
             assert rows[-1] == pytest.approx(seen(ball, -1), rel=1e-6, abs=1e-6)
+
+
+def moving(result: Result, step: float) -> Frames:
+    """Its shapes at every step [s]."""
+    assert result.scene is not None
+    return motion_frames(result.scene, result.time, dict(zip(result.names, result.values, strict=True)), step, "it")
 
 
 def numbers(document: dict[str, Any], data: bytes, index: int) -> np.ndarray:
@@ -89,9 +95,7 @@ def test_a_viewer_of_glb_sees_all_shapes_where_they_are(
     """Each mesh scaled, turned and shifted as the specification of glTF says, at every keyframe."""
     result = moved(name)
     result.animate(tmp_path / "motion.glb", speed=1.5)
-    assert result.scene is not None
-    signals = dict(zip(result.names, result.values, strict=True))
-    seen = motion_frames(result.scene, result.time, signals, 1.5 / RATE, "it")
+    seen = moving(result, 1.5 / RATE)
     document, data = content(tmp_path / "motion.glb")
     (animation,) = document["animations"]
     keys: dict[tuple[int, str], np.ndarray] = {}
@@ -113,16 +117,15 @@ def test_a_viewer_of_glb_sees_all_shapes_where_they_are(
         turned = Rotation.from_quat(turn).as_matrix()
         return shift[:, None] + np.einsum("nij,nkj->nki", turned, scale[:, None] * points)
 
-    nodes = iter(range(len(document["nodes"])))
+    nodes = count()
     for shape in seen.shapes:
-        pieces = shape.points[:, 1:].shape[1] + shape.closed if shape.kind == "wire" else 1
         ends = np.concatenate([shape.points, shape.points[:, :1]], axis=1)
-        for piece in range(pieces):
+        for piece in range(shape.points[:, 1:].shape[1] + shape.closed if shape.kind == "wire" else 1):
             node = next(nodes)
             assert document["nodes"][node]["name"] == shape.kind
             (primitive,) = document["meshes"][document["nodes"][node]["mesh"]]["primitives"]
-            places = document["accessors"][primitive["attributes"]["POSITION"]]
-            low, high = np.array(places["min"]), np.array(places["max"])
+            positions = document["accessors"][primitive["attributes"]["POSITION"]]
+            low, high = np.array(positions["min"]), np.array(positions["max"])
             if shape.kind == "box":
                 corners = np.array(list(product(*zip(low, high, strict=True))))
                 assert placed(node, corners) == pytest.approx(shape.corners, abs=1e-6)
@@ -266,14 +269,12 @@ def test_what_is_in_front_is_painted_last_and_backs_of_boxes_are_not(turn: float
 
 
 def test_frames_are_those_of_their_instants(swing: Result) -> None:
-    assert swing.scene is not None
-    signals = dict(zip(swing.names, swing.values, strict=True))
-    (bob,) = (s for s in motion_frames(swing.scene, swing.time, signals, 0.01, "it").shapes if s.kind == "ball")
+    (bob,) = (shape for shape in moving(swing, 0.01).shapes if shape.kind == "ball")
     expected = np.column_stack([swing["bob_x"], 0 * swing.time, swing["bob_z"]])
     assert bob.points[:, 0] == pytest.approx(expected, abs=1e-12)
-    between = motion_frames(swing.scene, swing.time, signals, 0.025, "it")
+    between = moving(swing, 0.025)
     exact = Pendulum.exact(between.time, theta_0=1.0)["theta"]
-    (bob,) = (s for s in between.shapes if s.kind == "ball")
+    (bob,) = (shape for shape in between.shapes if shape.kind == "ball")
     # makima is of third order: its error is about h³ times a third derivative of 30 m/s³
     assert bob.points[:, 0, 0] == pytest.approx(np.sin(exact), abs=1e-4)
 
@@ -304,9 +305,7 @@ def omedit(folder: Path) -> list[tuple[str, dict[str, np.ndarray]]]:
 def test_omedit_reads_the_places_of_all_shapes(name: str, moved: Callable[[str], Result], tmp_path: Path) -> None:
     result = moved(name)
     result.animate(tmp_path / "motion_visual.xml", speed=1.5)
-    assert result.scene is not None
-    signals = dict(zip(result.names, result.values, strict=True))
-    seen = motion_frames(result.scene, result.time, signals, 1.5 / RATE, "it")
+    seen = moving(result, 1.5 / RATE)
     expected = []
     for shape in seen.shapes:
         places = shape.points[..., [0, 2, 1]] * (1, 1, -1)  # y is up
@@ -322,17 +321,15 @@ def test_omedit_reads_the_places_of_all_shapes(name: str, moved: Callable[[str],
             expected += [("cylinder", ends[:, i], ends[:, i + 1]) for i in range(ends.shape[1] - 1)]
         elif shape.kind != "trail":
             expected.append(({"rod": "cylinder"}.get(shape.kind, shape.kind), places[:, 0], places[:, 1]))
-    found = omedit(tmp_path)
-    assert len(found) == len(expected)
-    for (kind, given), (wanted, start, end) in zip(found, expected, strict=True):
-        assert kind == wanted
-        direction = given["lengthDir"] / np.linalg.norm(given["lengthDir"], axis=1, keepdims=True)
-        turn = given["T"].reshape(-1, 3, 3)
-        begin = given["r"] + np.einsum("nij,ni->nj", turn, given["r_shape"])  # V3mulMat3
-        along = np.einsum("nij,ni->nj", turn, direction * given["length"])
+    for (kind, shape), (expected_kind, start, end) in zip(omedit(tmp_path), expected, strict=True):
+        assert kind == expected_kind
+        direction = shape["lengthDir"] / np.linalg.norm(shape["lengthDir"], axis=1, keepdims=True)
+        rotation = shape["T"].reshape(-1, 3, 3)
+        first = shape["r"] + np.einsum("nij,ni->nj", rotation, shape["r_shape"])  # V3mulMat3
+        along = np.einsum("nij,ni->nj", rotation, direction * shape["length"])
         if kind == "sphere":
-            begin, along = begin + along / 2, 0 * along
-        assert begin == pytest.approx(start, abs=1e-7)
-        assert begin + along == pytest.approx(end, abs=1e-7)
-        assert given["color"].shape[1] == 3
-        assert given["specCoeff"].shape[1] == given["extra"].shape[1] == given["width"].shape[1] == 1
+            first, along = first + along / 2, 0 * along
+        assert first == pytest.approx(start, abs=1e-7)
+        assert first + along == pytest.approx(end, abs=1e-7)
+        assert shape["color"].shape[1] == 3
+        assert shape["specCoeff"].shape[1] == shape["extra"].shape[1] == shape["width"].shape[1] == 1

@@ -8,7 +8,7 @@ from importlib import import_module
 import pytest
 
 from liaisons.cli import main
-from liaisons.sweeps.outcome import Failure, Kept, Outcome
+from liaisons.sweeps.outcome import Completed, Failure, Outcome
 from liaisons.sweeps.workers import Deliver
 
 BAD_VALUES = [
@@ -68,7 +68,7 @@ def test_an_interrupt_says_what_is_kept(pendulum, tmp_path, capsys, monkeypatch,
     def interrupted(*_: object, **__: object) -> None:
         raise end
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_here", interrupted)
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_locally", interrupted)
     arguments = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1"]
     for more, words in (
         (["--csv", str(tmp_path / "t.csv")], "t.csv.journal has what is done"),
@@ -90,13 +90,13 @@ def test_failing_cases_are_shown(pendulum, capsys) -> None:
 
 def test_what_is_not_finished_is_left_to_the_next_start(pendulum, tmp_path, capsys, monkeypatch) -> None:
     csv = tmp_path / "table.csv"
-    outcomes: list[Outcome] = [Failure("took too long", refused=False), Kept((1.0,))]
+    outcomes: list[Outcome] = [Failure("took too long", refused=False), Completed((1.0,))]
 
-    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, *, time_limit: float) -> None:
+    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, time_limit: float) -> None:
         assert time_limit == 3.0
         deliver(dict.fromkeys(cases, outcomes.pop(0)))
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_here", simulate)
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_locally", simulate)
     command = ["sweep", str(pendulum), "--keep", "theta", "--over", "theta_0=1", "--csv", str(csv), "--time-limit", "3"]
     assert main(command) == 1
     said = capsys.readouterr().out

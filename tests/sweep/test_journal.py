@@ -21,8 +21,8 @@ import pytest
 from liaisons import Result
 from liaisons.sweeps import JournalError, SweepError, sweep
 from liaisons.sweeps.journal import Journal, _line
-from liaisons.sweeps.kept import Measure, identity
-from liaisons.sweeps.outcome import Kept
+from liaisons.sweeps.measures import Measure, identity
+from liaisons.sweeps.outcome import Completed
 from liaisons.sweeps.workers import Deliver
 
 SPAN: dict[str, Any] = {"stop_time": 0.5, "step_size": 0.05}
@@ -180,11 +180,11 @@ def test_retry_does_what_has_failed_again_for_whatever_reason(pendulum, tmp_path
     sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN)
     done: list[int] = []
 
-    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, **_: object) -> None:
+    def simulate(_plan: object, cases: list[int], _count: int, deliver: Deliver, _limit: object) -> None:
         done.extend(cases)
-        deliver(dict.fromkeys(cases, Kept((7.0,))))
+        deliver(dict.fromkeys(cases, Completed((7.0,))))
 
-    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_here", simulate)
+    monkeypatch.setattr(import_module("liaisons.sweeps.sweeping"), "simulate_locally", simulate)
     assert sweep(pendulum, CASES, ["theta"], journal=journal, **SPAN).failures.keys() == {2}
     assert done == []
     again = sweep(pendulum, CASES, ["theta"], journal=journal, retry=True, **SPAN)
@@ -209,10 +209,10 @@ def test_a_header_that_is_half_written(pendulum, tmp_path, counted) -> None:
         ({"cases": CASES | {"theta_0": np.linspace(0.1, 1.1, 8)}}, 1.0),
         ({"keep": {"x": lambda result: result["theta"][0]}}, 1.0),
         ({"step_size": 0.025}, 1.0),
-        ({"starts": {"gravity": 9.8}}, 1.0),
+        ({"start_values": {"gravity": 9.8}}, 1.0),
         ({}, 2.0),  # which the function has closed over
     ],
-    ids=["cases", "keep", "span", "starts", "function"],
+    ids=["cases", "keep", "span", "start_values", "function"],
 )
 def test_the_journal_of_another_sweep_is_refused(pendulum, tmp_path, change, scale) -> None:
     factor = 1.0
@@ -266,7 +266,7 @@ def test_a_full_disk_loses_nothing_that_was_written(tmp_path) -> None:
     import resource
 
     path, limits = tmp_path / "journal", resource.getrlimit(resource.RLIMIT_FSIZE)
-    cases = dict.fromkeys(range(40), Kept((1.0,)))
+    cases = dict.fromkeys(range(40), Completed((1.0,)))
     with Journal(path, "key", len(cases), 1) as journal:
         resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
         try:

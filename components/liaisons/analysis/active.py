@@ -197,11 +197,11 @@ def _adapted(source: Source) -> Equations:
 def _shapes(equations: Equations, loop: Loop, a: ca.SX, values: Mapping[str, float]) -> ca.SX:
     """σ(a) of all active coordinates, checked to be closed; (a,)."""
     m, owner = equations.mechanism, equations.name
-    given, names = dict(loop(a)), [item.name for item in m.actives]
-    for name in given:
+    shapes, names = dict(loop(a)), [item.name for item in m.actives]
+    for name in shapes:
         if name not in names:
             raise ComponentError(f"{owner}: a loop moves active coordinates, not {name!r}{suggestion(name, names)}")
-    sigma = stack(ca.SX(given.get(item.name, values.get(item.name, item.start))) for item in m.actives)
+    sigma = stack(ca.SX(shapes.get(item.name, values.get(item.name, item.start))) for item in m.actives)
     gap = ca.substitute(sigma, a, ca.SX(_TURN)) - ca.substitute(sigma, a, ca.SX(0.0))
     for name, row in zip(names, ca.vertsplit(gap), strict=True):
         if not abs(at_zero(row, a)) < 1e-9:

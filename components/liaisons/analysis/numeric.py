@@ -15,9 +15,9 @@ from liaisons.mechanics.equations import Equations
 
 def frozen(equations: Equations, expression: ca.SX, values: Mapping[str, ArrayLike], moving: ca.SX) -> ca.SX:
     """The expression with numbers for all symbols of the mechanism but the moving ones."""
-    kept = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
+    variables = {symbol.__hash__() for symbol in ca.vertsplit(moving)}
     numbers = numbers_of(equations, values)
-    symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in kept}
+    symbols = {name: symbol for name, symbol in equations.symbols.items() if symbol.__hash__() not in variables}
     column = ca.DM([float(numbers[name]) for name in symbols])
     return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.SX(column))
 
@@ -66,7 +66,6 @@ def instants(equations: Equations, time: ArrayLike, shape: tuple[int, ...]) -> N
 
 def eigenproblem(K: NDArray, M: NDArray) -> tuple[NDArray, NDArray]:
     """Eigenvalues, ascending, and vectors as columns of K u = Ω² M u, both symmetric, uᵀ M u = 1 (K eq. 139, 151)."""
-    root = np.linalg.cholesky(M)
-    half = np.linalg.solve(root, K)
-    squares, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
-    return squares, np.linalg.solve(root.T, vectors)
+    from scipy.linalg import eigh
+
+    return eigh(K, M)

@@ -55,8 +55,8 @@ def action(
     eta = np.zeros_like(z)
     if variation is not None:
         varied = _moving(equations, variation, among=[item.name for item in equations.mechanism.coordinates])
-        _, given = _samples(equations, time, variation, varied)
-        eta[[names.index(name) for name in varied]] = given
+        _, samples = _samples(equations, time, variation, varied)
+        eta[[names.index(name) for name in varied]] = samples
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
             raise ComponentError(f"{equations.name}: the variation must vanish at both ends (K 3.1)")
     total, column = np.zeros(3), eta.ravel(order="F")
@@ -128,11 +128,11 @@ def _moving(equations: Equations, path: Mapping[str, ArrayLike], among: list[str
     """Names of the coordinates that a path moves: all free ones and the given active ones, or those given."""
     m = equations.mechanism
     free, active = [item.name for item in m.coordinates], [item.name for item in m.actives]
-    known = among or [*free, *active]
+    movable = among or [*free, *active]
     for name in path:
-        if name.removesuffix("_dot") not in known:
-            raise ComponentError(f"{equations.name}: no coordinate of a path is {name!r}{suggestion(name, known)}")
-    return [name for name in known if name in path or f"{name}_dot" in path or (among is None and name in free)]
+        if name.removesuffix("_dot") not in movable:
+            raise ComponentError(f"{equations.name}: no coordinate of a path is {name!r}{suggestion(name, movable)}")
+    return [name for name in movable if name in path or f"{name}_dot" in path or (among is None and name in free)]
 
 
 def _samples(
@@ -173,10 +173,10 @@ def _piece(equations: Equations, names: list[str], values: Mapping[str, float]) 
     S, norm = ca.SX(0), ca.SX.zeros(4 * count, 4 * count)
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
         q, v = _cubic(ca.vertsplit(ends, count), h, node)
-        here = ca.vertcat(q, v)
+        point = ca.vertcat(q, v)
         basis = ca.jacobian(q, ends)[: A.shape[0], :]  # of the free coordinates, which come first
-        S += weight * h * ca.substitute(L, symbols, here)
-        norm += weight * h * basis.T @ ca.substitute(A, symbols, here) @ basis
+        S += weight * h * ca.substitute(L, symbols, point)
+        norm += weight * h * basis.T @ ca.substitute(A, symbols, point) @ basis
     hessian, gradient = ca.hessian(S, ends)
     return ca.Function("piece", [ends, h], [ca.densify(e) for e in (S, gradient, hessian, norm)])
 

@@ -95,10 +95,10 @@ def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[st
 def require_coordinates(equations: Equations, purpose: str) -> None:
     """Raise a ComponentError unless free coordinates without constraints describe the motion."""
     require_independent(equations, purpose)
-    if turns := [turn.name for turn in equations.mechanism.orientations]:
+    if orientations := [item.name for item in equations.mechanism.orientations]:
         raise ComponentError(
             f"{equations.name}: {purpose} needs coordinates; describe the mechanism by angles instead of the "
-            f"orientation {', '.join(turns)}"
+            f"orientation {', '.join(orientations)}"
         )
 
 
@@ -136,9 +136,9 @@ def sample_states(equations: Equations, values: Mapping[str, ArrayLike]) -> dict
     for item in (*m.coordinates, *m.actives):
         spread = (abs(item.start) or 1.0) / 2
         states[item.name] = centres[item.name] + spread * rng.uniform(-1, 1, _STATES)
-    for turn in m.orientations:
+    for orientation in m.orientations:
         attitudes = rng.normal(size=(4, _STATES))
-        states |= dict(zip(turn.quaternion, attitudes / np.linalg.norm(attitudes, axis=0), strict=True))
+        states |= dict(zip(orientation.quaternion, attitudes / np.linalg.norm(attitudes, axis=0), strict=True))
     for rate in ca.vertsplit(ca.vertcat(m.free.q_dot, m.active.s_dot)):
         states[str(rate)] = centres[str(rate)] + rng.uniform(-1, 1, _STATES)
     return states | dict(values)

@@ -57,22 +57,22 @@ def noether(source: Source, field: Callable[[Any], Mapping[str, Any]], **values:
     """
     equations = equations_of(source)
     m, owner = equations.mechanism, equations.name
-    given = dict(field(m))
-    sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {turn.name: 3 for turn in m.orientations}
-    for name in given:
+    components = dict(field(m))
+    sizes = dict.fromkeys((q.name for q in m.coordinates), 1) | {item.name: 3 for item in m.orientations}
+    for name in components:
         if name not in sizes:
             raise ComponentError(f"{owner}: a symmetry moves free coordinates, not {name!r}{suggestion(name, sizes)}")
-    known = {str(symbol): symbol for symbol in ca.vertsplit(ca.vertcat(m.free.q, m.active.s, m.parameter_column))}
-    shifts = {name: _components(owner, name, given.get(name, (0.0,) * size), size) for name, size in sizes.items()}
-    xi = stack(scalar(type(m), f"noether[{name!r}]", part, known) for name, parts in shifts.items() for part in parts)
+    symbols = {str(symbol): symbol for symbol in ca.vertsplit(ca.vertcat(m.free.q, m.active.s, m.parameter_column))}
+    shifts = {name: _components(owner, name, components.get(name, (0.0,) * size), size) for name, size in sizes.items()}
+    xi = stack(scalar(type(m), f"noether[{name!r}]", part, symbols) for name, parts in shifts.items() for part in parts)
     p, G, slope = m.free.frame @ equations.momenta, generators(equations), gradient(equations.lagrangian, m.free.q)
     change_of_rates = m.dot(xi) * p
     terms = ca.dot(ca.fabs(xi), ca.fabs(G).T @ ca.fabs(slope)) + ca.sum1(ca.fabs(change_of_rates))
     change = largest(equations, ca.dot(xi, G.T @ slope) + ca.sum1(change_of_rates), terms, values)
     if change:
         raise ComponentError(
-            f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in given.items())} is no symmetry: it changes L by "
-            f"{change:.2g} of its terms; choose a field that leaves T and V as they are"
+            f"{owner}: the field {', '.join(f'{k}: {v}' for k, v in components.items())} is no symmetry: it changes L "
+            f"by {change:.2g} of its terms; choose a field that leaves T and V as they are"
         )
     return Quantity(equations, ca.dot(xi, p))
 

@@ -61,10 +61,10 @@ def normal_modes(source: Source, **values: float) -> NormalModes:
 
     Friction does not enter.  See :func:`equilibrium` for the arguments and errors.
     """
-    found, M, K = _about(source, values)
+    rest, M, K = _about(source, values)
     squares, modes = eigenproblem(K, M)
     squares[np.abs(squares) <= _ZERO * np.max(np.abs(squares))] = 0.0
-    return NormalModes(found, M, K, squares, modes)
+    return NormalModes(rest, M, K, squares, modes)
 
 
 def _about(source: Source, values: dict[str, float]) -> tuple[dict[str, float], NDArray, NDArray]:

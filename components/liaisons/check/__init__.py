@@ -1,4 +1,4 @@
-"""Result and reference in, verdict out: errors, convergence orders, and tables of claims."""
+"""Verdicts on results: errors, orders of convergence, and tables of claims."""
 
 from liaisons.check.comparison import Comparison, Difference, compare
 from liaisons.check.flows import hamiltonian_flow

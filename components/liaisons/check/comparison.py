@@ -1,4 +1,4 @@
-"""Two results side by side: by how much each signal differs."""
+"""Comparison of two results, signal by signal."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _Numbers = NDArray[np.float64]
 @final
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """By how much one signal, or one array of signals, differs.
+    """Difference of one signal, or one array of signals.
 
     :param maximum: largest absolute difference, of all elements.
     :param at: when that is [s].
     :param rms: root of the mean square of the difference, over points and elements.
     :param scale: largest absolute value of the first result.
-    :param method: how the values at common times were had.
+    :param method: interpolation of the values at common times.
     """
 
     name: str
@@ -82,10 +82,10 @@ class Comparison:
 
         :raises ValidityError: if there is none of this name.
         """
-        for difference in self.differences:
-            if difference.name == name:
-                return difference
-        raise ValidityError(f"{name!r} was not compared; compared: {', '.join(d.name for d in self.differences)}")
+        differences = {difference.name: difference for difference in self.differences}
+        if name not in differences:
+            raise ValidityError(f"{name!r} was not compared; compared: {', '.join(differences)}")
+        return differences[name]
 
     @property
     def relative(self) -> float:
@@ -109,17 +109,17 @@ class Comparison:
 def compare(first: Result, second: Result) -> Comparison:
     """Compare the signals that two results have in common, over the time that they have in common.
 
-    Where all points of one, within that time, are points of the other, the values stand there and are taken as they
-    are.  Else each result is interpolated at the points of the other: by cubic Hermite polynomials (error of fourth
-    order in the step) where the rate ``x_dot`` of a signal ``x`` was recorded with it, else by straight lines (second
-    order), since nothing better is known of a signal that may jump.  Strings differ by 1 or not at all.
+    If all points of one within that time are points of the other, the values there are compared. Else each result is
+    interpolated at the points of the other: by cubic Hermite polynomials (error of fourth order in the step) where the
+    rate ``x_dot`` of a signal ``x`` was recorded with it, else by straight lines (second order), as a signal may jump.
+    Strings differ by 1 or not at all.
 
     :raises ValidityError: if they have no signal or no time span in common, or a signal has different units or sizes.
     """
     for result in (first, second):
         if not isinstance(result, Result):
             raise ValidityError(f"compare: {shown(result)} is no Result; read a file with Result.from_csv")
-        if not result.time.size:
+        if result.kind == "sweep":
             raise ValidityError(f"compare: the result of {result.title} has cases and no time; compare its signals")
     names = [name for name in first.entries if name in second.entries]
     if not names:
@@ -134,14 +134,14 @@ def compare(first: Result, second: Result) -> Comparison:
             one, other = np.ones(one.shape), (one == other).astype(float)
         error = np.abs(one - other).reshape(len(times), -1)
         worst = np.max(error, axis=1)
-        place = int(np.argmax(np.where(np.isnan(worst), np.inf, worst)))
+        point = int(np.argmax(np.where(np.isnan(worst), np.inf, worst)))
         method: Method = "linear" if "linear" in {one_by, other_by} else one_by
         differences.append(
             Difference(
                 name,
                 first.units[name] or second.units[name],
-                maximum=float(worst[place]),
-                at=float(times[place]),
+                maximum=float(worst[point]),
+                at=float(times[point]),
                 rms=float(np.sqrt(np.mean(error**2))),
                 scale=float(np.max(np.abs(one))),
                 method=method,
@@ -166,7 +166,7 @@ def _check(first: Result, second: Result, name: str) -> None:
 
 
 def _times(first: Result, second: Result) -> tuple[_Numbers, bool]:
-    """Where to compare [s], and whether both results have these very points."""
+    """Common times [s], and whether both results have these points."""
     begin, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
     if begin > end:
         raise ValidityError(
@@ -180,16 +180,16 @@ def _times(first: Result, second: Result) -> tuple[_Numbers, bool]:
     return np.union1d(one, other), False
 
 
-def _nearest(points: _Numbers, wanted: _Numbers) -> NDArray[np.intp]:
-    """Of sorted points, which one is nearest to each wanted one."""
-    after = np.clip(np.searchsorted(points, wanted), 1, max(1, len(points) - 1))
+def _nearest(points: _Numbers, times: _Numbers) -> NDArray[np.intp]:
+    """Index of the nearest of sorted points to each time."""
+    after = np.clip(np.searchsorted(points, times), 1, max(1, len(points) - 1))
     if len(points) == 1:
-        return np.zeros(len(wanted), dtype=np.intp)
-    return np.where(wanted - points[after - 1] <= points[after] - wanted, after - 1, after)
+        return np.zeros(len(times), dtype=np.intp)
+    return np.where(times - points[after - 1] <= points[after] - times, after - 1, after)
 
 
 def _rounding(end: float) -> float:
-    """How far points may lie apart and be the same: sums of steps round, each by half a unit in the last place."""
+    """Largest difference of equal points: sums of steps round, each by half a unit in the last point."""
     return 1e-9 * max(1.0, abs(end))
 
 
@@ -201,7 +201,7 @@ def _at(result: Result, name: str, times: _Numbers, *, exact: bool) -> tuple[_Nu
         return values[_nearest(result.time, times)], "same points"
     if values.dtype == object:
         return values[np.searchsorted(result.time, times, side="right") - 1], "same points"
-    from scipy.interpolate import CubicHermiteSpline, interp1d  # half a second, which most commands need not wait
+    from scipy.interpolate import CubicHermiteSpline, interp1d  # takes half a second
 
     rate = result.ports.get(name, port_names(name)).rate
     if rate in result.entries and result[rate].shape == result[name].shape:

@@ -1,4 +1,4 @@
-"""Hamilton's equations from H alone: to shoot extremals with, which share nothing with what they are held against."""
+"""Flow of Hamilton's equations from H alone, a reference that shares no code with our equations of motion."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from liaisons.arguments import numbers
 from liaisons.errors import ValidityError
 
 _STEP = 1e-30
-"""Along the imaginary axis: its square is nothing beside any number, so that the derivative is exact to rounding."""
+"""Complex step, whose square vanishes beside any number: derivatives are exact to rounding."""
 _TOLERANCE = 1e-13
 
 
 def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, times: ArrayLike) -> NDArray[np.float64]:
-    """Where q' = ∂H/∂p, p' = -∂H/∂q lead, by DOP853 at a relative tolerance of 1e-13.
+    """Solution of q' = ∂H/∂p, p' = -∂H/∂q, by DOP853 at a relative tolerance of 1e-13.
 
     ::
 
@@ -24,7 +24,7 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
 
     :param hamiltonian: H(q_1, ..., q_n, p_1, ..., p_n), of arrays of complex numbers, analytic: no abs, no max.
     :param start: q and p at t = 0, shape (2n,).
-    :param times: when to look [s], ascending from 0 or later, any shape; the last is > 0.
+    :param times: instants of the solution [s], ascending from 0 or later, any shape; the last is > 0.
     :returns: shape ``(2n, *times.shape)``.
     :raises ValidityError: for an odd number of values, times that go back, or an H that is not finite on the way.
     """
@@ -38,14 +38,14 @@ def hamiltonian_flow(hamiltonian: Callable[..., ArrayLike], start: ArrayLike, ti
     instants = np.append(0.0, t.ravel())
     if not (np.all(np.diff(instants) >= 0) and instants[-1] > 0):
         raise ValidityError("hamiltonian_flow: times must ascend from 0 or later, and end after it")
-    turn = 1j * _STEP * np.eye(2 * n)
+    directions = 1j * _STEP * np.eye(2 * n)
 
-    def rate(_: float, at: NDArray) -> NDArray:
-        slope = np.broadcast_to(np.imag(hamiltonian(*(at[:, None] + turn))) / _STEP, 2 * n)
+    def rate(_: float, state: NDArray) -> NDArray:
+        slope = np.broadcast_to(np.imag(hamiltonian(*(state[:, None] + directions))) / _STEP, 2 * n)
         return np.append(slope[n:], -slope[:n])
 
-    span, at = (0, instants[-1]), np.unique(instants)
-    done = solve_ivp(rate, span, z, "DOP853", t_eval=at, rtol=_TOLERANCE, atol=_TOLERANCE)
-    if not done.success or not np.all(np.isfinite(done.y)):
-        raise ValidityError(f"hamiltonian_flow: stopped at t = {done.t[-1]:g}: {done.message}")
-    return done.y[:, np.searchsorted(done.t, t)]
+    span, points = (0, instants[-1]), np.unique(instants)
+    solution = solve_ivp(rate, span, z, "DOP853", t_eval=points, rtol=_TOLERANCE, atol=_TOLERANCE)
+    if not solution.success or not np.all(np.isfinite(solution.y)):
+        raise ValidityError(f"hamiltonian_flow: stopped at t = {solution.t[-1]:g}: {solution.message}")
+    return solution.y[:, np.searchsorted(solution.t, t)]

@@ -1,4 +1,4 @@
-"""Numbers that a claim is judged by: errors, orders of convergence, instants and frequencies of a motion."""
+"""Measures of signals: errors, orders of convergence, zero crossings and frequencies."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from liaisons.errors import ValidityError
 def max_error(values: ArrayLike, reference: ArrayLike) -> float:
     """Largest absolute difference, ``max |values - reference|``.
 
-    :param values: what was computed, any shape.
-    :param reference: what it should be: the same shape, or one number.
+    :param values: computed values, any shape.
+    :param reference: expected values of the same shape, or one number.
     :returns: a number in the unit of the values; NaN if one of them is NaN.
     :raises ValidityError: for empty or different shapes.
     """
@@ -32,7 +32,7 @@ def slope(h: ArrayLike, errors: ArrayLike, *, floor: float = 0.0) -> float:
 
     :param h: step sizes, shape (n,), all > 0 and not all equal.
     :param errors: errors at these step sizes, shape (n,), all > 0 unless at the floor.
-    :param floor: rounding level of the errors; points at or below it say nothing of the order and are left out.
+    :param floor: rounding level of the errors; points at or below it are left out.
     :raises ValidityError: if fewer than three points are left, or a number is not positive or not finite.
     """
     steps, sizes = numbers("slope: h", h, ValidityError), numbers("slope: errors", errors, ValidityError)
@@ -43,9 +43,9 @@ def slope(h: ArrayLike, errors: ArrayLike, *, floor: float = 0.0) -> float:
     steps, sizes = steps[above], sizes[above]
     if steps.size < 3:
         raise ValidityError(f"slope: {steps.size} points above the floor {floor:g}; a slope needs at least 3")
-    for name, given in (("step size", steps), ("error", sizes)):
-        if not np.all(np.isfinite(given) & (given > 0)):
-            raise ValidityError(f"slope: {name}s {given.tolist()} must be finite and > 0 to have a logarithm")
+    for name, values in (("step size", steps), ("error", sizes)):
+        if not np.all(np.isfinite(values) & (values > 0)):
+            raise ValidityError(f"slope: {name}s {values.tolist()} must be finite and > 0 to have a logarithm")
     x, y = np.log(steps), np.log(sizes)
     x -= x.mean()
     if not np.any(x):
@@ -64,14 +64,14 @@ def crossings(time: ArrayLike, signal: ArrayLike, rate: ArrayLike, *, rising: bo
     """
     from scipy.interpolate import CubicHermiteSpline
 
-    t, x, x_dot = (numbers(f"crossings: {name}", given, ValidityError)
-                   for name, given in (("time", time), ("signal", signal), ("rate", rate)))  # fmt: skip
+    arguments = {"time": time, "signal": signal, "rate": rate}
+    t, x, x_dot = (numbers(f"crossings: {name}", values, ValidityError) for name, values in arguments.items())
     if not (t.ndim == 1 and t.shape == x.shape == x_dot.shape and t.size > 1 and np.all(np.diff(t) > 0)):
         raise ValidityError(f"crossings: time, signal, rate of shapes {t.shape}, {x.shape}, {x_dot.shape}; give one of "
                             "each an instant, and instants that increase")  # fmt: skip
     spline = CubicHermiteSpline(t, x, x_dot)
-    found = spline.roots(extrapolate=False)
-    return found[spline(found, 1) > 0] if rising else found
+    roots = spline.roots(extrapolate=False)
+    return roots[spline(roots, 1) > 0] if rising else roots
 
 
 def frequencies(cosines: ArrayLike, step: float) -> NDArray[np.float64]:

@@ -15,11 +15,11 @@ from liaisons.errors import ValidityError, one_line
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A claim and what was measured.
+    """A claim, its measured error and its tolerance.
 
     :param claim: one sentence, for example ``"theta(t) is Jacobi's elliptic function"``.
-    :param error: what was measured, >= 0, or NaN, which never passes.
-    :param tolerance: what is allowed, finite and >= 0.
+    :param error: measured error, >= 0, or NaN, which never passes.
+    :param tolerance: largest error that passes, finite and >= 0.
     :param unit: SI unit of both.
     :param reason: why this tolerance.
     """
@@ -57,19 +57,18 @@ class Verdict:
 
 
 def verdict(claim: str, *, error: float, tolerance: float, unit: str = "", reason: str = "") -> Verdict:
-    """Judge a claim; see :class:`Verdict` for the arguments.
+    """A verdict on a claim; see :class:`Verdict` for the arguments.
 
     :raises ValidityError: for a negative error or a tolerance that is no bound.
     """
-    one, other = _number(claim, "error", error), _number(claim, "tolerance", tolerance)
-    return Verdict(claim, one, other, unit, reason)
+    return Verdict(claim, _number(claim, "error", error), _number(claim, "tolerance", tolerance), unit, reason)
 
 
 def _number(claim: str, name: str, value: object) -> float:
-    found = numbers(f"{claim!r}: {name}", value, ValidityError)
-    if found.size != 1:
+    array = numbers(f"{claim!r}: {name}", value, ValidityError)
+    if array.size != 1:
         raise ValidityError(f"{claim!r}: {name} = {shown(value)}: give one number")
-    return found.item()
+    return array.item()
 
 
 def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = None) -> str:
@@ -79,17 +78,16 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
     :param width: characters of a line, where cells go over several lines; None: one line a row, however long.
     :returns: header and rows without trailing blanks or newline; empty for no rows.
     """
-    given = list(rows) if isinstance(rows, Iterable) else [rows]
-    records = [row.row() if isinstance(row, Verdict) else row for row in given]
+    records = [
+        row.row() if isinstance(row, Verdict) else row for row in (rows if isinstance(rows, Iterable) else [rows])
+    ]
     for record in records:
         if not isinstance(record, Mapping):
             raise ValidityError(f"table: {shown(record)} is no row; give verdicts, or dictionaries by columns")
     if not records:
         return ""
-    cells = [
-        list(records[0]),
-        *([one_line(str(record.get(column, ""))) for column in records[0]] for record in records),
-    ]
+    columns = list(records[0])
+    cells = [columns, *([one_line(str(record.get(column, ""))) for column in columns] for record in records)]
     widths = _fitting(cells, width or sys.maxsize)
     broken = [
         line
@@ -101,7 +99,7 @@ def table(rows: Iterable[Verdict | Mapping[str, object]], width: int | None = No
 
 
 def _fitting(cells: list[list[str]], width: int) -> list[int]:
-    """Widths of columns, no narrower than their words; where room is wanting, what costs the fewest lines gives way."""
+    """Widths of columns, no narrower than their words, narrowed where that costs the fewest lines."""
     columns = list(zip(*cells, strict=True))
     widths = [max(map(len, column)) for column in columns]
     words = [max(len(word) for cell in column for word in cell.split() or [""]) for column in columns]
@@ -110,8 +108,8 @@ def _fitting(cells: list[list[str]], width: int) -> list[int]:
         return sum(max(-(-len(cell) // (wide or 1)) for cell, wide in zip(row, widths, strict=True)) for row in cells)
 
     while sum(widths) + 2 * (len(widths) - 1) > width and widths != words:
-        ways = [[wide - (place == one) for place, wide in enumerate(widths)] for one in range(len(widths))]
-        widths = min((way for one, way in enumerate(ways) if way[one] >= words[one]), key=lines)
+        narrowed = [[*widths[:i], wide - 1, *widths[i + 1 :]] for i, wide in enumerate(widths) if wide > words[i]]
+        widths = min(narrowed, key=lines)
     return widths
 
 

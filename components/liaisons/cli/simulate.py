@@ -27,6 +27,7 @@ from liaisons.cli._command import (
 )
 from liaisons.errors import SimulationError
 from liaisons.files import check_writable
+from liaisons.port_names import port_names
 from liaisons.processes import TIME_LIMIT
 
 if TYPE_CHECKING:
@@ -126,11 +127,11 @@ def _taken_out(result: Result, requested: Collection[str]) -> tuple[Result, list
         if name in requested or not base.endswith(MISMATCH):
             rows.append(row)
         elif (late := abs(result.values[row]).nonzero()[0]).size:
-            motion, unit = base.removesuffix(MISMATCH), result.units[name]
+            value, rate, acceleration, *_ = port_names(base.removesuffix(MISMATCH))
             largest, first = abs(result.values[row]).max(), result.time[late[0]]
             lines.append(
-                f"{motion}, {motion}_dot and {motion}_ddot contradict each other: {name} is up to {largest:.6g} {unit},"
-                f" for the first time at t = {first:.6g} s"
+                f"{value}, {rate} and {acceleration} contradict each other: {name} is up to {largest:.6g} "
+                f"{result.units[name]}, for the first time at t = {first:.6g} s"
             )
     names = tuple(result.names[row] for row in rows)
     units = {name: result.units[name] for name in names}

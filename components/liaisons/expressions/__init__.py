@@ -1,7 +1,7 @@
-r"""Straight-line code: scalar CasADi expressions as one list of operations, printed as C or performed by NumPy.
+r"""Straight-line code: scalar CasADi expressions as lists of operations, printed as C or evaluated by NumPy.
 
-One statement an operation and one temporary a statement, so that the body of a loop over lanes (members of an ensemble,
-links of a chain) is free of calls that a compiler cannot vectorise::
+Each operation is one statement with one temporary, so that the body of a loop over lanes (members of an ensemble, links
+of a chain) is free of calls that a compiler cannot vectorise::
 
     >>> x, k = ca.SX.sym("x", 2), ca.SX.sym("k")
     >>> print("\n".join(c_statements([(x, "x[{}][i]"), (k, "k[i]")], [(-k * ca.sin(x[0]) / x[1], "f[i]")])))
@@ -14,7 +14,8 @@ links of a chain) is free of calls that a compiler cannot vectorise::
     const double a6 = -a5;
     f[i] = a6;
 
-What occurs twice is calculated once.  All inputs are read before the first output is written: the two may be one array.
+Common subexpressions are evaluated once.  All inputs are read before the first output is written: they may share an
+array.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import casadi as ca
 
 
 def stack(expressions: Iterable[ca.SX]) -> ca.SX:
-    """A column of scalars or columns; (0, 1) for none."""
+    """Column of scalars or columns; (0, 1) for none."""
     rows = list(expressions)
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
@@ -31,14 +31,14 @@ class Factors:
     def solve(self, right: ca.SX) -> ca.SX:
         """matrix⁻¹ right, for a column or a matrix."""
         n = len(self.order)
-        back = sorted(range(n), key=self.order.__getitem__)
-        return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[back, :]
+        inverse = sorted(range(n), key=self.order.__getitem__)
+        return ca.ldl_solve(right[self.order, :], self.D, self.LT, list(range(n)))[inverse, :]
 
 
 def factorise(matrix: ca.SX, order: list[int] | None = None) -> Factors:
     """L D Lᵀ without pivoting, which keeps the expressions short; dense unless an order of elimination is given.
 
-    :param matrix: symmetric, and in this order without pivots that vanish; as a positive definite one is in any.
+    :param matrix: symmetric, with nonzero pivots in this order, as those of a positive definite one are in any.
     """
     if order is None:
         order, matrix = list(range(matrix.shape[0])), ca.densify(matrix)
@@ -52,11 +52,11 @@ def solve_symmetric(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def elimination_order(pattern: ca.Sparsity, after: Mapping[int, set[int]]) -> tuple[list[int], int]:
-    """An order of elimination with little fill-in: always the unknown with the fewest neighbours (minimum degree).
+    """Order of elimination with little fill-in: always the unknown with the fewest neighbours (minimum degree).
 
     :param pattern: of a symmetric matrix.
-    :param after: by unknown those that have to be eliminated before it, so that its pivot does not vanish.
-    :returns: the order, and how many products the elimination costs.
+    :param after: for each unknown, those to be eliminated before it, so that its pivot does not vanish.
+    :returns: the order, and the number of products.
     """
     neighbours = [set(pattern.row()[start:end]) - {i} for i, (start, end) in enumerate(pairwise(pattern.colind()))]
     left, order, work = set(range(len(neighbours))), [], 0

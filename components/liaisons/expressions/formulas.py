@@ -1,7 +1,6 @@
-"""Formulas, ``1 + 0.1*sin(5*t)``, as expressions of CasADi.
+"""Formulas, ``1 + 0.1*sin(5*t)``, as CasADi expressions.
 
-They are parsed, never run: Python's own parser makes a tree of them, and what is no number, name, sign or function of
-those that are allowed is refused.
+They are parsed by Python's ``ast``, never run; only numbers, the allowed names and functions, and signs are accepted.
 """
 
 from __future__ import annotations
@@ -39,10 +38,10 @@ _SIGNS: Mapping[type[ast.AST], Callable[..., Any]] = {
 
 
 def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Callable[..., ca.SX]] = FUNCTIONS) -> ca.SX:
-    """The expression that a text stands for.
+    """Expression of a formula.
 
     :param text: numbers, ``pi``, ``e``, brackets, ``+ - * / **``, the names and the functions.
-    :raises FormulaError: if it is none; names the place, and the nearest name.
+    :raises FormulaError: for an error in it; with its position, and the nearest name.
     """
     if len(text) > _LONGEST:
         raise FormulaError(f"{quoted(text)}: {len(text)} characters, {_LONGEST} at most")
@@ -52,7 +51,7 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
             warnings.simplefilter("ignore")  # of the parser, on what is refused below
             return _Reader(names, functions).read(ast.parse(text, mode="eval").body, 0)
     except _RefusedError as refused:
-        raise _unclear(text, len(text.encode()[: refused.place].decode()), str(refused)) from None
+        raise _unclear(text, len(text.encode()[: refused.column].decode()), str(refused)) from None
     except SyntaxError as error:
         words = "a number runs into a name; write 5*t, not 5t" if "decimal literal" in error.msg else error.msg
         raise _unclear(text, (error.offset or 1) - 1, words if text else "there is nothing") from None
@@ -63,31 +62,31 @@ def formula(text: str, names: Mapping[str, ca.SX], functions: Mapping[str, Calla
 
 
 class _RefusedError(Exception):
-    """A part of a formula that will not do."""
+    """A part of a formula is not allowed."""
 
     def __init__(self, node: ast.expr, words: str) -> None:
         super().__init__(words)
-        self.place = node.col_offset
+        self.column = node.col_offset
 
 
-def _unclear(text: str, place: int, words: str) -> FormulaError:
-    return FormulaError(f"{quoted(text)}, at character {place + 1}: {words}")
+def _unclear(text: str, column: int, words: str) -> FormulaError:
+    return FormulaError(f"{quoted(text)}, at character {column + 1}: {words}")
 
 
 def quoted(text: str) -> str:
-    """The text, or its beginning."""
+    """Text in quotation marks, shortened."""
     return repr(text if len(text) <= 80 else f"{text[:77]}...")
 
 
 @dataclass(frozen=True)
 class _Reader:
-    """What is allowed in a formula."""
+    """Evaluation of a syntax tree with the allowed names and functions."""
 
     names: Mapping[str, ca.SX]
     functions: Mapping[str, Callable[..., ca.SX]]
 
     def read(self, node: ast.expr, depth: int) -> ca.SX:
-        """What a node of the tree stands for."""
+        """Expression of a node of the tree."""
         if depth > _DEEPEST:
             raise _RefusedError(node, f"more than {_DEEPEST} levels; write it with fewer brackets")
         match node:
@@ -123,10 +122,10 @@ class _Reader:
             )
         return self.names[name]
 
-    def _function(self, node: ast.expr, name: str, given: int) -> Callable[..., ca.SX]:
+    def _function(self, node: ast.expr, name: str, count: int) -> Callable[..., ca.SX]:
         if name not in self.functions:
             raise _RefusedError(node, f"there is no function {name!r}{suggestion(name, self.functions)}")
         expected = 2 if name in ("atan2", "pow") else 1
-        if given != expected:
-            raise _RefusedError(node, f"{name} takes {expected} argument{'s' * (expected > 1)}, not {given}")
+        if count != expected:
+            raise _RefusedError(node, f"{name} takes {expected} argument{'s' * (expected > 1)}, not {count}")
         return self.functions[name]

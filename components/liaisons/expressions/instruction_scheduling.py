@@ -1,10 +1,10 @@
-"""Sums and products in an order in which processors wait least: what is known late comes last.
+"""Reassociation of sums and products for a short critical path: late operands enter last.
 
-In l (cos θ ω) nothing can begin before ω is known, in (l cos θ) ω one multiplication is done by then, and ω/m waits
+In l (cos θ ω) nothing can start before ω is ready, in (l cos θ) ω one multiplication is done by then, and ω/m waits
 for a division where ω (1/m) waits for a multiplication.  Right-hand sides are chains from one stage of a solver to the
-next, so that their length, not the number of operations, is their time.  What terms have in common, the latest factor
-first, is put in front of their sum: a ω + b ω = (a + b) ω.  Only what is used nowhere else is put in another order, so
-that there are no more operations than before, but for reciprocals.
+next: their latency, not the number of operations, is their time.  Common factors of terms, the latest first, are put in
+front of the sum: a ω + b ω = (a + b) ω.  Only operations with a single use are reassociated, so that their number does
+not grow, but for reciprocals.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SUMS = (OPERATIONS[ca.OP_ADD], OPERATIONS[ca.OP_SUB])
 _CYCLES = {OPERATIONS[code]: 4 for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE)}
 _CYCLES |= {OPERATIONS[code]: 15 for code in (ca.OP_DIV, ca.OP_INV, ca.OP_SQRT)} | {OPERATIONS[ca.OP_NEG]: 1}
 _CALL = 60  # of an elementary function
-_LONG = 1000  # by then all is known that what comes late has no part in
+_LONG = 1000  # cycles after which the late input is ready
 
 Signed = tuple[int, int]
 """A node, and 1 or -1."""
@@ -35,16 +35,16 @@ Term = tuple[list[int], int]
 
 @final
 class Reassociation:
-    """The nodes of a program once more, in another order where that pays.
+    """Reassociated program: ``nodes`` and ``outputs``.
 
-    :param late: the input whose entries are known last, if there is one.
+    :param late: index of the input that is ready last, if there is one.
     """
 
     def __init__(self, nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]], late: int | None) -> None:
         self._old = nodes
         self._inner = _inner(nodes, outputs)
         self.nodes: list[Instruction] = []
-        self._ready: list[int] = []  # cycles until a node is known
+        self._ready: list[int] = []  # cycles until a node is ready
         self._numbers: dict[Instruction, int] = {}
         new: dict[int, int] = {}
         for number, node in enumerate(nodes):
@@ -65,7 +65,7 @@ class Reassociation:
         self.outputs = [[new[number] for number in entries] for entries in outputs]
 
     def _terms(self, number: int) -> list[Term]:
-        """What a sum adds, through sums that nobody else uses."""
+        """Terms of a sum, with those of inner sums."""
         terms: list[Term] = []
         left = [(number, 1)]
         while left:
@@ -80,7 +80,7 @@ class Reassociation:
         return terms
 
     def _factors(self, number: int) -> list[int]:
-        """What a product multiplies, through products that nobody else uses."""
+        """Factors of a product, with those of inner products."""
         factors, left = [], [number]
         while left:
             for x in self._old[left.pop()].arguments:
@@ -88,7 +88,7 @@ class Reassociation:
         return factors
 
     def _factored(self, terms: Sequence[Term]) -> Signed:
-        """A sum of products, with the factors that some of them have in common in front; < 0 if all terms are."""
+        """Sum of products with common factors in front; negative if all terms are."""
         left = list(terms)
         while True:
             times = Counter(factor for factors, _ in left if len(factors) > 1 for factor in set(factors))
@@ -124,18 +124,18 @@ class Reassociation:
         return heap[0][1]
 
     def _quotient(self, dividend: int, divisor: int) -> int:
-        """By the reciprocal of a divisor that is known long before."""
+        """Quotient, by the reciprocal of a divisor that is ready long before."""
         reciprocal = Instruction.of(ca.OP_INV, divisor)
-        by_division, inverted = Instruction.of(ca.OP_DIV, dividend, divisor), self._after(reciprocal)
-        if max(inverted, self._ready[dividend]) + _CYCLES[OPERATIONS[ca.OP_MUL]] >= self._after(by_division):
+        by_division, inverted = Instruction.of(ca.OP_DIV, dividend, divisor), self._latency(reciprocal)
+        if max(inverted, self._ready[dividend]) + _CYCLES[OPERATIONS[ca.OP_MUL]] >= self._latency(by_division):
             return self._operation(by_division)
         return self._operation(Instruction.of(ca.OP_MUL, *sorted((dividend, self._operation(reciprocal)))))
 
     def _operation(self, node: Instruction) -> int:
-        return self._number(node, self._after(node))
+        return self._number(node, self._latency(node))
 
-    def _after(self, node: Instruction) -> int:
-        """When the result of an operation is known."""
+    def _latency(self, node: Instruction) -> int:
+        """Cycles until the result of an operation is ready."""
         assert node.operation is not None
         return max(self._ready[x] for x in node.arguments) + _CYCLES.get(node.operation, _CALL)
 
@@ -148,7 +148,7 @@ class Reassociation:
 
 
 def _inner(nodes: Sequence[Instruction], outputs: Sequence[Sequence[int]]) -> set[int]:
-    """Sums that are part of one other sum only, and products that are part of one other sum or product only."""
+    """Sums used in one other sum only, and products used in one other sum or product only."""
     uses = Counter(argument for node in nodes if node.operation for argument in node.arguments)
     uses.update(number for entries in outputs for number in entries)
     inner: set[int] = set()
@@ -165,7 +165,7 @@ def _is_sum(node: Instruction) -> bool:
 
 
 def _divided(terms: Sequence[Term], factor: int) -> tuple[list[int], list[Term]]:
-    """Factors that all terms have, one of which is given, and what is left of each term, which is not nothing."""
+    """Common factors of terms, ``factor`` among them, and the rest of each term, which is not empty."""
     common = reduce(and_, (Counter(factors) for factors, _ in terms))
     if any(len(factors) == common.total() for factors, _ in terms):
         common = Counter([factor])

@@ -1,4 +1,4 @@
-"""Operations as statements of C."""
+"""Programs as statements of C."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from liaisons.expressions.programs import Program, program
 def c_statements(
     inputs: Sequence[tuple[ca.SX, str]], outputs: Sequence[tuple[ca.SX, str]], *, temporary: str = "a"
 ) -> list[str]:
-    """C99 statements that calculate expressions; they need ``math.h``.
+    """C99 statements that evaluate expressions; they need ``math.h``.
 
     :param inputs: columns of symbols, and how their entries are read: ``"y[{}][i]"`` for ``y[0][i]``, ``y[1][i]``, ...
     :param outputs: columns of expressions, and how their entries are written.
@@ -22,7 +22,7 @@ def c_statements(
     :returns: lines without indentation: reads, operations, writes.
     :raises ComponentError: as :func:`program` does.
     """
-    (lines,), _ = c_parts(inputs, outputs, kept="", most=sys.maxsize, temporary=temporary)
+    (lines,), _ = c_parts(inputs, outputs, spill="", most=sys.maxsize, temporary=temporary)
     return lines
 
 
@@ -30,48 +30,48 @@ def c_parts(
     inputs: Sequence[tuple[ca.SX, str]],
     outputs: Sequence[tuple[ca.SX, str]],
     *,
-    kept: str,
+    spill: str,
     most: int,
     late: int | None = None,
     temporary: str = "a",
 ) -> tuple[list[list[str]], int]:
-    """The same in parts that can be functions of their own: compilers take more than twice the time for twice as many.
+    """C99 statements in parts for functions of their own, as compile time is superlinear in their number.
 
-    :param kept: how a number is written and read that a later part needs: ``"w[{}]"``.
-    :param most: operations in a part.
+    :param spill: where a number is stored that a later part needs: ``"w[{}]"``.
+    :param most: operations in a part, at most.
     :param late: as in :func:`program`.
-    :returns: lines of each part, at least one, and how many numbers are kept.  An output is written by the part that
+    :returns: lines of each part, at least one, and the count of stored numbers.  An output is written by the part that
         knows it, so with several parts it must lie elsewhere than the inputs.
     """
     symbols, expressions = [column for column, _ in inputs], [column for column, _ in outputs]
-    found = program(symbols, expressions, reciprocals=True, late=late)
-    calculated = [number for number, node in enumerate(found.nodes) if node.operation is not None]
+    code = program(symbols, expressions, reciprocals=True, late=late)
+    calculated = [number for number, node in enumerate(code.nodes) if node.operation is not None]
     count = max(1, -(-len(calculated) // most))
     part_of = {number: i * count // len(calculated) for i, number in enumerate(calculated)}
     writes: list[list[tuple[int, str]]] = [[] for _ in range(count)]
-    for (_, pattern), entries in zip(outputs, found.outputs, strict=True):
+    for (_, pattern), entries in zip(outputs, code.outputs, strict=True):
         for entry, number in enumerate(entries):
             writes[part_of.get(number, 0)].append((number, pattern.format(entry)))
     sources = {
         number: inputs[node.arguments[0]][1].format(node.arguments[1])
-        for number, node in enumerate(found.nodes)
+        for number, node in enumerate(code.nodes)
         if node.operation is None and node.constant is None
     }
     entries_read = len(sources)
     for number in calculated:
-        for argument in found.nodes[number].arguments:
+        for argument in code.nodes[number].arguments:
             if part_of.get(argument, part_of[number]) < part_of[number] and argument not in sources:
-                sources[argument] = kept.format(len(sources) - entries_read)
+                sources[argument] = spill.format(len(sources) - entries_read)
                 writes[part_of[argument]].append((argument, sources[argument]))
     members: list[list[int]] = [[] for _ in range(count)]
     for number in calculated:
         members[part_of[number]].append(number)
-    parts = [_part(found, *part, sources, temporary) for part in zip(members, writes, strict=True)]
+    parts = [_part(code, *part, sources, temporary) for part in zip(members, writes, strict=True)]
     return parts, len(sources) - entries_read
 
 
 def _part(
-    found: Program,
+    code: Program,
     calculated: Sequence[int],
     writes: Sequence[tuple[int, str]],
     sources: Mapping[int, str],
@@ -84,22 +84,22 @@ def _part(
         names[number] = f"{temporary}{len(lines)}"
         lines.append(f"const double {names[number]} = {value};")
 
-    needed = {number for number, _ in writes}.union(*(found.nodes[number].arguments for number in calculated))
+    needed = {number for number, _ in writes}.union(*(code.nodes[number].arguments for number in calculated))
     for number in sorted(needed.difference(calculated)):
-        constant = found.nodes[number].constant
+        constant = code.nodes[number].constant
         if constant is None:
             declare(number, sources[number])
         else:
             names[number] = literal(constant)
     for number in calculated:
-        node = found.nodes[number]
+        node = code.nodes[number]
         assert node.operation is not None
         declare(number, node.operation.c.format(*(names[argument] for argument in node.arguments)))
-    return [*lines, *(f"{place} = {names[number]};" for number, place in writes)]
+    return [*lines, *(f"{target} = {names[number]};" for number, target in writes)]
 
 
 def literal(value: float) -> str:
-    """A number in C, as an operand."""
+    """Number as an operand in C."""
     if math.isnan(value):
         return "NAN"
     if math.isinf(value):

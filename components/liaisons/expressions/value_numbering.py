@@ -1,7 +1,7 @@
-"""Operations in a shorter form: what is equal is one node, and signs and powers of two wait in front of it.
+"""Value numbering with algebraic simplification: equal operations are one node, with exact scales in front of it.
 
-Derivatives of energies abound in halves, doubles and signs.  Multiplied by these a number keeps all its digits, so they
-may pass through products and sums until they meet their inverse: m/2 (a b + a b) is m a b.
+Derivatives of energies abound in halves, doubles and signs.  These factors are exact, so they may pass through products
+and sums until they meet their inverse: m/2 (a b + a b) is m a b.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _EVEN = {ca.OP_COS, ca.OP_COSH, ca.OP_FABS}
 
 @final
 class Builder:
-    """Collects nodes, each once, in an order in which they can be calculated."""
+    """Nodes of a program, each once, in topological order."""
 
     def __init__(self) -> None:
         self.nodes: list[Instruction] = []
@@ -53,11 +53,11 @@ class Builder:
         return 1.0, self._number(Instruction(None, (column, row)))
 
     def constant(self, value: float) -> ScaledNode:
-        """A number that is known."""
+        """Node of a constant."""
         return 1.0, self._number(Instruction(None, (), float(value)))
 
     def node(self, number: ScaledNode) -> int:
-        """The node that is the number itself."""
+        """Number of the node of a scaled node."""
         scale, core = number
         if scale == 1:
             return core
@@ -88,7 +88,7 @@ class Builder:
         return 1.0, self._operation(code, *map(self.node, arguments))
 
     def _moderate(self, number: ScaledNode) -> ScaledNode:
-        """The same with a scale that adds no rounding, and that cannot grow from one link of a chain to the next."""
+        """Scaled node whose scale is exact and bounded."""
         scale = number[0]
         if _is_power_of_two(scale) and 1 / _LARGEST_SCALE <= abs(scale) <= _LARGEST_SCALE:
             return number
@@ -138,7 +138,7 @@ class Builder:
         return self._plain_sum(first, second) if products is None else self._added(products)
 
     def _plain_sum(self, first: ScaledNode, second: ScaledNode) -> ScaledNode:
-        if abs(second[0]) == 1:  # a scale of one is best put in front of both
+        if abs(second[0]) == 1:  # a scale of one is put in front of both
             first, second = second, first
         (scale, x), (other, y) = first, second
         if abs(other) != abs(scale):

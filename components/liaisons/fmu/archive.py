@@ -1,4 +1,4 @@
-"""The .fmu file: a zip archive that is the same for the same members, and that is there whole or not at all."""
+"""Reproducible zip archives, written atomically."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)  # the first date that a zip archive can hold
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write an archive beside its final place and move it there in one go; folders are made as needed.
+    """Write an archive atomically, and its folders.
 
-    Simulations need not try it in a process of its own.
+    Its digest is remembered, so that simulations load it without a trial in a process of its own.
 
     :param members: contents by name inside the archive, with ``/``.
-    :raises BuildError: if the file cannot be written; what was there before is still there.
+    :raises BuildError: if the file cannot be written; an earlier file stays.
     """
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
@@ -30,7 +30,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
                     archive.writestr(_entry(name), members[name])
             digest = cache.digest(partial)
             partial.replace(path)
-        finally:  # an interrupt leaves nothing behind either
+        finally:  # after an interrupt, too
             partial.unlink(missing_ok=True)
     except OSError as error:
         raise BuildError(f"{path} cannot be written: {error.strerror}; choose another folder with output=") from error
@@ -38,7 +38,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_member(path: Path, name: str) -> bytes | None:
-    """One member of an archive; None if there is no such archive or member, or it is damaged."""
+    """One member of an archive; None if either is missing or damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             return archive.read(name)

@@ -28,7 +28,7 @@ Backend = Literal["native", "python", "auto"]
 Platforms = Literal["host", "all", "wasm"]
 
 _DESCRIPTION = "modelDescription.xml"
-# Stands for the guid, which is a hash of everything else, until that is known.
+# In place of the guid, which is a hash of everything else.
 _NO_GUID = "{00000000-0000-0000-0000-000000000000}"
 _log = logging.getLogger(__name__)
 
@@ -42,9 +42,9 @@ def build(
     fmi: Fmi = "2",
     arrays: bool = True,
 ) -> Path:
-    """Build the FMU of a model; an FMU that is there already and up to date is left as it is.
+    """Build the FMU of a model; an FMU that is up to date is left unchanged.
 
-    :param model: what ``assemble(Pendulum)`` returns.
+    :param model: e.g. ``assemble(Pendulum)``.
     :param output: folder; in it the file is ``NAME.fmu``, of FMI 3.0 ``fmi3/NAME.fmu``, without arrays
         ``fmi3/scalars/NAME.fmu``, of the Python back end ``python/NAME.fmu``.
     :param backend: ``"native"``: generated C; ``"python"``: pythonfmu; ``"auto"``: native where there is a C compiler.
@@ -65,7 +65,7 @@ def build(
     if platforms == "wasm" and fmi == "2":
         raise BuildError(f"{model.name}: WebAssembly components are FMI 3.0; for platforms='wasm' take fmi='3'")
     if backend == "auto" and fmi == "2" and not (system_compiler() or zig_compiler()):
-        _say_how_to_get_native()
+        _warn_no_compiler()
         backend = "python"
     if backend == "python":
         return _build_python(model, output)
@@ -75,7 +75,7 @@ def build(
 
 
 @cache
-def _say_how_to_get_native() -> None:
+def _warn_no_compiler() -> None:
     _log.warning("no C compiler is found: FMUs are built in Python; for native ones: pip install ziglang")
 
 
@@ -88,21 +88,21 @@ def _build_native(model: Model, output: Path, platforms: str, fmi: Fmi, *, array
         description = model_description3(model, token=_NO_GUID, arrays=arrays)
     members = {
         _DESCRIPTION: description,
-        **extra_members(model, fmi if arrays else "2"),  # which have the names of numbers
+        **extra_members(model, fmi if arrays else "2"),  # names of numbers, as in FMI 2.0
         **{f"sources/{name}": content for name, content in sources.items()},
     }
     experimental = manifest() if platforms == "wasm" else {}
     members = _identified(members, model) | experimental
     code = {name: members[f"sources/{name}"] for name in sources if name.endswith((".c", ".h"))}
-    places = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
+    paths = {target: f"binaries/{target.folder(fmi)}/{model.name}{target.extension}" for target in TARGETS}
     binaries: dict[str, Callable[[], bytes]] = {
-        places[target]: partial(compile_library, code, target, cross=platforms == "all")
+        paths[target]: partial(compile_library, code, target, cross=platforms == "all")
         for target in (TARGETS if platforms == "all" else [host()])
     }
     if platforms == "wasm":
         binaries[binary_path(model.name)] = partial(component, code)
-        if _is_current(path, members):  # the component comes beside the binaries that are there
-            members |= {name: found for name in places.values() if (found := read_member(path, name))}
+        if _is_current(path, members):  # existing binaries are kept beside the component
+            members |= {name: binary for name in paths.values() if (binary := read_member(path, name))}
     if _is_current(path, members, *experimental) and all(read_member(path, name) for name in binaries):
         return path
     members |= {name: compiled() for name, compiled in binaries.items() if name not in members}
@@ -122,13 +122,13 @@ def _build_python(model: Model, output: Path) -> Path:
 
 
 def _identified(members: dict[str, bytes], model: Model) -> dict[str, bytes]:
-    """The members with the guid in place, a hash of all of them and of how they are compiled, and with their origin."""
+    """The members with their guid, a hash of all of them and of the compiler's options, and with their origin."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     for name in sorted(members):
         digest.update(f"\0{name}\0{len(members[name])}\0".encode() + members[name])
     guid = f"{{{UUID(bytes=digest.digest()[:16])}}}"
-    found = {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
-    return found | {_DESCRIPTION: signed(found[_DESCRIPTION], model)}
+    members = {name: content.replace(_NO_GUID.encode(), guid.encode()) for name, content in members.items()}
+    return members | {_DESCRIPTION: signed(members[_DESCRIPTION], model)}
 
 
 def _is_current(path: Path, members: dict[str, bytes], *also: str) -> bool:

@@ -48,11 +48,11 @@ def source_files(model: Model, guid: str, fmi: Fmi = "2", *, arrays: bool = True
     :raises BuildError: if the FMI headers are not installed.
     """
     runtime = resources.files("liaisons.fmu") / "runtime"
-    model_c, *others = sources(fmi)
+    model_c, *c_files = sources(fmi)
     return {
         "buildDescription.xml": _build_description(model, fmi),
         model_c: model_code(model, guid, fmi, arrays=arrays).encode(),
-        **{name: (runtime / name).read_bytes() for name in (*_HEADERS, *["knots.h"] * bool(model.table), *others)},
+        **{name: (runtime / name).read_bytes() for name in (*_HEADERS, *["knots.h"] * bool(model.table), *c_files)},
         **{name: _fmi_header(name) for name in _FMI_HEADERS[fmi]},
     }
 
@@ -232,7 +232,7 @@ def _derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
         vectors = result_vectors if forward else argument_vectors
         dense = [_dense(x, _counts(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)]
         # What maps share is shared already, and cse is slow on them.
-        dense = ca.cse(dense) if all(isinstance(x, ca.SX) for x in dense) else dense
+        dense = list(ca.cse(dense)) if all(isinstance(x, ca.SX) for x in dense) else dense
         title = f"{name}_{direction}"
         functions[title] = ca.Function(title, [*arguments, *symbols, *seeds], dense)
     return functions

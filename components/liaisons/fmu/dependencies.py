@@ -1,4 +1,4 @@
-"""What depends on what: number by number, or variable by variable where arrays are large."""
+"""Dependencies of outputs and derivatives: by numbers, or by variables where arrays are large."""
 
 from __future__ import annotations
 
@@ -63,19 +63,19 @@ def _between_variables(
         counts = [variable.count for variable in variables]
         return np.repeat(np.arange(len(counts)), counts)
 
-    given = list(chain.from_iterable(arguments.values()))
+    knowns = list(chain.from_iterable(arguments.values()))
     rows, columns = between_numbers(function, list(arguments)).nonzero()
-    pattern = np.zeros((len(results), len(given)), dtype=bool)
-    pattern[owners(results)[rows], owners(given)[columns]] = True
+    pattern = np.zeros((len(results), len(knowns)), dtype=bool)
+    pattern[owners(results)[rows], owners(knowns)[columns]] = True
     return pattern
 
 
 def coupled(model: Model) -> int:
-    """How many of the first numbers of y act on any of dy/dt; behind them are integrals along the motion."""
+    """How many of the first numbers of y any of dy/dt depends on; behind them are integrals along the motion."""
     if model.programs:
-        of = _programs(model)["derivatives"]
-        rows = np.flatnonzero(_between_entries(of, 0, [1]).any(axis=0))
-        return of.arguments[1].offsets(of.n)[rows.max(initial=-1) + 1]
+        rates = _programs(model)["derivatives"]
+        rows = np.flatnonzero(_between_entries(rates, 0, [1]).any(axis=0))
+        return rates.arguments[1].offsets(rates.n)[rows.max(initial=-1) + 1]
     columns = between_numbers(model.derivatives, [1]).nonzero()[1]
     return int(columns.max(initial=-1)) + 1
 
@@ -87,7 +87,7 @@ def shown_states(model: Model) -> tuple[Variable, ...]:
 
 
 def states_that_jump(model: Model) -> set[str]:
-    """States that a jump of the inputs changes, e.g. the work that an impulse brings in."""
+    """States that a jump of the inputs changes, e.g. the work of an impulse."""
     states = shown_states(model)
     programs = _programs(model)
     if programs:

@@ -1,4 +1,4 @@
-"""What an FMU carries for the people who import it, beside its icon: documentation, terminals, reference results."""
+"""Documentation, terminals and reference results of an FMU."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def extra_members(model: Model, fmi: Fmi) -> dict[str, bytes]:
 
 @cache
 def _license() -> bytes:
-    """Under what terms the parts of an FMU can be passed on."""
+    """Licences of the parts of an FMU."""
     distribution = metadata.distribution("liaisons")
     texts = [file.read_text(encoding="utf-8") for file in distribution.files or () if file.name == "LICENSE"]
     return _LICENSES.format(ours=texts[0] if texts else distribution.metadata["License-Expression"]).encode()

@@ -12,39 +12,41 @@ _LONGEST = 1000
 """Operations in one function of C: for twice as many a compiler takes more than twice the time."""
 
 _ZEROS = 100
-"""So many entries of a result that are 0 are written one by one; more are cleared at once."""
+"""Zeros of a result that are written one by one; more are cleared at once."""
 
 _STATES = 1
-"""Index among the arguments.  States come from the stage before; what else goes in has been there for long."""
+"""Index among the arguments.  States are the results of the stage before, the other arguments are older."""
 
 
 def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
-    """Lines that define each function once, by its name, and how many numbers of work space they need.
+    """Definitions of functions, each name once, as lines, and the numbers of work space that they need.
 
-    Scalar code is printed by :mod:`liaisons.expressions`: straight lines, in which a compiler sees that sine and cosine
-    have one argument, and merges them.  CasADi prints the rest: maps over the links of a chain, foreign calls.
+    Scalar code is printed by :mod:`liaisons.expressions`: straight lines, in which a compiler merges sine and cosine of
+    one argument.  CasADi prints the rest: maps over the links of a chain, external calls.
     """
-    different = {function.name(): function for function in functions}.values()
     generator = ca.CodeGenerator("model", {"with_header": False, "with_export": False, "verbose": False})
     straight: list[str] = []
     space = 0
-    for function in different:
+    for function in {function.name(): function for function in functions}.values():
         if _is_scalar(function):
-            lines, kept = _straight(function)
+            lines, numbers = _straight(function)
             straight += lines
         else:
             generator.add(function)
-            kept = function.sz_w()
-        space = max(space, kept)
-    # CasADi asks for hypot, which is five times slower.
+            numbers = function.sz_w()
+        space = max(space, numbers)
+    # CasADi calls hypot, which is five times slower.
     return [generator.dump().replace("hypot(x, y)", "sqrt(x * x + y * y)"), *straight], space
 
 
 def _is_scalar(function: ca.Function) -> bool:
-    known = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *OPERATIONS}
-    return function.is_a("SXFunction") and all(
-        function.instruction_id(k) in known for k in range(function.n_instructions())
-    )
+    printable = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *OPERATIONS}
+    return function.is_a("SXFunction") and operation_codes(function) <= printable
+
+
+def operation_codes(function: ca.Function) -> set[int]:
+    """CasADi's codes of a function's instructions."""
+    return {function.instruction_id(k) for k in range(function.n_instructions())}
 
 
 def _straight(function: ca.Function) -> tuple[list[str], int]:
@@ -60,10 +62,10 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
         clear.append(f"for (int j = 0; j < {len(is_zero)}; j++) results[{i}][j] = 0;")
         for first, end in _runs(is_zero):
             written.append((result[first:end], f"results[{i}][{first} + {{}}]"))
-    parts, kept = c_parts(
+    parts, space = c_parts(
         [(argument, f"arguments[{i}][{{}}]") for i, argument in enumerate(arguments)],
         written,
-        kept="reals[{}]",
+        spill="reals[{}]",
         most=_LONGEST,
         late=_STATES,
     )
@@ -71,11 +73,11 @@ def _straight(function: ca.Function) -> tuple[list[str], int]:
         return define(function.name(), [*clear, *parts[0]]), 0
     names = [f"{function.name()}_{i}" for i in range(len(parts))]
     lines = [line for name, statements in zip(names, parts, strict=True) for line in define(name, statements)]
-    # Called by way of a table, so that compilers do not put them together again.
+    # Called through a table, so that compilers do not inline them.
     lines += [f"static Function *const {function.name()}_parts[] = {{{', '.join(names)}}};", ""]
     calls = f"for (int i = 0; i < {len(parts)}; i++)"
     call = f"    {function.name()}_parts[i](arguments, results, integers, reals, memory);"
-    return lines + define(function.name(), [*clear, calls, call]), kept
+    return lines + define(function.name(), [*clear, calls, call]), space
 
 
 def _runs(is_zero: list[bool]) -> list[tuple[int, int]]:
@@ -86,7 +88,7 @@ def _runs(is_zero: list[bool]) -> list[tuple[int, int]]:
 
 
 def define(name: str, statements: Iterable[str]) -> list[str]:
-    """Lines of a function of core.h that does this."""
+    """Definition of a function as core.h declares them, as lines."""
     return [
         f"static int {name}(const double **arguments, double **results, long long *integers, double *reals,",
         "    int memory) {",

@@ -1,6 +1,6 @@
 """Icon of a component: its named points and their paths, a path in the plane or in phase space, a signal; else letters.
 
-Drawn from the default experiment.  An icon is no part of what identifies an FMU: another matplotlib draws another one.
+Drawn from the default experiment.  The guid does not depend on it: another matplotlib draws another icon.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _draw(axes: Axes, results: Trajectory | None) -> bool:
         axes.plot(0, 0, "o", color=_INK, markersize=6, clip_on=False)
         axes.set_aspect("equal")
         return True
-    places = _planes(results, [port.name for port in ports if port.kind == "free"])
+    free = _planes(results, [port.name for port in ports if port.kind == "free"])
     phases = [
         np.stack([results[state.name], results[f"p_{state.name}"]], axis=-1)
         for state in results.model.states
@@ -70,10 +70,10 @@ def _draw(axes: Axes, results: Trajectory | None) -> bool:
     ]
     signals = [results[port.name] for port in ports if port.kind == "signal"]
     curves = [np.stack([results.times[:, None], signal], axis=-1) for signal in signals]
-    for k, path in enumerate(path[:, 0] for path in (*places, *phases, *curves)):
+    for k, path in enumerate(path[:, 0] for path in (*free, *phases, *curves)):
         if np.min(np.ptp(path, axis=0)) > _FLAT * np.max(np.ptp(path, axis=0)):
             _lines(axes, [path], path[:1])
-            axes.set_aspect("equal" if k < len(places) else "auto")
+            axes.set_aspect("equal" if k < len(free) else "auto")
             return True
     return False
 
@@ -86,18 +86,18 @@ def _lines(axes: Axes, paths: Sequence[NDArray], start: NDArray) -> None:
 
 
 def _planes(results: Trajectory, names: list[str]) -> list[NDArray]:
-    """Paths of places with components x, y, z: in the two that vary most, in this order; (n, count, 2) each."""
+    """Paths of points with components x, y, z: in the two that vary most, in this order; (n, count, 2) each."""
     components: dict[str, list[str]] = {}
     for name in names:
-        place, _, axis = name.rpartition("_")
+        point, _, axis = name.rpartition("_")
         if axis in ("x", "y", "z"):
-            components.setdefault(place, []).append(name)
-    found: list[NDArray] = []
+            components.setdefault(point, []).append(name)
+    paths: list[NDArray] = []
     for axes in components.values():
         varied = sorted(axes, key=lambda name: -float(np.ptp(results[name])))[:2]
         if len(varied) == 2:
-            found.append(np.stack([results[name] for name in axes if name in varied], axis=-1))
-    return found
+            paths.append(np.stack([results[name] for name in axes if name in varied], axis=-1))
+    return paths
 
 
 def _write(axes: Axes, name: str) -> None:

@@ -1,4 +1,4 @@
-"""XML line by line: a description of a million variables never is in memory as a tree."""
+"""XML line by line, without a tree in memory."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ _ENTITIES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"}
 
 
 def element(name: str, attributes: Mapping[str, str], children: Iterable[str] = ()) -> Iterator[str]:
-    """Lines of an element.
-
-    :param children: lines of what is inside.
-    """
+    """Lines of an element; the children are lines, too."""
     start = " ".join([f"<{name}", *(f'{key}="{escape(value, _ENTITIES)}"' for key, value in attributes.items())])
     empty = True
     for line in children:

@@ -1,7 +1,7 @@
-"""Who made an FMU, in which version, under which licence, and when.
+"""Author, version, licence and date of an FMU.
 
-A component of this package has the author and licence of the package; one of a user's own does not, whoever has
-compiled it.  The date is never that of a clock, so that equal FMUs are equal files.
+Only a component of this package has its author and licence.  The date is never that of a clock, so that equal FMUs are
+equal files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _BEFORE = b' generationTool="'
 
 
 def provenance(model: Model) -> dict[str, str]:
-    """Attributes of the model description, in FMI 2.0 as in FMI 3.0.
+    """Attributes of the model description, alike in FMI 2.0 and FMI 3.0.
 
     The date is that of the environment variable SOURCE_DATE_EPOCH, else, of a component of this package, that of the
     package's version.
@@ -35,7 +35,7 @@ def provenance(model: Model) -> dict[str, str]:
 
 
 def signed(description: bytes, model: Model) -> bytes:
-    """A model description with these attributes; the guid, which is a hash of the rest, does not change with them."""
+    """A model description with the attributes of :func:`provenance`, which its guid does not depend on."""
     attributes = "".join(f" {name}={quoteattr(value)}" for name, value in provenance(model).items())
     return description.replace(_BEFORE, attributes.encode() + _BEFORE, 1)
 

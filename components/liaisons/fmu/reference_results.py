@@ -1,10 +1,10 @@
-"""Reference results (FMI-LS-REF) of the default experiment, integrated here from the functions of the model.
+"""Reference results (FMI-LS-REF) of the default experiment, integrated from the functions of the model, not by the FMU.
 
-Where nothing would happen in it, parameters and inputs have values of their own (:attr:`Experiment.reference`), which
-lie beside the results: a parameter set, and a table of the inputs.
+Where nothing would happen in it, parameters and inputs have other values (:attr:`Experiment.reference`), in a parameter
+set and a table of the inputs beside the results.
 
-Nothing of the FMU takes part: SciPy's DOP853 with tolerances near rounding instead of the FMU's own solver.  The
-numbers are rounded to nine digits of the greatest of their column, so that they are the same on all machines.
+The solver is SciPy's DOP853 with tolerances near rounding.  Numbers are rounded to nine digits of the greatest of their
+column, so that they are the same on all machines.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from liaisons.errors import ComponentError, suggestion
-from liaisons.fmu.layout import Fmi
+from liaisons.fmu.layout import Fmi, index_ranges, start_vectors
 from liaisons.fmu.markup import document, element
 from liaisons.fmu.python_runtime.calls import Call
 from liaisons.language import Variable
@@ -64,20 +64,19 @@ class Trajectory:
     values: NDArray
 
     @cached_property
-    def _places(self) -> dict[str, slice]:
-        ends = np.cumsum([variable.count for variable in self.model.outputs])
-        return {v.name: slice(end - v.count, end) for v, end in zip(self.model.outputs, ends.tolist(), strict=True)}
+    def _outputs(self) -> dict[str, range]:
+        return index_ranges(self.model.outputs)
 
     def __contains__(self, name: str) -> bool:
-        return name in self._places
+        return name in self._outputs
 
     def __getitem__(self, name: str) -> NDArray:
         """An output, shape (n, count)."""
-        return self.values[:, self._places[name]]
+        return self.values[:, self._outputs[name]]
 
 
 class _GivenUpError(Exception):
-    """The experiment is too much, or ends in a singularity."""
+    """The experiment takes too long, or ends in a singularity."""
 
 
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
@@ -87,7 +86,7 @@ def trajectory(model: Model) -> Trajectory | None:
     if count * INTERVALS > WORK:
         return None
     model = _with_reference_starts(model)
-    u, k = (np.concatenate([*(v.starts for v in vs), []]) for vs in (model.inputs, model.parameters))
+    u, k = start_vectors(model)
     motion = _motion(model, u)
     y, m = (np.array(x, dtype=float).ravel() for x in model.start.call([ca.DM(0), u, k]))
     times = np.linspace(0, model.experiment.stop_time, INTERVALS + 1)
@@ -125,27 +124,28 @@ _Motion = Callable[[float], NDArray]
 
 
 def _motion(model: Model, start: NDArray) -> _Motion:
-    """Those that an operator prescribes move evenly accelerated, the others rest.
+    """Prescribed coordinates move at constant acceleration, the other inputs rest.
 
-    In an FMU such a motion goes on exactly between two communication points, whatever their distance.
+    Such a motion is exact in an FMU for any communication step size.
     """
-    place = {v.name: i for i, v in enumerate(v for w in model.inputs for v in [w] * w.count)}
-    moving = [a for a in model.active if start[place[a.rate]] or start[place[a.acceleration]]]
-    rows = [[place[name] for name in (a.value, a.rate, a.acceleration)] for a in moving]
-    places = np.array(rows, dtype=int).reshape(-1, 3).T
-    u, (value, rate, acceleration) = start.copy(), start[places]
+    inputs = index_ranges(model.inputs)
+    rows = (
+        row for a in model.active for row in zip(inputs[a.value], inputs[a.rate], inputs[a.acceleration], strict=True)
+    )
+    indices = np.array([row for row in rows if start[list(row[1:])].any()], dtype=int).reshape(-1, 3).T
+    u, (value, rate, acceleration) = start.copy(), start[indices]
 
-    def at(t: float) -> NDArray:
-        if moving:
-            u[places[0]] = value + rate * t + acceleration * t**2 / 2
-            u[places[1]] = rate + acceleration * t
+    def motion(t: float) -> NDArray:
+        if indices.size:
+            u[indices[0]] = value + rate * t + acceleration * t**2 / 2
+            u[indices[1]] = rate + acceleration * t
         return u
 
-    return at
+    return motion
 
 
 def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArray) -> Iterator[NDArray]:
-    """States at the times; the integration starts anew at each event."""
+    """States at the times; the integration restarts at each event."""
     yield y
     if not y.size:
         yield from (y for _ in times[1:])
@@ -170,10 +170,9 @@ def _states(model: Model, times: NDArray, y: NDArray, motion: _Motion, k: NDArra
 
 
 def _rate(model: Model, motion: _Motion, k: NDArray) -> Callable[[float, NDArray], NDArray]:
-    """The right-hand side, called in place: by far the most of the work is here."""
-    time, state, result = (
-        np.zeros(size) for size in (1, model.derivatives.numel_in(1), model.derivatives.numel_out(0))
-    )
+    """The right-hand side, called in place, since it is most of the work."""
+    state, result = np.zeros((2, model.derivatives.numel_out(0)))
+    time = np.zeros(1)
     call = Call(model.derivatives, (time, state, motion(0.0), k), (result,))
     left = WORK // state.size
 
@@ -227,14 +226,10 @@ def reference_members(model: Model, results: Trajectory | None, fmi: Fmi) -> dic
 
 
 def _moved(model: Model, results: Trajectory) -> dict[Variable, NDArray]:
-    """The scalar inputs that are not at their start values, and what they are, shape (n, 1)."""
-    found, place = {}, 0
-    for variable in model.inputs:
-        values = results.inputs[:, place : place + variable.count]
-        place += variable.count
-        if np.any(values != variable.starts):
-            found[variable] = values
-    return found
+    """Scalar inputs that leave their start values, and their values, shape (n, 1)."""
+    indices = index_ranges(model.inputs)
+    values = {variable: results.inputs[:, indices[variable.name]] for variable in model.inputs}
+    return {variable: column for variable, column in values.items() if np.any(column != variable.starts)}
 
 
 def _parameter_set(starts: Mapping[str, float]) -> bytes:
@@ -253,8 +248,8 @@ def columns(model: Model) -> list[Variable]:
     forces = [f"{active.value}_force" for active in model.active]
     signals = [member.variable for port in model.ports if port.kind == "signal" for member in port.members]
     names = [*states, "energy", *forces, *signals]
-    known = {variable.name: variable for variable in model.outputs}
-    return [known[name] for name in dict.fromkeys(names) if name in known and known[name].count <= WIDEST]
+    narrow = {variable.name: variable for variable in model.outputs if variable.count <= WIDEST}
+    return [narrow[name] for name in dict.fromkeys(names) if name in narrow]
 
 
 def _table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes:
@@ -271,7 +266,7 @@ def _table(times: NDArray, shown: Mapping[Variable, NDArray], fmi: Fmi) -> bytes
 
 
 def _rounded(column: NDArray) -> NDArray:
-    """To nine digits of the greatest number of each column; what is nothing but rounding errors is 0."""
+    """Rounded to nine digits of the greatest number of each column; rounding errors alone become 0."""
     greatest = np.max(np.abs(column), axis=0)
     with np.errstate(divide="ignore"):
         digits = np.where(greatest > TOLERANCE, _DIGITS - 1 - np.floor(np.log10(greatest)), 0)

@@ -2,9 +2,9 @@
 
 A port has the member names of the Modelica Standard Library: s, v, a, f of a translation, phi, w, a, tau of a rotation.
 Positions and rates of two connected terminals are equal (``signal``).  Forces obey Kirchhoff's law: that of an active
-port flows into its mechanism, the load of a free port or of a point out of its own, so that ``s_force`` is put on
-``q_load`` as it is.  Ports that are components of one place (``bob_x``, ``bob_z``) are nested in a terminal of its own,
-so that one connection hangs a pendulum on another.
+port flows into its mechanism, the load of a free port or of a point out of its own, so that ``s_force`` is connected to
+``q_load`` without a sign.  Components of one point (``bob_x``, ``bob_z``) are nested in a terminal, so that one
+connection hangs a pendulum on another.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ MOST_ELEMENTS = 100
 """Elements of an array up to which FMI 2.0, which has no arrays, gets terminals for them."""
 
 _ROTATION = {"s": "phi", "v": "w", "a": "a"}
-_COMPONENT = re.compile(r"(?P<place>.+)_(?P<axis>[xyz])(?P<index>\[\d+\])?")
+_COMPONENT = re.compile(r"(?P<point>.+)_(?P<axis>[xyz])(?P<index>\[\d+\])?")
 _FORCES = ("f", "tau")
 _TEXTS = {
     "free": "free coordinate: gives its motion, takes the force of what is attached",
@@ -49,26 +49,26 @@ def _content(ports: tuple[Terminal, ...]) -> Iterator[str]:
 
 
 def _terminals(ports: tuple[Terminal, ...]) -> Iterator[str]:
-    places: dict[tuple[str, str], dict[str, Terminal]] = {}  # (kind, place) -> components by axis
+    points: dict[tuple[str, str], dict[str, Terminal]] = {}  # (kind, point) -> components by axis
     for port in ports:
         if match := _COMPONENT.fullmatch(port.name):
-            place = match["place"] + (match["index"] or "")
-            places.setdefault((port.kind, place), {})[match["axis"]] = port
+            point = match["point"] + (match["index"] or "")
+            points.setdefault((port.kind, point), {})[match["axis"]] = port
     names = {port.name for port in ports}
-    nested = {p.name: place for place, axes in places.items() if len(axes) > 1 for p in axes.values()}
+    nested = {p.name: point for point, axes in points.items() if len(axes) > 1 for p in axes.values()}
     for port in ports:
-        place = nested.get(port.name)
-        if place is None or place[1] in names:
+        point = nested.get(port.name)
+        if point is None or point[1] in names:
             yield from _terminal(port, port.name)
-        elif components := places.pop(place, None):
+        elif components := points.pop(point, None):
             inner = (line for axis, component in components.items() for line in _terminal(component, axis))
             text = f"{_TEXTS[port.kind]}; by components"
-            yield from element("Terminal", {"name": place[1], "matchingRule": "bus", "description": text}, inner)
+            yield from element("Terminal", {"name": point[1], "matchingRule": "bus", "description": text}, inner)
 
 
 def _terminal(port: Terminal, name: str) -> Iterator[str]:
     yield from _members(port, name, port.members)
-    if port.kind == "signal":  # it goes with either kind of coordinate
+    if port.kind == "signal":  # fits translations and rotations
         members = tuple(TerminalMember(_ROTATION[member.role], member.variable) for member in port.members)
         yield from _members(port, f"{name}_rotation", members)
 
@@ -76,7 +76,7 @@ def _terminal(port: Terminal, name: str) -> Iterator[str]:
 def _members(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> Iterator[str]:
     attributes = {
         "name": name,
-        # An active port can do without its force, which an operator does not take.
+        # The force of an active port may stay unconnected.
         "matchingRule": "bus" if port.kind == "active" else "plug",
         "terminalKind": "_liaisons_rotation" if members[0].role == "phi" else "_liaisons_translation",
         "description": _TEXTS[port.kind],
@@ -92,13 +92,13 @@ def _members(port: Terminal, name: str, members: tuple[TerminalMember, ...]) -> 
 
 
 def _elements(model: Model) -> Iterator[Terminal]:
-    """Ports by the numbers of arrays, as FMI 2.0 names them."""
+    """Ports of scalars and of elements of arrays, as FMI 2.0 names them."""
     variables = {variable.name: variable for variable in model.variables}
     for port in model.ports:
-        count = variables[port.members[0].variable].count
-        if variables[port.members[0].variable].dimension is None:
+        variable = variables[port.members[0].variable]
+        if variable.dimension is None:
             yield port
-        elif count <= MOST_ELEMENTS:
-            for i in range(1, count + 1):
+        elif variable.count <= MOST_ELEMENTS:
+            for i in range(1, variable.count + 1):
                 members = (TerminalMember(member.role, f"{member.variable}[{i}]") for member in port.members)
                 yield Terminal(f"{port.name}[{i}]", port.kind, tuple(members))

@@ -1,6 +1,6 @@
-"""What one writes: a component's parameters, coordinates, energies, points, constraints and closed forms.
+"""Declaration of components: parameters, coordinates, energies, points, constraints and closed forms.
 
-A declaration does not know what becomes of it: :mod:`liaisons.mechanics` derives equations, :mod:`liaisons.fmu` builds.
+:mod:`liaisons.mechanics` derives equations from them, :mod:`liaisons.fmu` builds FMUs.
 """
 
 import warnings
@@ -85,5 +85,5 @@ if not TYPE_CHECKING:
         if name not in _RENAMED:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         new = _RENAMED[name]
-        warnings.warn(f"{name} is now called {new.__name__}", DeprecationWarning, stacklevel=2)
+        warnings.warn(f"{__name__}.{name} is now {__name__}.{new.__name__}", DeprecationWarning, stacklevel=2)
         return new

@@ -1,4 +1,4 @@
-"""A chain: many equal links, each hung on the one before; described by one link, solved for all at linear cost."""
+"""A chain of equal links, described by one link and solved at linear cost."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from liaisons.language.declarations import (
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.language.variables import Dimension
 
-_OF_MECHANISMS = (Orientation, InternalState, constraint, non_holonomic, rheonomic_constraint, output, assertion)
+_MECHANISM_ONLY = (Orientation, InternalState, constraint, non_holonomic, rheonomic_constraint, output, assertion)
 
 
 class Chain(MechanicalComponent, abstract=True):
     """Mechanical chain of n equal links with active constraints at its base; abstract.
 
     A subclass describes one link.  Its coordinates are those of a link (in the FMU arrays of length n), ``self.joint``
-    is the place where the link before ends, and the methods give the energies of one link.  The coordinates of the
-    base, if it has one, are active.
+    is the end of the previous link, and the methods return the energies of one link.  The base, if there is one, has
+    active coordinates.
 
-    :raises ComponentError: when the subclass is defined, if a symbol is unknown, a name is given twice, or a free end
-        is asked for where the kinetic energy needs a base.
+    :raises ComponentError: when the subclass is defined, for an unknown symbol, a duplicate name, or a free end where
+        the kinetic energy needs a base.
     """
 
     n = Size(10, "number of links")
@@ -62,25 +62,25 @@ class Chain(MechanicalComponent, abstract=True):
             for names in (free, joint, active)
         )
 
-    # ---- what a component defines -----------------------------------------------------------------------------
+    # ---- defined by components -----------------------------------------------------------------------------
 
     @abstractmethod
     def tip(self) -> Mapping[str, ca.SX]:
-        """Where the next link begins, by axis of the joint: an expression of coordinates and joint."""
+        """Joint of the next link by axis, as expressions of coordinates and joint."""
 
     def base(self) -> Mapping[str, ca.SX] | None:
         """Joint of the first link as expressions of active coordinates; None: the first link is a free end."""
         return None
 
     def bond_energy(self) -> ca.SX:
-        """V of what joins a link to the one before or to the base; the first link of a free end has none."""
+        """V of the bond of a link to the previous one or the base; the first link of a free end has none."""
         return ca.SX(0)
 
     def bond_dissipation(self) -> ca.SX:
-        """D [W] of a damper between a link and the one before or the base; the first link of a free end has none."""
+        """D [W] of the bond of a link to the previous one or the base; the first link of a free end has none."""
         return ca.SX(0)
 
-    # ---- what it may use --------------------------------------------------------------------------------------
+    # ---- for use in methods --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
         """Total time derivative of an expression of coordinates, joint and their rates."""
@@ -88,14 +88,14 @@ class Chain(MechanicalComponent, abstract=True):
         rates = ca.vertcat(self.q_dot, self.w_dot, self.s_dot, self.q_ddot, self.w_ddot, self.s_ddot)
         return ca.jtimes(ca.SX(expression), where, rates)
 
-    # ---- what the package makes of it -------------------------------------------------------------------------
+    # ---- derived -------------------------------------------------------------------------
 
-    def place(self, components: Mapping[str, ca.SX]) -> ca.SX:
-        """A tip or base as a column, (d, 1)."""
+    def joint_column(self, components: Mapping[str, ca.SX]) -> ca.SX:
+        """Column of a tip or base, (d, 1)."""
         return stack(ca.SX(components[axis]) for axis in type(self).joint.axes)
 
     def _check(self) -> None:
-        for item in declared(type(self), _OF_MECHANISMS):
+        for item in declared(type(self), _MECHANISM_ONLY):
             what = type(item).__name__
             raise ComponentError(f"{type(self).__name__}.{item.name}: a Chain has no {what}; write a Mechanism")
         parameters, axes = self._named(self.parameter_column), type(self).joint.unit_of
@@ -119,7 +119,7 @@ class Chain(MechanicalComponent, abstract=True):
         self._check_inertia()
 
     def _check_inertia(self) -> None:
-        name, kinetic, tip = type(self).__name__, ca.SX(self.kinetic_energy()), self.place(self.tip())
+        name, kinetic, tip = type(self).__name__, ca.SX(self.kinetic_energy()), self.joint_column(self.tip())
         rates = ca.vertcat(self.q_dot, self.w_dot)
         if ca.depends_on(ca.hessian(kinetic, rates)[0], rates):
             raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates")

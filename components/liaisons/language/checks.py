@@ -1,4 +1,4 @@
-"""Whether a component can be right, found out when its class is defined; what is wrong is said by name."""
+"""Checks of a component when its class is defined; errors name the declaration."""
 
 from __future__ import annotations
 
@@ -25,35 +25,35 @@ _OURS = "liaisons.language"
 
 def declared(cls: type, kind: type[D] | tuple[type[D], ...]) -> tuple[D, ...]:
     """Declarations of one kind, base classes first, each in the order of the file."""
-    found: dict[str, D] = {}
+    declarations: dict[str, D] = {}
     for base in reversed(cls.__mro__):
         for name, value in vars(base).items():
-            found.pop(name, None)  # what a subclass overrides takes its place
+            declarations.pop(name, None)  # what a subclass overrides takes its place
             if isinstance(value, kind):
-                found[name] = value
-    return tuple(found.values())
+                declarations[name] = value
+    return tuple(declarations.values())
 
 
-# ---- what the methods return --------------------------------------------------------------------------------------
+# ---- return values of methods --------------------------------------------------------------------------------------
 
 
-def call(picture: object, name: str, *arguments: Any) -> Any:
-    """Evaluate a method or formula of a component; whatever it raises becomes a ComponentError with its name."""
+def call(instance: object, name: str, *arguments: Any) -> Any:
+    """Value of a method or formula of a component; any exception becomes a ComponentError with its name."""
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("error", message=r"\s*casadi: a numpy function", category=FutureWarning)
-            value = getattr(picture, name)
+            value = getattr(instance, name)
             return value(*arguments) if callable(value) else value
     except LiaisonsError:
         raise
     except Exception as error:
-        raise ComponentError(f"{type(picture).__name__}.{name}: {_reason(error)}") from error
+        raise ComponentError(f"{type(instance).__name__}.{name}: {_reason(error)}") from error
 
 
 def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
-    """The value as a scalar expression of known symbols.
+    """Value as a scalar expression of known symbols.
 
-    :raises ComponentError: if it is no expression, no scalar, or holds a symbol that the component does not have.
+    :raises ComponentError: if it is no expression, no scalar, or contains an unknown symbol.
     """
     label = f"{owner.__name__}.{name}"
     if value is None:
@@ -64,37 +64,37 @@ def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> 
         raise ComponentError(f"{label} returns {value!r}; return a CasADi expression or a number") from None
     if expression.shape != (1, 1):
         raise ComponentError(f"{label} has shape {expression.shape}; return a scalar, (1, 1)")
-    known = {symbol.__hash__() for symbol in symbols.values()}
-    strangers = [str(symbol) for symbol in ca.symvar(expression) if symbol.__hash__() not in known]
+    allowed = {symbol.__hash__() for symbol in symbols.values()}
+    strangers = [str(symbol) for symbol in ca.symvar(expression) if symbol.__hash__() not in allowed]
     if strangers:
         raise ComponentError(f"{label} contains the unknown symbol {strangers[0]!r}{suggestion(strangers[0], symbols)}")
     return expression
 
 
-def components_of(picture: object, name: str) -> Mapping[str, ca.SX]:
-    """What a named point returns: its components, by axis; anything else is a ComponentError."""
-    components = call(picture, name)
+def components_of(instance: object, name: str) -> Mapping[str, ca.SX]:
+    """Components of a named point by axis; a ComponentError for any other return value."""
+    components = call(instance, name)
     if not isinstance(components, Mapping) or not components:
-        raise ComponentError(f"{type(picture).__name__}.{name}: return the components, e.g. {{'x': ..., 'z': ...}}")
+        raise ComponentError(f"{type(instance).__name__}.{name}: return the components, e.g. {{'x': ..., 'z': ...}}")
     return components
 
 
 class Formulas:
-    """The methods and formulas of a component, evaluated one by one; their units are checked together, at the end.
+    """Methods and formulas of a component, evaluated one by one; their units are checked together.
 
-    :raises ComponentError: for one that raises, or is no scalar of the symbols that it may contain.
+    :raises ComponentError: for one that raises, or returns no scalar of the allowed symbols.
     """
 
-    def __init__(self, picture: object) -> None:
-        self._picture, self._owner = picture, type(picture)
-        self._found: list[Declared] = []  # those that others are made of first
+    def __init__(self, instance: object) -> None:
+        self._instance, self._owner = instance, type(instance)
+        self._found: list[Declared] = []  # in the order of their dependence
 
     def __call__(self, name: str, symbols: Mapping[str, ca.SX], unit: str, *arguments: Any) -> ca.SX:
-        """Evaluate one that returns a scalar of these symbols, in this unit."""
-        return self.take(name, call(self._picture, name, *arguments), symbols, unit)
+        """Scalar of the allowed symbols that a method returns, in this unit."""
+        return self.take(name, call(self._instance, name, *arguments), symbols, unit)
 
     def take(self, label: str, value: Any, symbols: Mapping[str, ca.SX], unit: str) -> ca.SX:
-        """A scalar out of what one has returned; what is taken of it stands in brackets: ``"bob['x']"``."""
+        """Scalar of a return value; the label of a component is ``"bob['x']"``."""
         expression = scalar(self._owner, label, value, symbols)
         attribute = inspect.getattr_static(self._owner, label.partition("[")[0])
         if not (attribute.unchecked if isinstance(attribute, Declaration) else hasattr(attribute, UNCHECKED)):
@@ -102,16 +102,16 @@ class Formulas:
         return expression
 
     def each(self, name: str, symbols: Mapping[str, ca.SX], unit: Mapping[str, str]) -> None:
-        """Evaluate one that returns scalars by name, which have these units."""
-        given = call(self._picture, name)
-        if not isinstance(given, Mapping) or given.keys() != unit.keys():
-            what = list(given) if isinstance(given, Mapping) else given
+        """Check a method that returns scalars by name, in these units."""
+        returned = call(self._instance, name)
+        if not isinstance(returned, Mapping) or returned.keys() != unit.keys():
+            what = list(returned) if isinstance(returned, Mapping) else returned
             raise ComponentError(f"{self._owner.__name__}.{name} returns {what}; it must give {list(unit)}")
-        for key, value in given.items():
+        for key, value in returned.items():
             self.take(f"{name}[{key!r}]", value, symbols, unit[key])
 
     def internal_rates(self, states: Iterable[InternalState], symbols: Mapping[str, ca.SX]) -> None:
-        """One rate for each internal state."""
+        """Check the rates of internal states."""
         self.each("internal_rates", symbols, {state.name: units.rate(state.checked_unit) for state in states})
 
     def check_units(self, variables: Iterable[Variable], symbols: Mapping[str, ca.SX], **more: str) -> None:
@@ -126,7 +126,7 @@ class Formulas:
 
 
 def _reason(error: Exception) -> str:
-    """What went wrong in a method, in words that say what to write instead."""
+    """Message about an exception in a method, with the remedy."""
     text = str(error).strip().splitlines()
     if isinstance(error, FutureWarning) or "no implementation found for 'numpy" in str(error):
         return "a function of numpy is given a symbol; use CasADi's, which know symbols: ca.sin, ca.sqrt, ca.fmax, ..."
@@ -165,9 +165,9 @@ def reject_misspelt_methods(cls: type) -> None:
         return {name for name, value in vars(base).items() if isinstance(value, FunctionType) and name[0] != "_"}
 
     inherited = {name for base in cls.__mro__[1:] for name in vars(base)}
-    known = {name for base in cls.__mro__ if base.__module__.startswith(_OURS) for name in methods(base)}
+    allowed = {name for base in cls.__mro__ if base.__module__.startswith(_OURS) for name in methods(base)}
     for name in sorted(methods(cls) - inherited):
-        near = get_close_matches(name, known | {"exact", "picture"}, n=1, cutoff=0.85)
+        near = get_close_matches(name, allowed | {"exact", "picture"}, n=1, cutoff=0.85)
         if near and near[0] not in name and name not in _called(cls):
             raise ComponentError(f"{cls.__name__}.{name}: nothing calls this method; did you mean {near[0]!r}?")
 
@@ -176,12 +176,12 @@ def _called(cls: type) -> set[str]:
     """Names that occur in the methods and formulas of a component."""
     methods = (getattr(value, "method", value) for base in cls.__mro__ for value in vars(base).values())
     waiting: list[Any] = [method.__code__ for method in methods if isinstance(method, FunctionType)]
-    found: set[str] = set()
+    names: set[str] = set()
     while waiting:
         code = waiting.pop()
-        found.update(code.co_names)
+        names.update(code.co_names)
         waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
-    return found
+    return names
 
 
 def reject_reserved_names(cls: type) -> None:

@@ -1,4 +1,4 @@
-"""Closed forms: solutions that stand beside a component's declarations and share nothing else with it."""
+"""Closed forms: analytical solutions beside a component's declarations, independent of its derivation."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ _RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
 
 @final
 class Values:
-    """What a closed form is asked for: ``at.gravity`` is the value that was given, else that of the declaration."""
+    """Arguments of a closed form: ``at.gravity`` is the value of the call, else that of the declaration."""
 
-    def __init__(self, label: str, declared: Mapping[str, Variable], given: Mapping[str, object]) -> None:
+    def __init__(self, label: str, declared: Mapping[str, Variable], values: Mapping[str, object]) -> None:
         self._label, self._declared = label, declared
-        self._given = {name: self._checked(name, value) for name, value in given.items()}
+        self._values = {name: self._checked(name, value) for name, value in values.items()}
         self._read: set[str] = set()
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         self._read.add(name)
-        return self._given[name] if name in self._given else _start(self._variable(name))
+        return self._values[name] if name in self._values else _start(self._variable(name))
 
     def array(self, *names: str) -> NDArray:
         """The values of several variables, shape (n,)."""
         return np.array([getattr(self, name) for name in names])
 
     def reject_unread(self, text: str) -> None:
-        """Refuse what was given, differs from the declaration, and was not asked for."""
-        for name, value in self._given.items():
+        """Raise a ValidityError for values that differ from the declaration but were not read."""
+        for name, value in self._values.items():
             start = _start(self._declared[name])
             if name not in self._read and not np.array_equal(value, start):
                 raise ValidityError(f"{self._label}: {name} = {value} must be {start}; it is {text}")
@@ -64,8 +64,8 @@ class Values:
         try:
             numbers = np.broadcast_to(np.asarray(value, dtype=float), shape)
         except (TypeError, ValueError):
-            wanted = "a number" if shape == () else f"{variable.count} numbers"
-            raise ValidityError(f"{self._label}: {name} = {value!r}; give {wanted}") from None
+            expected = "a number" if shape == () else f"{variable.count} numbers"
+            raise ValidityError(f"{self._label}: {name} = {value!r}; give {expected}") from None
         if not all(np.isfinite(x) and variable.allows(float(x)) for x in numbers.ravel()):
             raise ValidityError(f"{self._label}: {name} = {value} must be {variable.domain() or 'finite'}")
         return numbers if shape else float(numbers)
@@ -73,12 +73,12 @@ class Values:
 
 @final
 class ClosedForm(Generic[R]):
-    """A solution that a component is checked against, called with the names of its parameters, start values and inputs.
+    """An analytical solution of a component, called with the names of its parameters, start values and inputs.
 
-    ``Pendulum.exact(t, theta_0=0.5)``: ``t`` are times [s], of any shape; what is not given is as declared.  What comes
-    back has the names and the units of the component's variables.
+    ``Pendulum.exact(t, theta_0=0.5)``: ``t`` are times [s], of any shape; other values are as declared.  Results have
+    the names and the units of the component's variables.
 
-    :raises ValidityError: for an unknown name, a value outside of its domain, or one that the solution does not cover.
+    :raises ValidityError: for an unknown name, a value outside its domain, or one that the solution does not cover.
     """
 
     def __init__(self, function: Callable[..., R], text: str, conditions: Mapping[str, str]) -> None:
@@ -98,13 +98,13 @@ class ClosedForm(Generic[R]):
         bound.owner = owner
         return bound
 
-    def __call__(self, *arguments: Any, **given: Any) -> R:
+    def __call__(self, *arguments: Any, **values: Any) -> R:
         assert self.owner is not None  # it is an attribute of a component
         label = f"{self.owner.__name__}.{self.__name__}"
-        wanted = self._signature.parameters
-        own = {name: given.pop(name) for name in [*given] if name in wanted}
-        at = Values(label, _settable(self.owner, given), given)
-        own |= {name: value for name, value in (("at", at), ("component", self.owner)) if name in wanted}
+        expected = self._signature.parameters
+        own = {name: values.pop(name) for name in [*values] if name in expected}
+        at = Values(label, _settable(self.owner, values), values)
+        own |= {name: value for name, value in (("at", at), ("component", self.owner)) if name in expected}
         try:
             call = self._signature.bind(*arguments, **own)
         except TypeError as error:
@@ -125,18 +125,18 @@ class ClosedForm(Generic[R]):
 
 
 def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], ClosedForm[R]]:
-    """Make a function of a component its closed form.
+    """Decorator of a function of a component: its closed form.
 
-    It takes times ``t`` or what else it needs, and ``at``: :class:`Values` of the component's variables, whose names,
-    start values and domains are those of the declarations; where it asks for it, also its class as ``component``.
-    It returns values by the names of variables::
+    It takes times ``t`` or other arguments, and ``at``: :class:`Values` of the component's variables, with the names,
+    start values and domains of the declarations; a parameter ``component`` is the class.  It returns values by the
+    names of variables::
 
         @closed_form("the motion with fixed pivot: Jacobi's elliptic functions", gravity="> 0", friction="== 0")
         @staticmethod
         def exact(t: NDArray, at: Values) -> dict[str, NDArray]: ...
 
-    :param text: which solution it is, for the page of the FMU and for messages.
-    :param conditions: what it asks of values beyond their domains: a relation and a number or another name.
+    :param text: name of the solution, for the FMU's documentation and for messages.
+    :param conditions: of values, beyond their domains: a relation and a number or another name.
     """
     for name, condition in conditions.items():
         relation, _, limit = condition.partition(" ")
@@ -145,13 +145,13 @@ def closed_form(text: str, **conditions: str) -> Callable[[Callable[..., R]], Cl
     return lambda function: ClosedForm(function, text, conditions)
 
 
-def _settable(owner: type[Component], given: dict[str, Any]) -> Mapping[str, Variable]:
+def _settable(owner: type[Component], values: dict[str, Any]) -> Mapping[str, Variable]:
     """Parameters, start values and inputs, as declared; of a chain as long as n, which is taken out, or an array."""
     if not issubclass(owner, Chain):
         return _variables(owner)
-    arrays = (len(value) for value in given.values() if np.ndim(value) == 1)
+    arrays = (len(value) for value in values.values() if np.ndim(value) == 1)
     try:
-        return _variables(owner, owner.n.checked(owner.__name__, given.pop("n", next(arrays, owner.n.default))))
+        return _variables(owner, owner.n.checked(owner.__name__, values.pop("n", next(arrays, owner.n.default))))
     except ComponentError as error:
         raise ValidityError(str(error)) from None
 
@@ -168,7 +168,7 @@ def _start(variable: Variable) -> Any:
 
 
 def _value(word: str, bound: Mapping[str, Any], at: Values) -> Any:
-    """What a word of a condition stands for: a number, an argument of the function, or a variable."""
+    """Value of a word in a condition: a number, an argument of the function, or a variable."""
     try:
         return float(word)
     except ValueError:

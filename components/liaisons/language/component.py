@@ -1,4 +1,4 @@
-"""What mechanisms, chains and operators have in common: a class of declarations, an instance of symbols."""
+"""Base of mechanisms, chains and operators: the class holds declarations, an instance symbols."""
 
 from __future__ import annotations
 
@@ -24,38 +24,37 @@ from liaisons.language.variables import Experiment, Variable
 D = TypeVar("D", bound=Declaration)
 
 
-class Every(Generic[D]):
-    """All declarations of one kind that a class has, base classes first."""
+class DeclarationsOf(Generic[D]):
+    """Descriptor: all declarations of one kind of a class, base classes first."""
 
     def __init__(self, kind: type[D]) -> None:
         self._kind = kind
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self._kept = f"_{name}"
+        self._cached = f"_{name}"
 
     def __get__(self, instance: object, owner: type) -> tuple[D, ...]:
-        found = vars(owner).get(self._kept)
-        if found is None:
-            found = self.find(owner)
-            setattr(owner, self._kept, found)
-        return found
+        declarations = vars(owner).get(self._cached)
+        if declarations is None:
+            declarations = self.find(owner)
+            setattr(owner, self._cached, declarations)
+        return declarations
 
     def find(self, owner: type) -> tuple[D, ...]:
-        """Look for them."""
+        """Collect the declarations."""
         return declared(owner, self._kind)
 
 
 class Component(ABC):
-    """A model with declared parameters, on its way to an FMU; abstract.
+    """A model with declared parameters; abstract.
 
-    On the class, ``Pendulum.mass`` is the declaration.  An instance is the symbolic picture of the component:
-    ``self.mass`` is a CasADi symbol.  Subclasses are checked when they are defined: what is wrong is reported by
-    name, before any derivation.
+    On the class, ``Pendulum.mass`` is the declaration; on an instance, ``self.mass`` is a CasADi symbol.  Subclasses
+    are checked when they are defined, before any derivation: errors name the declaration.
     """
 
     experiment: ClassVar[Experiment] = Experiment()
     is_abstract: ClassVar[bool] = True
-    parameters = Every(Parameter)
+    parameters = DeclarationsOf(Parameter)
     symbols: dict[str, ca.SX]
     formulas: dict[str, Any]
     parameter_column: ca.SX
@@ -72,18 +71,18 @@ class Component(ABC):
         if not abstract:
             require_methods(cls)
             reject_reserved_names(cls)
-            picture = cls()
-            layout = picture.layout()
+            instance = cls()
+            layout = instance.layout()
             reject_clashes(cls, [*(v.name for v in layout.variables), *(d.name for d in layout.dimensions)])
-            picture._check()
+            instance._check()
 
     @abstractmethod
     def _check(self) -> None:
-        """Raise a ComponentError for what can be found wrong without deriving anything."""
+        """Raise a ComponentError for errors that show without a derivation."""
 
     @abstractmethod
     def layout(self) -> Layout:
-        """The variables of its FMU."""
+        """Variables of the FMU."""
 
     @classmethod
     def summary(cls) -> str:
@@ -96,11 +95,11 @@ class Component(ABC):
         return sum((self.symbols[p.name] for p in self.parameters if isinstance(p, Friction)), ca.SX(0))
 
     def __getattr__(self, name: str) -> Any:
-        # Only reached for names that do not exist: a misspelt symbol in one of the component's methods.
+        # Only called for names that do not exist: a misspelt symbol in a method of the component.
         if name.startswith("__") or "symbols" not in self.__dict__:
             raise AttributeError(name)
-        known = [*self.symbols, *(n for n in dir(type(self)) if not n.startswith("_"))]
-        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{suggestion(name, known)}")
+        names = [*self.symbols, *(n for n in dir(type(self)) if not n.startswith("_"))]
+        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{suggestion(name, names)}")
 
     def _symbols(self, names: Iterable[str]) -> ca.SX:
         column = [ca.SX.sym(name) for name in names]
@@ -108,7 +107,7 @@ class Component(ABC):
         return ca.vertcat(*column) if column else ca.SX(0, 1)
 
     def _named(self, *columns: ca.SX) -> dict[str, ca.SX]:
-        """The symbols of columns, by name."""
+        """Symbols of columns, by name."""
         names = (str(symbol) for column in columns for symbol in ca.vertsplit(column))
         return {name: self.symbols[name] for name in names}
 

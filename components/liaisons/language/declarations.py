@@ -1,7 +1,7 @@
-"""What a component declares: parameters, coordinates, points, outputs, conditions.
+"""Declarations of a component: parameters, coordinates, points, outputs, constraints, assertions.
 
 Each declaration is a descriptor.  On the class it is the declaration itself (unit, start value, domain); on an
-instance of the component, which is its symbolic picture, it is the CasADi symbol or expression of that name.
+instance of the component it is the CasADi symbol or expression of that name.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ T = TypeVar("T")
 
 
 class Declaration(ABC, Generic[T]):
-    """Name, unit and description of one declared thing; abstract.
+    """Name, unit and description; abstract.
 
     :param unit: SI unit, for example ``"kg.m2"``; ``"1"`` for a pure number.
-    :param description: what it is, in a few words; of a coordinate zero and sense included.
-    :param unchecked: why its unit is left out of account where units are checked, for example ``"an empirical law"``.
+    :param description: in a few words; of a coordinate, with its zero and sense.
+    :param unchecked: why its unit is not checked, for example ``"an empirical law"``.
     :raises ComponentError: for a unit that is not understood, or an argument that is missing or unknown.
     """
 
-    example: ClassVar[str] = ""  # what to write, where something is missing or too much
+    example: ClassVar[str] = ""  # for messages about wrong arguments
     name: str = "?"
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
@@ -61,7 +61,7 @@ class Declaration(ABC, Generic[T]):
 
     @property
     def checked_unit(self) -> str:
-        """The unit that expressions are checked with."""
+        """Unit against which expressions are checked."""
         return units.ANY if self.unchecked else self.unit
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -72,21 +72,21 @@ class Declaration(ABC, Generic[T]):
     @overload
     def __get__(self, instance: object, owner: type) -> T: ...
     def __get__(self, instance: Any, owner: type) -> Self | T:
-        return self if instance is None else self.of(instance)
+        return self if instance is None else self.value_in(instance)
 
     @abstractmethod
-    def of(self, picture: Any) -> T:
-        """What it is in the symbolic picture of a component."""
+    def value_in(self, instance: Any) -> T:
+        """Symbol or expression in an instance of the component."""
 
 
 class Symbol(Declaration[ca.SX]):
     """A declaration that stands for one scalar symbol with a start value and a domain; abstract.
 
-    :param start: its value until another is set.
+    :param start: default value.
     :param above: excluded lower bound; ``minimum`` is the included one.
     :param below: excluded upper bound; ``maximum`` is the included one.
-    :param symbol: its letter on the page of the FMU, ``"κ"`` or ``"m_1"``, where it is not the one of its name.
-    :raises ComponentError: for contradictory bounds, or what is no number.
+    :param symbol: letter in the FMU's documentation, ``"κ"`` or ``"m_1"``; by default that of the name.
+    :raises ComponentError: for contradictory bounds, or a value that is no number.
     """
 
     def __init__(
@@ -116,14 +116,14 @@ class Symbol(Declaration[ca.SX]):
         self.start = _number(start, description)
         self.minimum, self.maximum = (x if x is None else _number(x, description) for x in (low, high))
 
-    def of(self, picture: Any) -> ca.SX:
-        return picture.symbols[self.name]
+    def value_in(self, instance: Any) -> ca.SX:
+        return instance.symbols[self.name]
 
     def __set__(self, instance: object, value: object) -> None:
         raise ComponentError(f"{type(instance).__name__}.{self.name} is a symbol and cannot be assigned")
 
     def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
-        """The symbol as an FMU variable with its start value and domain."""
+        """FMU variable of the symbol, with its start value and domain."""
         return Variable(
             name or self.name,
             self.unit,
@@ -139,10 +139,10 @@ class Symbol(Declaration[ca.SX]):
 
 
 class Parameter(Symbol):
-    """A number that is set before the start.
+    """A parameter, set before the start.
 
-    :param default: its value unless another is set [unit].
-    :param tunable: may change between two steps of a simulation.
+    :param default: default value [unit].
+    :param tunable: may change between two communication steps.
     """
 
     example = 'Parameter(1.0, "kg", "mass of the bob")'
@@ -172,10 +172,10 @@ class Parameter(Symbol):
 
 
 class ParameterArray(Parameter):
-    """Parameters under one name, an array in the FMU; the symbol is a column.
+    """An array of parameters; the symbol is a column.
 
-    :param default: of the first ones, unless others are set; the rest are 0.
-    :param dimension: how many there are, and what the FMU calls their number.
+    :param default: default values of the first elements; the rest are 0.
+    :param dimension: number of elements, and its name in the FMU.
     """
 
     example = 'ParameterArray((0.0, 1.0), "s", "instants", Dimension("knots", 100, "number of knots"))'
@@ -189,8 +189,8 @@ class ParameterArray(Parameter):
     def names(self) -> tuple[str, ...]:
         return tuple(element(self.name, i) for i in range(1, self.dimension.count + 1))
 
-    def of(self, picture: Any) -> ca.SX:
-        return ca.vertcat(*(picture.symbols[name] for name in self.names))
+    def value_in(self, instance: Any) -> ca.SX:
+        return ca.vertcat(*(instance.symbols[name] for name in self.names))
 
     def variable(self, causality: Causality, variability: Variability, name: str | None = None) -> Variable:
         return replace(super().variable(causality, variability, name), start=self.leading, dimension=self.dimension)
@@ -206,9 +206,9 @@ class Gravity(Parameter):
 
 
 class Friction(Parameter):
-    """η [1/s] of K eq. 64, tunable: where it is declared every velocity is braked by it, and no method is needed.
+    """Friction coefficient η [1/s] of K eq. 64, tunable, for all velocities of the component.
 
-    :param description: what it is, and ``symbol`` its letter, where the component has others.
+    :param description: in a few words; ``symbol`` is its letter.
     """
 
     example = 'Friction("of the air")'
@@ -218,12 +218,12 @@ class Friction(Parameter):
 
 
 class Coordinate(Symbol):
-    """A free coordinate q: it moves by its own dynamics (x^i, i <= p, of M 3.5).
+    """A free coordinate q, which follows the equations of motion (x^i, i <= p, of M 3.5).
 
-    :param start: initial value; ``start_rate`` the initial rate.  For the links of a chain also a tuple: the first
-        links start with these, the others with 0.
-    :param above: the motion must stay above this value, and below ``below`` (a singularity lies there).
-    :param nominal: a typical size, which scales the absolute tolerance.
+    :param start: initial value; ``start_rate`` the initial rate.  In a chain also a tuple: values of the first links;
+        those of the others are 0.
+    :param above: excluded lower bound of the motion, ``below`` the upper one (a singularity lies there).
+    :param nominal: nominal value, which scales the absolute tolerance.
     """
 
     example = 'Coordinate("m", "height of the bead")'
@@ -256,22 +256,22 @@ class ActiveCoordinate(Symbol):
 
 
 class Input(Symbol):
-    """What an operator measures: an FMU input, to be connected with an output of the mechanism that it controls."""
+    """An input of an operator, to be connected with an output of the mechanism that it controls."""
 
     example = 'Input("rad/s", "rate of the swing")'
 
 
 class InternalState(Symbol):
-    """A state that is no coordinate, for example the friction of a thermostat; its rate is the component's to give."""
+    """A state that is no coordinate, for example the friction of a thermostat; ``internal_rates`` gives its rate."""
 
     example = 'InternalState("1/s", "friction of the thermostat")'
 
 
 class Size(Declaration[int]):
-    """A structural size: how many links a chain has; fixed when the FMU is built.
+    """A structural parameter: the number of links of a chain, fixed when the FMU is built.
 
-    :param default: the size where none is asked for.
-    :param minimum: the smallest that makes sense.
+    :param default: default value.
+    :param minimum: included lower bound.
     """
 
     example = 'Size(10, "number of links")'
@@ -282,9 +282,9 @@ class Size(Declaration[int]):
         self.default = self.checked("Size", default)
 
     def checked(self, owner: str, value: Any) -> int:
-        """The value as a size.
+        """Value as an ``int``.
 
-        :raises ComponentError: unless it is a whole number and not too small.
+        :raises ComponentError: unless it is a whole number >= ``minimum``.
         """
         whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
         if not whole or int(value) < self.minimum:
@@ -292,12 +292,12 @@ class Size(Declaration[int]):
             raise ComponentError(f"{name}: it must be a whole number >= {self.minimum}")
         return int(value)
 
-    def of(self, picture: Any) -> int:
-        return picture.sizes[self.name]
+    def value_in(self, instance: Any) -> int:
+        return instance.sizes[self.name]
 
 
 class Components(dict[str, Any]):
-    """Components of a point by axis; one that is not there is an error that names the others."""
+    """Components of a point by axis; a missing one raises a ComponentError that names the others."""
 
     def __init__(self, label: str, components: Mapping[str, Any]) -> None:
         super().__init__(components)
@@ -308,7 +308,7 @@ class Components(dict[str, Any]):
 
 
 class Joint(Declaration[Components]):
-    """Where a link of a chain meets the one before; ``self.joint`` maps its axes to symbols.
+    """Joint of a link of a chain with the previous one; ``self.joint`` maps its axes to symbols.
 
     :param unit: unit of the axes, ``"m"`` as a rule.
     :param axes: their names, ``"x", "z"``.
@@ -329,14 +329,14 @@ class Joint(Declaration[Components]):
         """Names of all axes."""
         return tuple(self.unit_of)
 
-    def of(self, picture: Any) -> Components:
-        axes = {axis: picture.symbols[f"{self.name}_{axis}"] for axis in self.axes}
-        return Components(f"{type(picture).__name__}.{self.name}", axes)
+    def value_in(self, instance: Any) -> Components:
+        axes = {axis: instance.symbols[f"{self.name}_{axis}"] for axis in self.axes}
+        return Components(f"{type(instance).__name__}.{self.name}", axes)
 
 
 @dataclass(frozen=True, eq=False)
 class Attitude:
-    """Symbols of one orientation: what ``self.attitude`` is in a method of the component."""
+    """Symbols of an orientation: ``self.attitude`` in a method of the component."""
 
     quaternion: ca.SX  # (4, 1), scalar first, body to inertial frame
     rate: ca.SX  # (3, 1), angular velocity in the body frame
@@ -381,16 +381,16 @@ class Orientation(Declaration[Attitude]):
 
     @property
     def start_names(self) -> tuple[str, str, str]:
-        """What is given at the start beside the quaternion."""
+        """Names of the start values beside the quaternion."""
         return self.rates if self.start == "rate" else self.momenta
 
-    def of(self, picture: Any) -> Attitude:
+    def value_in(self, instance: Any) -> Attitude:
         columns = (self.quaternion, self.rates, self.momenta)
-        return Attitude(*(ca.vertcat(*(picture.symbols[name] for name in names)) for names in columns))
+        return Attitude(*(ca.vertcat(*(instance.symbols[name] for name in names)) for names in columns))
 
 
 class DeclaredFormula(Declaration[T]):
-    """A declared expression: stands above a method of the component, as ``@output("m/s", "speed")``; abstract."""
+    """Decorator of a method that returns an expression, as ``@output("m/s", "speed")``; abstract."""
 
     method: Callable[[Any], T]
 
@@ -401,19 +401,19 @@ class DeclaredFormula(Declaration[T]):
         self.method = method
         return self
 
-    def of(self, picture: Any) -> T:
-        if self.name not in picture.formulas:
-            value: Any = self.method(picture)
+    def value_in(self, instance: Any) -> T:
+        if self.name not in instance.formulas:
+            value: Any = self.method(instance)
             if isinstance(value, Mapping):
-                value = Components(f"{type(picture).__name__}.{self.name}", value)
-            picture.formulas[self.name] = value
-        return picture.formulas[self.name]
+                value = Components(f"{type(instance).__name__}.{self.name}", value)
+            instance.formulas[self.name] = value
+        return instance.formulas[self.name]
 
 
 class point(DeclaredFormula[Mapping[str, ca.SX]]):
-    """A named point, which is a port: other mechanisms may be attached to it.
+    """A named point: a port, to which other mechanisms may be attached.
 
-    The method returns its components, for example ``{"x": ..., "z": ...}``, which all have the unit.
+    The method returns its components in the same unit, for example ``{"x": ..., "z": ...}``.
     """
 
     example = '@point("m", "the bob")'
@@ -426,19 +426,19 @@ class output(DeclaredFormula[ca.SX]):
 
 
 class calculated(DeclaredFormula[ca.SX]):
-    """A number that follows from the parameters alone."""
+    """A calculated parameter: a number that depends on parameters alone."""
 
     example = '@calculated("rad/s", "angular frequency")'
 
 
 class constraint(DeclaredFormula[ca.SX]):
-    """An expression of the configuration that stays zero (K eq. 2)."""
+    """A holonomic constraint: an expression of the configuration that stays zero (K eq. 2)."""
 
     example = '@constraint("m", "the rod keeps its length")'
 
 
 class non_holonomic(DeclaredFormula[ca.SX]):
-    """An expression of configuration and rates that stays zero, upheld by Gauss's principle (K eq. 107)."""
+    """A non-holonomic constraint: an expression of configuration and rates that stays zero, by Gauss (K eq. 107)."""
 
     example = '@non_holonomic("m/s", "the wheel does not slip")'
 
@@ -446,7 +446,7 @@ class non_holonomic(DeclaredFormula[ca.SX]):
 class assertion(DeclaredFormula[ca.SX]):
     """An expression that must stay positive, as of Modelica's ``assert``; a singularity lies where it vanishes.
 
-    :param text: the message when it does not, for example ``"r must stay > 0"``.
+    :param text: message of a violation, for example ``"r must stay > 0"``.
     """
 
     example = '@assertion("r must stay > 0")'
@@ -458,7 +458,7 @@ class assertion(DeclaredFormula[ca.SX]):
 class rheonomic_constraint(DeclaredFormula[ca.SX]):
     """An active constraint π(x) = σ(t), a submersion on coordinates not adapted to it (M eq. 20); σ is an FMU input.
 
-    :param start: value of σ until the operator gives another; the start of the motion has to fit it.
+    :param start: default value of σ, consistent with the start of the motion.
     :param above: excluded lower bound of σ, ``below`` the upper one.
     """
 
@@ -486,7 +486,7 @@ UNCHECKED = "unchecked_because"
 
 
 def unchecked(reason: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Say of a method such as ``potential_energy`` why its unit is not checked; declarations take ``unchecked=``.
+    """Decorator of a method, such as ``potential_energy``, whose unit is not checked; declarations take ``unchecked=``.
 
     :param reason: for example ``"an empirical law, numbers in SI units"``.
     """

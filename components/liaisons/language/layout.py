@@ -1,4 +1,4 @@
-"""The variables of a component: names, units and descriptions, as DESIGN.md lays them down for every FMU."""
+"""Variables of a component: names, units and descriptions, as DESIGN.md defines them for every FMU."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ROTATION = ("phi", "w", "a", "tau")
 
 @dataclass(frozen=True)
 class Layout:
-    """All variables of a component, in the order of their value references, and which of them belong together."""
+    """Variables of a component in the order of their value references, with states, ports and dimensions."""
 
     parameters: tuple[Variable, ...]
     inputs: tuple[Variable, ...]
@@ -62,7 +62,7 @@ def rate(name: str, unit: str, text: str, dimension: Dimension | None = None) ->
 
 
 def start(name: str, unit: str, value: float, dimension: Dimension | None = None) -> Variable:
-    """Initial value of what is not declared as a symbol."""
+    """Parameter of an initial value without a declaration."""
     text = f"initial value of {name}"
     return Variable(f"{name}_0", unit, text, "parameter", "fixed", start=value, dimension=dimension)
 

@@ -1,4 +1,4 @@
-"""What mechanisms and chains have in common: coordinates, energies, friction, named points, and the FMU's variables."""
+"""Base of mechanisms and chains: coordinates, energies, friction, named points, and the FMU's variables."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.language import layout
 from liaisons.language.checks import Formulas, components_of, declared, require_units
-from liaisons.language.component import Component, Every
+from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import (
     ActiveCoordinate,
     Coordinate,
@@ -30,7 +30,7 @@ from liaisons.language.shapes import Ball, Shapes
 from liaisons.language.variables import ActiveInput, Dimension, State, Variable
 
 
-class _Actives(Every[ActiveCoordinate]):
+class _Actives(DeclarationsOf[ActiveCoordinate]):
     """The active coordinates, those of rheonomic constraints last."""
 
     def find(self, owner: type) -> tuple[ActiveCoordinate, ...]:
@@ -38,26 +38,26 @@ class _Actives(Every[ActiveCoordinate]):
 
 
 class MechanicalComponent(Component, abstract=True):
-    """What is described by its energies: a mechanism, or one link of a chain; abstract."""
+    """A component described by its energies: a mechanism, or one link of a chain; abstract."""
 
-    coordinates = Every(Coordinate)
+    coordinates = DeclarationsOf(Coordinate)
     actives = _Actives(ActiveCoordinate)
-    orientations = Every(Orientation)
-    internal_states = Every(InternalState)
-    rheonomic_constraints = Every(rheonomic_constraint)
-    constraints = Every(constraint)
-    non_holonomic = Every(non_holonomic)
-    points = Every(point)
-    outputs = Every(output)
-    calculated_parameters = Every(calculated)
-    dimension: Dimension | None = None  # of what there is one of at each link
+    orientations = DeclarationsOf(Orientation)
+    internal_states = DeclarationsOf(InternalState)
+    rheonomic_constraints = DeclarationsOf(rheonomic_constraint)
+    constraints = DeclarationsOf(constraint)
+    non_holonomic = DeclarationsOf(non_holonomic)
+    points = DeclarationsOf(point)
+    outputs = DeclarationsOf(output)
+    calculated_parameters = DeclarationsOf(calculated)
+    dimension: Dimension | None = None  # of the variables of links
 
     @abstractmethod
     def kinetic_energy(self) -> ca.SX:
         """T, quadratic in the rates (K eq. 12); usually by :meth:`speed_squared`."""
 
     def potential_energy(self) -> ca.SX:
-        """V of the configuration; zero unless the component says otherwise."""
+        """V of the configuration; zero by default."""
         return ca.SX(0)
 
     def friction_coefficient(self) -> ca.SX:
@@ -65,9 +65,9 @@ class MechanicalComponent(Component, abstract=True):
         return self._declared_friction
 
     def dissipation_function(self) -> ca.SX:
-        """Rayleigh's D [W] of further friction, Q = −∂D/∂q̇; zero unless the component says otherwise.
+        """Rayleigh's D [W] of further friction, Q = −∂D/∂q̇; zero by default.
 
-        A damper c between two parts, with the rate v of one relative to the other: D = c v²/2.
+        That of a damper c at the relative velocity v is D = c v²/2.
         """
         return ca.SX(0)
 
@@ -80,30 +80,30 @@ class MechanicalComponent(Component, abstract=True):
         return ca.SX(sum(self.dot(component) ** 2 for component in position.values()))
 
     def picture(self) -> Shapes:
-        """What it looks like: shapes between its points; of a chain one link, the ``self.number``-th."""
+        """Shapes between its points; of a chain those of the ``self.number``-th link."""
         return [Ball(getattr(self, item.name)) for item in self.points]
 
     def point_components(self) -> dict[str, ca.SX]:
         """Components of all named points, ``"bob_x"`` and so on."""
-        found = ((item.name, components_of(self, item.name)) for item in self.points)
-        return {f"{name}_{axis}": ca.SX(value) for name, axes in found for axis, value in axes.items()}
+        components = ((item.name, components_of(self, item.name)) for item in self.points)
+        return {f"{name}_{axis}": ca.SX(value) for name, axes in components for axis, value in axes.items()}
 
     def layout(self) -> Layout:
-        place_of = {item.name: item for item in self.points}
-        units_at = {name: place_of[name.rpartition("_")[0]].unit for name in self.point_components()}
+        unit_of = {item.name: item.unit for item in self.points}
+        units_at = {name: unit_of[name.rpartition("_")[0]] for name in self.point_components()}
         positions = [
             *(q.name for q in self.coordinates),
-            *(name for turn in self.orientations for name in turn.quaternion),
+            *(name for orientation in self.orientations for name in orientation.quaternion),
         ]
         momenta = [
             *(f"p_{q.name}" for q in self.coordinates),
-            *(name for turn in self.orientations for name in turn.momenta),
+            *(name for orientation in self.orientations for name in orientation.momenta),
         ]
         moving = (*positions, *momenta, *(state.name for state in self.internal_states))
         return Layout(
-            parameters=(*self._declared_parameters(), *self._initial()),
-            inputs=tuple(self._given(units_at)),
-            outputs=(*self._motion(), *self._read()),
+            parameters=(*self._declared_parameters(), *self._start_parameters()),
+            inputs=tuple(self._inputs(units_at)),
+            outputs=(*self._motion_outputs(), *self._dynamics_outputs()),
             states=(
                 *(State(name, f"{name}_dot") for name in moving),
                 State("work", "power"),
@@ -118,21 +118,23 @@ class MechanicalComponent(Component, abstract=True):
             dimensions=() if self.dimension is None else (self.dimension,),
         )
 
-    def _initial(self) -> Iterator[Variable]:
-        """Configuration, and rates or momenta, at the start."""
+    def _start_parameters(self) -> Iterator[Variable]:
+        """Start values of configuration, and rates or momenta."""
         size = self.dimension
         for q in self.coordinates:
             position = q.variable("parameter", "fixed", f"{q.name}_0")
             text = f"{q.description}, at the start"
             yield replace(position, description=text, start=q.leading or q.start, dimension=size)
             yield layout.start(f"{q.name}_dot", units.rate(q.unit), q.start_rate, size)
-        for turn in self.orientations:
-            unit = "rad/s" if turn.start == "rate" else "kg.m2/s"
-            yield from (layout.start(name, "1", float(name == turn.quaternion[0])) for name in turn.quaternion)
-            yield from (layout.start(name, unit, 0.0) for name in turn.start_names)
+        for orientation in self.orientations:
+            unit = "rad/s" if orientation.start == "rate" else "kg.m2/s"
+            yield from (
+                layout.start(name, "1", float(name == orientation.quaternion[0])) for name in orientation.quaternion
+            )
+            yield from (layout.start(name, unit, 0.0) for name in orientation.start_names)
         yield from map(layout.start_of_internal, self.internal_states)
 
-    def _given(self, units_at: Mapping[str, str]) -> Iterator[Variable]:
+    def _inputs(self, units_at: Mapping[str, str]) -> Iterator[Variable]:
         """σ, σ̇ and σ̈ of active coordinates; drives and loads of free ones; loads at points, by their units."""
         size, together = self.dimension, "to be set with it, in model exchange too"
         for s in self.actives:
@@ -149,7 +151,7 @@ class MechanicalComponent(Component, abstract=True):
             text = f"force that this mechanism exerts along +{name} on what is attached there"
             yield layout.zero(f"{name}_load", units.force(of), text, size)
 
-    def _motion(self) -> Iterator[Variable]:
+    def _motion_outputs(self) -> Iterator[Variable]:
         """Coordinates, orientations, internal states, their momenta and rates."""
         readable, size = layout.readable, self.dimension
         for q in self.coordinates:
@@ -160,20 +162,20 @@ class MechanicalComponent(Component, abstract=True):
             yield readable(momentum, units.momentum(q.unit), f"momentum conjugate to {q.name}", dimension=size)
             text = f"rate of {momentum}: all generalised forces along {q.name}"
             yield layout.rate(momentum, units.force(q.unit), text, size)
-        for turn in self.orientations:
-            for name in turn.quaternion:
-                yield readable(name, "1", f"{turn.description}: quaternion, scalar first")
+        for orientation in self.orientations:
+            for name in orientation.quaternion:
+                yield readable(name, "1", f"{orientation.description}: quaternion, scalar first")
                 yield layout.rate(name, "1/s", f"rate of {name}")
-            for name in turn.rates:
-                yield readable(name, "rad/s", f"{turn.description}: angular velocity in the body frame")
+            for name in orientation.rates:
+                yield readable(name, "rad/s", f"{orientation.description}: angular velocity in the body frame")
                 yield readable(f"{name}_dot", "rad/s2", f"rate of {name}")
-            for name in turn.momenta:
-                yield readable(name, "kg.m2/s", f"{turn.description}: angular momentum in the inertial frame")
+            for name in orientation.momenta:
+                yield readable(name, "kg.m2/s", f"{orientation.description}: angular momentum in the inertial frame")
                 yield layout.rate(name, "N.m", f"rate of {name}: torque")
         for state in self.internal_states:
             yield from layout.of_internal(state)
 
-    def _read(self) -> Iterator[Variable]:
+    def _dynamics_outputs(self) -> Iterator[Variable]:
         """Constraints, operators, points, energies, and what is declared beside them."""
         readable, size = layout.readable, self.dimension
         for item in (*self.constraints, *self.non_holonomic, *self.rheonomic_constraints):

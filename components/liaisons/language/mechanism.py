@@ -14,7 +14,7 @@ from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import gradient
 from liaisons.language.checks import Formulas, call, scalar
-from liaisons.language.component import Every
+from liaisons.language.component import DeclarationsOf
 from liaisons.language.declarations import ActiveCoordinate, Coordinate, Declaration, Parameter, assertion
 from liaisons.language.mechanical import MechanicalComponent
 
@@ -47,7 +47,7 @@ class ActiveColumns:
 
 @dataclass(frozen=True, eq=False)
 class PlaceholderColumns:
-    """Symbols in the place of some points, as if these were coordinates; none in an ordinary picture."""
+    """Symbols in place of some points, as if these were coordinates; none in an ordinary instance."""
 
     names: tuple[str, ...]  # of the points
     w: ca.SX  # (w, 1)
@@ -65,7 +65,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         clash, or the mass matrix at the start is not positive definite.
     """
 
-    assertions = Every(assertion)
+    assertions = DeclarationsOf(assertion)
     free: FreeColumns
     active: ActiveColumns
     internal: ca.SX
@@ -74,18 +74,18 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def __init__(self) -> None:
         super().__init__()
-        free, turns = [c.name for c in self.coordinates], self.orientations
-        if len(turns) > 1:
+        free, orientations = [c.name for c in self.coordinates], self.orientations
+        if len(orientations) > 1:
             raise ComponentError(
                 f"{type(self).__name__}: declare one Orientation at most; the names of its variables are fixed"
             )
         rates, momenta = [f"{q}_dot" for q in free], [f"p_{q}" for q in free]
-        for turn in turns:
-            rates, momenta = [*rates, *turn.rates], [*momenta, *turn.momenta]
-        configuration = self._symbols([*free, *(name for turn in turns for name in turn.quaternion)])
+        for orientation in orientations:
+            rates, momenta = [*rates, *orientation.rates], [*momenta, *orientation.momenta]
+        configuration = self._symbols([*free, *(name for item in orientations for name in item.quaternion)])
         velocities = self._symbols(rates)
         momentum_symbols = self._symbols(momenta)
-        attitudes = [getattr(self, turn.name) for turn in turns]
+        attitudes = [getattr(self, orientation.name) for orientation in orientations]
         self.free = FreeColumns(
             q=configuration,
             q_dot=velocities,
@@ -107,7 +107,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         self.multipliers = self._symbols(f"lambda_{c.name}" for c in (*self.constraints, *self.non_holonomic))
         self.placeholders = PlaceholderColumns((), ca.SX(0, 1), ca.SX(0, 1))
 
-    # ---- what a component defines -----------------------------------------------------------------------------
+    # ---- defined by components -----------------------------------------------------------------------------
 
     def lagrangian(self) -> ca.SX:
         """L = T − V (K eq. 18); override it where forces depend on the velocity (K eq. 24)."""
@@ -117,7 +117,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         """Rates of the internal states, by name."""
         return {}
 
-    # ---- what it may use --------------------------------------------------------------------------------------
+    # ---- for use in methods --------------------------------------------------------------------------------------
 
     def dot(self, expression: ca.SX) -> ca.SX:
         """Total time derivative along the motion of an expression of coordinates and rates; of any shape."""
@@ -129,21 +129,21 @@ class Mechanism(MechanicalComponent, abstract=True):
 
     def momentum(self, coordinate: ca.SX) -> ca.SX:
         """p = ∂L/∂q̇ of a free coordinate; for outputs."""
-        return self._of(f"p_{coordinate}", "momentum", self.coordinates)
+        return self._symbol(f"p_{coordinate}", "momentum", self.coordinates)
 
     def constraint_force(self, name: str) -> ca.SX:
         """λ of a constraint of this name: its force is λ times the constraint's gradient; for outputs."""
-        return self._of(f"lambda_{name}", "constraint_force", (*self.constraints, *self.non_holonomic))
+        return self._symbol(f"lambda_{name}", "constraint_force", (*self.constraints, *self.non_holonomic))
 
     def operator_force(self, coordinate: ca.SX | str) -> ca.SX:
         """λ of M eq. 27, the generalised force of the operator along an active coordinate; for outputs.
 
         :param coordinate: the coordinate, or its name; the name for a rheonomic constraint.
         """
-        return self._of(f"{coordinate}_force", "operator_force", self.actives)
+        return self._symbol(f"{coordinate}_force", "operator_force", self.actives)
 
     def with_placeholders(self, names: Sequence[str]) -> Self:
-        """The same picture with symbols for these points, so that expressions show how they depend on them."""
+        """Copy with symbols for these points, so that expressions show how they depend on them."""
         twin = copy(self)
         places = {name: {axis: ca.SX.sym(f"{name}_{axis}") for axis in getattr(self, name)} for name in names}
         w = ca.vertcat(*(symbol for axes in places.values() for symbol in axes.values()))
@@ -152,7 +152,7 @@ class Mechanism(MechanicalComponent, abstract=True):
         twin.placeholders = PlaceholderColumns(tuple(names), w, ca.vertcat(*rates))
         return twin
 
-    def _of(self, name: str, method: str, kind: Sequence[Declaration]) -> ca.SX:
+    def _symbol(self, name: str, method: str, kind: Sequence[Declaration]) -> ca.SX:
         if name not in self.symbols:
             names = ", ".join(c.name for c in kind) or "none is declared"
             raise ComponentError(
@@ -160,13 +160,13 @@ class Mechanism(MechanicalComponent, abstract=True):
             )
         return self.symbols[name]
 
-    # ---- what the package makes of it -------------------------------------------------------------------------
+    # ---- derived -------------------------------------------------------------------------
 
     def start_values(self) -> dict[str, float]:
-        """Defaults of parameters, coordinates, rates and inputs; what is not declared starts at 0."""
+        """Start values of all symbols by name: as declared, else 0."""
         declared = (*self.parameters, *self.coordinates, *self.actives, *self.internal_states)
         values = dict.fromkeys(self.symbols, 0.0) | {item.name: item.start for item in declared}
-        values |= {turn.quaternion[0]: 1.0 for turn in self.orientations}
+        values |= {orientation.quaternion[0]: 1.0 for orientation in self.orientations}
         return values | {f"{q.name}_dot": q.start_rate for q in self.coordinates}
 
     def _check(self) -> None:
@@ -183,17 +183,17 @@ class Mechanism(MechanicalComponent, abstract=True):
         kinetic = formulas("kinetic_energy", motion, "J")
         formulas("potential_energy", configuration, "J")
         lagrangian = scalar(type(self), "lagrangian", call(self, "lagrangian"), motion)
-        if type(self).lagrangian is not Mechanism.lagrangian:  # T - V has been looked at
+        if type(self).lagrangian is not Mechanism.lagrangian:  # T - V is checked already
             formulas.take("lagrangian", lagrangian, motion, "J")
         formulas("friction_coefficient", parameters | internal, "1/s")
         formulas("dissipation_function", motion | internal, "W")
-        known: dict[tuple[Declaration, ...], dict[str, ca.SX]] = {
+        allowed: dict[tuple[Declaration, ...], dict[str, ca.SX]] = {
             (*self.constraints, *self.rheonomic_constraints): configuration,
             (*self.non_holonomic, *self.assertions): motion,
             self.outputs: self.symbols,
             self.calculated_parameters: parameters,
         }
-        for items, symbols in known.items():
+        for items, symbols in allowed.items():
             for item in items:
                 formulas(item.name, symbols, units.ANY if isinstance(item, assertion) else item.unit)
         formulas.internal_rates(self.internal_states, motion | internal)
@@ -201,15 +201,15 @@ class Mechanism(MechanicalComponent, abstract=True):
         _check_mass_matrix(self, lagrangian, kinetic, motion)
 
 
-def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
-    name = type(picture).__name__
-    metric, rates = ca.hessian(lagrangian, picture.free.q_dot)[0], ca.vertcat(picture.free.q_dot, picture.active.s_dot)
+def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: dict[str, ca.SX]) -> None:
+    name = type(m).__name__
+    metric, rates = ca.hessian(lagrangian, m.free.q_dot)[0], ca.vertcat(m.free.q_dot, m.active.s_dot)
     if ca.depends_on(metric, rates):
         raise ComponentError(f"{name}.kinetic_energy must be quadratic in the rates; its mass matrix depends on them")
-    start = picture.start_values()
+    start = m.start_values()
     at_rest = ca.substitute(ca.vertcat(kinetic, gradient(kinetic, rates)), rates, ca.SX.zeros(rates.shape))
     function = ca.Function("check", list(motion.values()), [metric, kinetic, at_rest])
-    at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*picture.coordinates, *picture.actives))
+    at_start = ", ".join(f"{c.name} = {c.start:g}" for c in (*m.coordinates, *m.actives))
 
     def at(values: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray]:
         metric, energy, left = function(*(values[symbol] for symbol in motion))
@@ -227,9 +227,9 @@ def _check_mass_matrix(picture: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, mo
         )
     if _is_inertia(matrix):
         return
-    still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(picture.free.q_dot), strict=True) if not row.any()]
+    still = [str(v) for row, v in zip(matrix.T, ca.vertsplit(m.free.q_dot), strict=True) if not row.any()]
     what = f"no mass moves with {still[0]}" if still else f"mass matrix {matrix.tolist()} is not positive definite"
-    for item, other in _other_values(picture):
+    for item, other in _other_values(m):
         if not _is_inertia(at(start | {item.name: other})[0]):
             continue
         value = f"{item.name} = {item.start:g}" + ("" if item.unit == "1" else f" {item.unit}")
@@ -255,9 +255,9 @@ def _is_inertia(matrix: np.ndarray) -> bool:
     return finite and bool(np.min(np.linalg.eigvalsh(matrix)) > 1e-14 * np.max(np.abs(matrix)))
 
 
-def _other_values(picture: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
-    """What could make a mass matrix singular, one at a time, with a value at which it might not do so."""
-    yield from ((item, 1.0) for item in picture.parameters if item.start <= 0)
-    for item in (*picture.coordinates, *picture.actives):
+def _other_values(m: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:
+    """Declarations that could make a mass matrix singular, each with another value."""
+    yield from ((item, 1.0) for item in m.parameters if item.start <= 0)
+    for item in (*m.coordinates, *m.actives):
         size = item.nominal if isinstance(item, Coordinate) else 1.0
         yield from ((item, item.start + change * size) for change in (0.1, -0.1))

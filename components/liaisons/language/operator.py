@@ -1,4 +1,4 @@
-"""An operator: a source of σ(t), with its two derivatives taken from one expression."""
+"""An operator: source of σ(t) and its two derivatives, from one expression."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.operations import is_smooth
 from liaisons.language.checks import Formulas, call
-from liaisons.language.component import Component, Every
+from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import Input, InternalState, ParameterArray
 from liaisons.language.layout import Layout, of_internal, readable, start_of_internal
 from liaisons.language.variables import State, Terminal, TerminalMember
@@ -44,18 +44,17 @@ class Lookup:
 class Operator(Component, abstract=True):
     """Source of a signal y(t) and its derivatives, for an active port; abstract.
 
-    A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, :meth:`events`: who
-    follows the signal has a communication point there.  One
-    that closes a loop declares inputs and internal states with :meth:`internal_rates`; the signal then depends on the
-    states, and through at least three of them on an input, so that y, y_dot and y_ddot are continuous.
-    The outputs ``y``, ``y_dot``, ``y_ddot`` carry no unit: they take that of the port they are connected to.
+    A subclass declares parameters and defines :meth:`signal`; where the signal is not smooth, also :meth:`events`,
+    which become communication points.  A controller declares inputs and internal states with :meth:`internal_rates`;
+    its signal depends on an input through at least three states, so that y, y_dot and y_ddot are continuous.
+    The outputs ``y``, ``y_dot``, ``y_ddot`` have the unit of the port they are connected to.
 
     :raises ComponentError: when the subclass is defined, for an unknown symbol, a wrong size, or a signal one of whose
         derivatives jumps with an input.
     """
 
-    inputs = Every(Input)
-    internal_states = Every(InternalState)
+    inputs = DeclarationsOf(Input)
+    internal_states = DeclarationsOf(InternalState)
     lookups: list[Lookup] | None
     clock: ca.SX
     internal: ca.SX
@@ -73,31 +72,31 @@ class Operator(Component, abstract=True):
         """y as an expression of time, the parameters and the internal states."""
 
     def interval(self, t: ca.SX, *columns: str, rests: bool = False) -> tuple[list[ca.SX], list[ca.SX]]:
-        """Two rows of a table between whose instants t lies: the values of these columns in each of them.
+        """Two rows of a table between whose instants t lies: values of these columns in each.
 
         The parameter arrays that are declared first and have one dimension are the table, a column each; the first of
         them has the instants of the rows, ascending, and ends where they no longer ascend.  Before all rows it is the
         first interval, behind them the last one; intervals without length are none.  An FMU's runtime looks rows up,
         and the functions generated for it see no others; a file in its resources may hold more rows.
 
-        :param t: when; may depend on time, internal states, inputs and other parameters.
+        :param t: instant; may depend on time, internal states, inputs and other parameters.
         :param columns: names of the parameter arrays.
         :param rests: behind all rows both are the last one.
         """
         if self.lookups is None:
             return self._chosen(t, columns, rests=rests)
-        for found in self.lookups:
-            if (found.columns, found.rests) == (columns, rests) and ca.is_equal(found.time, t, 100):
+        for lookup in self.lookups:
+            if (lookup.columns, lookup.rests) == (columns, rests) and ca.is_equal(lookup.time, t, 100):
                 break
         else:
             begin, end = (ca.vertcat(*(ca.SX.sym(f"{c}[{row}]") for c in columns)) for row in ("k", "k+1"))
-            found = Lookup(t, columns, rests, begin, end)
-            self.lookups.append(found)
-        return ca.vertsplit(found.begin), ca.vertsplit(found.end)
+            lookup = Lookup(t, columns, rests, begin, end)
+            self.lookups.append(lookup)
+        return ca.vertsplit(lookup.begin), ca.vertsplit(lookup.end)
 
     def _chosen(self, t: ca.SX, columns: Sequence[str], *, rests: bool) -> tuple[list[ca.SX], list[ca.SX]]:
-        """The same as expressions of all rows."""
-        instants, ascends = ca.vertsplit(self.table[0].of(self)), ca.SX(1)
+        """Rows of :meth:`interval` as expressions of all rows."""
+        instants, ascends = ca.vertsplit(self.table[0].value_in(self)), ca.SX(1)
         begun, has_length = [], []
         for t_0, t_1 in pairwise(instants):
             ascends = ca.logic_and(ascends, t_1 >= t_0)
@@ -116,12 +115,12 @@ class Operator(Component, abstract=True):
         if rests:
             more = stack([*has_length, ca.SX(0)])  # whether there is a next row
             end = stack([ca.SX(0), *ca.vertsplit(begin * more)[:-1]]) + begin * (1 - more)
-        whole = [next(p for p in self.table if p.name == name).of(self) for name in columns]
+        whole = [next(p for p in self.table if p.name == name).value_in(self) for name in columns]
         return [ca.dot(begin, x) for x in whole], [ca.dot(end, x) for x in whole]
 
     @property
     def table(self) -> list[ParameterArray]:
-        """The parameter arrays in front, of one dimension: columns in which :meth:`interval` looks."""
+        """Leading parameter arrays of one dimension: the columns of :meth:`interval`."""
         first = next(iter(self.parameters), None)
         return [
             p
@@ -197,7 +196,7 @@ class Operator(Component, abstract=True):
 
     @final
     def first_after(self, instants: Iterable[ca.SX]) -> ca.SX:
-        """The first of some instants [s] after ``clock``; the greatest double if there is none."""
+        """First of some instants after ``clock`` [s]; the greatest double if there is none."""
         after = [ca.if_else(instant > self.clock, instant, sys.float_info.max) for instant in instants]
         return reduce(ca.fmin, after, ca.SX(sys.float_info.max))
 

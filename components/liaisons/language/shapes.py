@@ -1,4 +1,4 @@
-"""Shapes that a mechanism is drawn with, between its points: what ``picture(self)`` returns."""
+"""Shapes of a mechanism's picture, which ``picture(self)`` returns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Number: TypeAlias = Any
 """A number, or an expression of the configuration and the parameters."""
 
 Named = Callable[[Number], float | str]
-"""The number itself, or the name of the variable that has it."""
+"""Number, or name of the variable with this value."""
 
 
 @final
@@ -29,7 +29,7 @@ class Rod:
     radius: Number | None = None
 
     def document(self, named: Named) -> dict[str, Any]:
-        """What stands in the picture's file."""
+        """Entry of the picture's file."""
         return {"shape": "rod", "from": _point(self.start, named), "to": _point(self.end, named)} | _radius(self, named)
 
 
@@ -42,7 +42,7 @@ class Ball:
     radius: Number | None = None
 
     def document(self, named: Named) -> dict[str, Any]:
-        """What stands in the picture's file."""
+        """Entry of the picture's file."""
         return {"shape": "ball", "at": _point(self.at, named)} | _radius(self, named)
 
 
@@ -60,7 +60,7 @@ class Box:
     size: tuple[Number, Number, Number]
 
     def document(self, named: Named) -> dict[str, Any]:
-        """What stands in the picture's file."""
+        """Entry of the picture's file."""
         axes = [[named(self.axes[i, j]) for i in range(3)] for j in range(3)]
         return {"shape": "box", "at": _point(self.at, named), "axes": axes, "size": [named(s) for s in self.size]}
 
@@ -74,7 +74,7 @@ class Wire:
     closed: bool = False
 
     def document(self, named: Named) -> dict[str, Any]:
-        """What stands in the picture's file."""
+        """Entry of the picture's file."""
         return {"shape": "wire", "points": [_point(p, named) for p in self.points], "closed": self.closed}
 
 
@@ -87,19 +87,19 @@ class Spring:
     end: VariableReference
 
     def document(self, named: Named) -> dict[str, Any]:
-        """What stands in the picture's file."""
+        """Entry of the picture's file."""
         return {"shape": "spring", "from": _point(self.start, named), "to": _point(self.end, named)}
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Trail:
-    """Where a point has been."""
+    """Path of a point."""
 
     at: VariableReference
 
     def document(self, named: Named) -> dict[str, Any]:
-        """What stands in the picture's file."""
+        """Entry of the picture's file."""
         return {"shape": "trail", "at": _point(self.at, named)}
 
 
@@ -122,15 +122,15 @@ def circle(centre: VariableReference, radius: Number, across: tuple[ca.SX, ca.SX
     """A circle about a point, spanned by two unit vectors (3,)."""
     a, b = across
 
-    def place(angle: float) -> VariableReference:
+    def position(angle: float) -> VariableReference:
         offset = radius * (cos(angle) * a + sin(angle) * b)
         return {axis: centre.get(axis, 0) + offset[i] for i, axis in enumerate(_AXES)}
 
-    return Wire([place(2 * pi * i / count) for i in range(count)], closed=True)
+    return Wire([position(2 * pi * i / count) for i in range(count)], closed=True)
 
 
-def _point(place: VariableReference, named: Named) -> list[float | str]:
-    return [named(place.get(axis, 0.0)) for axis in _AXES]
+def _point(position: VariableReference, named: Named) -> list[float | str]:
+    return [named(position.get(axis, 0.0)) for axis in _AXES]
 
 
 def _radius(shape: Rod | Ball, named: Named) -> dict[str, float | str]:

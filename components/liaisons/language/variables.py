@@ -1,4 +1,4 @@
-"""What a declaration becomes in an FMU: variables with units and domains, connectors, the default experiment."""
+"""FMU variables with units and domains, connectors, and the default experiment."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Dimension:
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """One variable of the model description: a number, or a column of numbers under one name."""
+    """A variable of the model description: a scalar or an array."""
 
     name: str
     unit: str
@@ -47,18 +47,18 @@ class Variable:
 
     @property
     def count(self) -> int:
-        """How many numbers it holds."""
+        """Number of elements."""
         return 1 if self.dimension is None else self.dimension.count
 
     @property
     def starts(self) -> tuple[float, ...]:
-        """Start values of all its numbers; 0 where there is none."""
+        """Start values of all elements; 0 by default."""
         if isinstance(self.start, tuple):
             return self.start + (0.0,) * (self.count - len(self.start))
         return (self.start or 0.0,) * self.count
 
     def elements(self) -> tuple[Variable, ...]:
-        """Its scalars, ``theta[1]``, ``theta[2]``, ...; itself if it is one."""
+        """Scalar variables ``theta[1]``, ``theta[2]``, ...; of a scalar itself."""
         if self.dimension is None:
             return (self,)
         return tuple(
@@ -73,7 +73,7 @@ class Variable:
         )
 
     def domain(self) -> str:
-        """The allowed values in words: ``"> 0"``, ``"in [0, 1]"``; empty when all are allowed."""
+        """Allowed values as text: ``"> 0"``, ``"in [0, 1]"``; empty if all are allowed."""
         less, more = ("<", ">") if self.strict else ("<=", ">=")
         if self.minimum is not None and self.maximum is not None:
             left, right = ("]", "[") if self.strict else ("[", "]")
@@ -125,11 +125,10 @@ class Terminal:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Default experiment: one that shows something worthwhile.
+    """Default experiment.
 
-    The start values of a component may be such that nothing happens.  Then ``reference`` gives those of its reference
-    results, by the names of scalar parameters and inputs; a coordinate that an operator prescribes moves as its rate
-    and its acceleration say.
+    If nothing moves at the default start values, ``reference`` has those of the reference results, by the names of
+    scalar parameters and inputs; a prescribed coordinate moves by its rate and acceleration.
 
     :raises ComponentError: unless all three are finite and > 0.
     """
@@ -147,5 +146,5 @@ class Experiment:
 
 
 def element(name: str, index: int) -> str:
-    """Name of one number of an array, counted from 1."""
+    """Name of an element of an array, counted from 1."""
     return f"{name}[{index}]"

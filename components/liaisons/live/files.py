@@ -16,13 +16,13 @@ from liaisons.live.page import live_page
 from liaisons.results.notebook import framed
 
 _HEIGHT = 1040
-"""Of a page in a notebook [px]."""
+"""Height of a page in a notebook [px]."""
 
 
 @final
 @dataclass(frozen=True)
 class LivePage:
-    """A live page that was written; it stands for its path, and a notebook shows it.
+    """A live page on disk; path-like, and displayed by a notebook.
 
     :param path: of the HTML file.
     """
@@ -40,7 +40,7 @@ class LivePage:
 
 
 def default_path(subject: Path | System) -> Path:
-    """Where the page of an FMU or a system goes unless something else is said: ``NAME.html`` where we are."""
+    """Default path of the page of an FMU or a system: ``NAME.html`` in the working directory."""
     name = subject.name if isinstance(subject, System) else subject.stem
     return Path(re.sub(r"[^\w .=-]", "_", name) + ".html")
 
@@ -56,10 +56,10 @@ def show(
     """Write a live page: the FMU's own C in a browser, with sliders, picture, plot and energy account.
 
     :param subject: path of an FMU with C sources of FMI 2.0; or a component by its name, file or class; or a system.
-    :param path: where the page goes; ``NAME.html`` here unless given.
+    :param path: of the page; default: ``NAME.html`` in the working directory.
     :param start_values: start values of an FMU's parameters and inputs by name, where they differ from its own;
         ``keywords`` are further ones.  A system has its own.
-    :returns: the page, which stands for its path, ``webbrowser.open(f"file://{page}")``; in a notebook it is shown.
+    :returns: the page, path-like: ``webbrowser.open(f"file://{page}")``; a notebook displays it.
     :raises ProjectError: if there is no such file or component.
     :raises SimulationError: if an FMU cannot be read or has no such sources, or the file cannot be written.
     :raises BuildError: if there is no compiler for WebAssembly; ``pip install ziglang`` is one.

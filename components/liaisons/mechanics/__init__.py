@@ -1,4 +1,4 @@
-"""How the equations of a mechanism follow from what is declared of it, and how they are laid out for an FMU."""
+"""Derivation of equations of motion from declarations, and their layout for an FMU."""
 
 from liaisons.mechanics.assembly import assemble
 from liaisons.mechanics.constraints import gauss

@@ -1,4 +1,4 @@
-"""From a component to the Model that an FMU back end takes."""
+"""Model of a component, as FMU back ends take it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from liaisons.mechanics.printing import of_operator
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
-    """Derive a component and lay it out as variables and functions (DESIGN: names in an FMU).
+    """Model of a component: derived, and laid out as variables and functions (DESIGN: names in an FMU).
 
     :param component: a subclass of Mechanism, Chain or Operator.
-    :param n: how many links a chain has; as declared where none is given.
-    :raises ComponentError: if n is no whole number or too small, or given for what has no links.
+    :param n: number of links of a chain; as declared by default.
+    :raises ComponentError: if n is no whole number, is too small, or the component is no chain.
     """
     if issubclass(component, Chain):
         return chain_model(component, component(n).sizes["n"])
@@ -36,21 +36,21 @@ def assemble(component: type[Component], n: object = None) -> Model:
 
 
 def _operator_model(component: type[Operator]) -> Model:
-    """Lay an operator out as variables and functions."""
-    picture = component()
-    picture.lookups = []
-    t, x, u = picture.clock, picture.internal, picture.input_column
-    rates, triple, next_event = stack(map(ca.SX, picture.rates())), picture.triple(), picture.next_event_time()
+    """Model of an operator: variables and functions."""
+    operator = component()
+    operator.lookups = []
+    t, x, u = operator.clock, operator.internal, operator.input_column
+    rates, triple, next_event = stack(map(ca.SX, operator.rates())), operator.triple(), operator.next_event_time()
     announced = ca.SX(0, 1) if next_event is None else next_event
     start = stack(ca.SX.sym(f"{state.name}_0") for state in component.internal_states)
-    k, none = ca.vertcat(picture.parameter_column, start), ca.SX(0, 1)  # an operator has nothing to remember
+    k, none = ca.vertcat(operator.parameter_column, start), ca.SX(0, 1)
     outputs = ca.densify(stack([*triple, x, rates]))
-    equations = of_operator(picture, triple[0])
+    equations = of_operator(operator, triple[0])
     table = None
-    if picture.lookups:
-        table = _table(picture, k, rates, outputs, announced)
-        rates, outputs, announced = _of_all_rows(picture, rates, outputs, announced)
-    events = stack(map(ca.SX, picture.events()))
+    if operator.lookups:
+        table = _table(operator, k, rates, outputs, announced)
+        rates, outputs, announced = _of_all_rows(operator, rates, outputs, announced)
+    events = stack(map(ca.SX, operator.events()))
     instants_of = [k, t] if ca.depends_on(events, t) else [k]
     functions = {
         "start": ([t, u, k], [start, none]),
@@ -66,7 +66,7 @@ def _operator_model(component: type[Operator]) -> Model:
         functions["draw"] = ([t, x, u, k], [announced])
     made: dict[str, Any] = {name: ca.Function(name, *ends) for name, ends in functions.items()}
     return Model(
-        **described(picture),
+        **described(operator),
         memory=(),
         outputs_function=made.pop("outputs"),
         **made,
@@ -77,18 +77,18 @@ def _operator_model(component: type[Operator]) -> Model:
     )
 
 
-def _table(picture: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced: ca.SX) -> LookupTable:
-    """What is calculated from the two rows of each look-up."""
-    t, x, u, lookups = picture.clock, picture.internal, picture.input_column, picture.lookups or []
-    names = [column.name for column in picture.table]
-    rows = picture.table[0].dimension.count
+def _table(operator: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced: ca.SX) -> LookupTable:
+    """Functions of the two rows of each look-up."""
+    t, x, u, lookups = operator.clock, operator.internal, operator.input_column, operator.lookups or []
+    names = [column.name for column in operator.table]
+    rows = operator.table[0].dimension.count
     behind = k[len(names) * rows :]
     seen = stack([*(row for lookup in lookups for row in (lookup.begin, lookup.end)), behind])
     has_events = any(ca.is_equal(lookup.time, t) for lookup in lookups)
     seeing = [rates, outputs] if has_events else [rates, outputs, announced]
-    unseen = [name for name in map(str, ca.symvar(stack(seeing))) if name in _elements(picture)]
+    unseen = [name for name in map(str, ca.symvar(stack(seeing))) if name in _elements(operator)]
     if unseen:
-        raise ComponentError(f"{type(picture).__name__}: {unseen[0]} is part of a table: ask interval() for it")
+        raise ComponentError(f"{type(operator).__name__}: {unseen[0]} is part of a table: ask interval() for it")
     return LookupTable(
         columns=len(names),
         rows=rows,
@@ -102,16 +102,16 @@ def _table(picture: Operator, k: ca.SX, rates: ca.SX, outputs: ca.SX, announced:
     )
 
 
-def _elements(picture: Operator) -> set[str]:
-    return {name for column in picture.table for name in column.names}
+def _elements(operator: Operator) -> set[str]:
+    return {name for column in operator.table for name in column.names}
 
 
-def _of_all_rows(picture: Operator, *expressions: ca.SX) -> list[ca.SX]:
-    """The same with the rows of each look-up chosen among all."""
-    lookups, picture.lookups = picture.lookups or [], None
+def _of_all_rows(operator: Operator, *expressions: ca.SX) -> list[ca.SX]:
+    """Expressions of all rows in place of those of each look-up."""
+    lookups, operator.lookups = operator.lookups or [], None
     symbols, rows = [], []
     for lookup in lookups:
-        both = picture.interval(lookup.time, *lookup.columns, rests=lookup.rests)
+        both = operator.interval(lookup.time, *lookup.columns, rests=lookup.rests)
         for symbol, row in zip((lookup.begin, lookup.end), both, strict=True):
             symbols.append(symbol)
             rows.append(stack(row))

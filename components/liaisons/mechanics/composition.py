@@ -1,4 +1,4 @@
-"""Models that are connected become one model: the reference that a co-simulation of them is measured against.
+"""Composition of connected models into one: the reference for a co-simulation of them.
 
 The inputs v that are connected obey v = h(t, y, v), where h are outputs of the models.  Most follow one from the other;
 where they need each other, as acceleration and force between two mechanisms do, h is linear in them and is solved
@@ -29,7 +29,7 @@ def compose(
     starts: Mapping[str, float] | None = None,
     experiment: Experiment | None = None,
 ) -> Model:
-    """One model out of several, with their connections solved.
+    """Model of several connected models, with the equations of the connections solved.
 
     Its variables are called ``part.variable``.  Inputs that are connected become outputs, and the ports that
     they belong to are closed.
@@ -71,7 +71,7 @@ def compose(
 
 
 def _named(part: str, model: Model) -> Model:
-    """The model with the name of the part in front of all names."""
+    """Model with the name of the part in front of all names."""
 
     def full(name: str) -> str:
         return f"{part}.{name}"
@@ -98,13 +98,13 @@ def _named(part: str, model: Model) -> Model:
 
 
 def _all(parts: Iterable[Model], group: str) -> tuple[Any, ...]:
-    """What the parts have of one kind."""
+    """Members of all parts of one kind."""
     return tuple(item for part in parts for item in getattr(part, group))
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One model and the symbols that are its own; of its inputs some are connected."""
+    """A model with its symbols; some of its inputs are connected."""
 
     model: Model
     t: Any
@@ -114,7 +114,7 @@ class _Part:
     m: Any
 
     def at(self, group: str, y: Any = None, m: Any = None) -> list[Any]:
-        """Results of one of the model's functions; for state and memory others may be put in."""
+        """Results of one of the model's functions, at other states or memory if need be."""
         called: ca.Function = getattr(self.model, group)
         if group == "start":
             return list(called.call([self.t, self.u, self.k]))
@@ -125,7 +125,7 @@ class _Part:
 
 
 class _Joined:
-    """The functions of all parts as those of one model."""
+    """Functions of all parts as those of one model."""
 
     def __init__(self, name: str, models: Sequence[Model], connections: Mapping[str, str]) -> None:
         scalar = all(model.outputs_function.is_a("SXFunction") for model in models)
@@ -136,7 +136,7 @@ class _Joined:
         self.v = kind.sym("v", len(self.inner))
         self.u = kind.sym("u", len(inputs) - len(self.inner))
         inner, outer = iter(range(self.v.shape[0])), iter(range(self.u.shape[0]))
-        place = {v: self.v[next(inner)] if v in connections else self.u[next(outer)] for v in inputs}
+        symbol_of = {v: self.v[next(inner)] if v in connections else self.u[next(outer)] for v in inputs}
         counts = [[len(getattr(m, group)) for m in models] for group in ("states", "parameters", "memory")]
         self.y, self.k, self.m = (kind.sym(letter, sum(count)) for letter, count in zip("ykm", counts, strict=True))
         split = [
@@ -144,14 +144,14 @@ class _Joined:
             for vector, count in zip((self.y, self.k, self.m), counts, strict=True)
         ]
         self.parts = [
-            _Part(model, self.t, y, self._stack(place[v.name] for v in model.inputs), k, m)
+            _Part(model, self.t, y, self._stack(symbol_of[v.name] for v in model.inputs), k, m)
             for model, y, k, m in zip(models, *split, strict=True)
         ]
         outputs = [v.name for v in _all(models, "outputs")]
         self.sources = [outputs.index(connections[variable]) for variable in self.inner]
 
     def functions(self, conditions: Iterable[Any]) -> dict[str, Any]:
-        """The functions of the model, by name."""
+        """Functions of the model, by name."""
         motion = [self.t, self.y, self.u, self.k]
         booked = [*motion, self.m]
         z = self._stacked("outputs_function")
@@ -181,13 +181,13 @@ class _Joined:
         return whole
 
     def conditions(self) -> list[tuple[str, Any]]:
-        """By the message to give: domains of the connected inputs, conditions that last, then those of the start."""
+        """Conditions with their messages: domains of connected inputs, lasting ones, then those of the start."""
         lasting, at_start = [*self._domains()], []
         for part in self.parts:
             texts = part.model.condition_texts
-            found = list(zip(texts, ca.vertsplit(part.at("conditions")[0]) if texts else [], strict=True))
-            count = len(found) - part.model.start_only
-            lasting, at_start = lasting + found[:count], at_start + found[count:]
+            conditions_of_part = list(zip(texts, ca.vertsplit(part.at("conditions")[0]) if texts else [], strict=True))
+            count = len(conditions_of_part) - part.model.start_only
+            lasting, at_start = lasting + conditions_of_part[:count], at_start + conditions_of_part[count:]
         return lasting + at_start
 
     def _domains(self) -> Iterator[tuple[str, Any]]:
@@ -218,7 +218,7 @@ class _Joined:
         solved = [self.kind(0)] * len(self.inner)
         left = set(range(len(solved)))
         while left:
-            # What needs the fewest of those left needs none, or is in a loop with all that it needs.
+            # The input with the fewest open dependences has none, or is in a loop with all of them.
             first = min(left, key=lambda i: (len(needs[i] & left), i))
             members = sorted(needs[first] & left)
             explicit = ca.substitute(h, self.v, ca.vertcat(*solved))  # members are 0 in it
@@ -229,7 +229,7 @@ class _Joined:
         return ca.vertcat(*solved)
 
     def _loop(self, h: Any, members: list[int], solved: list[Any], explicit: Any) -> Any:
-        """v of the members of a loop, h = H v + explicit."""
+        """Values v of an algebraic loop, h = H v + explicit."""
         inside = ca.vertcat(*(self.v[i] if i in members else value for i, value in enumerate(solved)))
         H = ca.jacobian(ca.substitute(h, self.v, inside)[members], self.v)[:, members]
         if ca.depends_on(H, self.v):
@@ -239,7 +239,7 @@ class _Joined:
 
 
 def _needs(pattern: ca.Sparsity) -> list[set[int]]:
-    """Of each input all that it needs, directly or by others."""
+    """Transitive dependences of each input."""
     reach = np.zeros(pattern.shape, dtype=bool)
     reach[tuple(np.array(pattern.get_triplet(), dtype=int))] = True
     for k in range(len(reach)):  # Warshall
@@ -255,11 +255,11 @@ def _documentation(models: Mapping[str, Model], connections: Mapping[str, str]) 
 
 def _check(name: str, parts: Sequence[Model], connections: Mapping[str, str], starts: Mapping[str, float]) -> None:
     inputs, outputs, parameters = ([v.name for v in _all(parts, of)] for of in ("inputs", "outputs", "parameters"))
-    for kind, wanted, known in (
+    for kind, names, declared in (
         ("input", connections.keys(), inputs),
         ("output", connections.values(), outputs),
         ("parameter or input", starts.keys(), [*inputs, *parameters]),
     ):
-        for variable in wanted:
-            if variable not in known:
-                raise ComponentError(f"{name}: no {kind} is called {variable!r}{suggestion(variable, known)}")
+        for variable in names:
+            if variable not in declared:
+                raise ComponentError(f"{name}: no {kind} is called {variable!r}{suggestion(variable, declared)}")

@@ -1,4 +1,4 @@
-"""Constraints in accelerations, C ẍ = c: their multipliers, and the way back onto them.
+"""Constraints in accelerations, C ẍ = c: their multipliers, stabilisation and projection.
 
 Passive constraints σ(x) = 0 (K eq. 2), rheonomic ones π(x) = σ(t) (M eq. 20) and non-holonomic constraints ρ(x, ẋ) = 0
 (K eq. 107) differ in how often they are differentiated; after that they are rows of one linear system.
@@ -15,7 +15,7 @@ from liaisons.language.mechanism import Mechanism
 from liaisons.mechanics.inertia import Inertia
 
 STABILISATION = 10.0
-"""How fast the residual of a constraint decays [1/s] (Baumgarte): it keeps model exchange on the constraints."""
+"""Decay rate of residuals [1/s] (Baumgarte), which keeps model exchange on the constraints."""
 
 ROUNDS = 3
 """Newton steps of a projection: from the error of one integration step to rounding."""
@@ -26,14 +26,14 @@ class Constraints:
     """All constraints of a mechanism: passive, non-holonomic, rheonomic, in this order."""
 
     matrix: ca.SX  # C (c, f)
-    squares: ca.SX  # of the entries that C has somewhere near, also where C itself vanishes (c, f)
+    squares: ca.SX  # of the entries of C nearby, also where C itself vanishes (c, f)
     targets: ca.SX  # c (c,)
-    residuals: ca.SX  # what is not kept of them (c,)
-    rate_residuals: ca.SX  # the same of their derivatives; of the non-holonomic ones themselves (c,)
-    of_position: tuple[int, ...]  # rows that restrict the configuration
+    residuals: ca.SX  # violations (c,)
+    rate_residuals: ca.SX  # violations of the derivatives; of non-holonomic constraints, the violations (c,)
+    holonomic: tuple[int, ...]  # rows, passive or rheonomic
 
 
-def upheld(m: Mechanism) -> Constraints:
+def differentiated_constraints(m: Mechanism) -> Constraints:
     """Differentiate the constraints of a mechanism until accelerations appear (K eq. 8, 9; KC2 of the errata).
 
     A residual r obeys r̈ + 2α ṙ + α² r = 0 instead of r̈ = 0, α = STABILISATION, where it would grow linearly.
@@ -68,7 +68,7 @@ def upheld(m: Mechanism) -> Constraints:
         targets=-ca.substitute(rows, m.free.q_ddot, zero),
         residuals=stack(residuals),
         rate_residuals=stack(rate_residuals),
-        of_position=tuple(i for i in range(len(accelerated)) if not first <= i < last),
+        holonomic=tuple(i for i in range(len(accelerated)) if not first <= i < last),
     )
 
 
@@ -80,35 +80,40 @@ def _squares(m: Mechanism, C: ca.SX) -> ca.SX:
     return ca.SX(C.sparsity(), entries**2 + ca.sum2(changes**2))
 
 
-def kept_velocities(m: Mechanism, metric: Inertia, loose: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
-    """Velocities that keep the constraints of position: A (ẋ - loose) = Cᵀ μ, C ẋ = σ̇.
+def constrained_velocities(
+    m: Mechanism, metric: Inertia, loose: ca.SX, constraints: Constraints
+) -> tuple[ca.SX, ca.SX]:
+    """Velocities that fulfil the holonomic constraints: A (ẋ - loose) = Cᵀ μ, C ẋ = σ̇.
 
     Between two projections the stages of a solver leave the constraints.  Where these come close to a singular
-    configuration (the rods of a parallelogram in line), what the velocities are off by would be divided by the distance
-    to it.  The remedy is that of Gear, Gupta and Leimkuhler (J. Comp. Appl. Math. 12, 1985).
+    configuration (the rods of a parallelogram in line), the error of the velocities would be divided by the distance to
+    it.  The remedy is that of Gear, Gupta and Leimkuhler (J. Comp. Appl. Math. 12, 1985).
 
-    :param loose: A⁻¹ (p - b), which may break the constraints (f,).
-    :returns: ẋ (f,), and the momenta Cᵀ μ that p lacks (f,).
+    :param loose: A⁻¹ (p - b), which may violate the constraints (f,).
+    :returns: ẋ (f,), and the correction Cᵀ μ of the momenta (f,).
     """
-    rows, q_dot = list(kept.of_position), m.free.q_dot
+    rows, q_dot = list(constraints.holonomic), m.free.q_dot
     if not rows:
         return loose, ca.SX.zeros(loose.shape)
-    C, zero = kept.matrix[rows, :], ca.SX.zeros(loose.shape)
+    C, zero = constraints.matrix[rows, :], ca.SX.zeros(loose.shape)
     # A residual decays by this, too.
-    off = ca.substitute(kept.rate_residuals[rows, 0], q_dot, loose) + STABILISATION * kept.residuals[rows, 0]
-    correction, mu = metric.under(C, zero, -off, kept.squares[rows, :])
+    off = (
+        ca.substitute(constraints.rate_residuals[rows, 0], q_dot, loose)
+        + STABILISATION * constraints.residuals[rows, 0]
+    )
+    correction, mu = metric.under(C, zero, -off, constraints.squares[rows, :])
     return loose + correction, C.T @ mu
 
 
-def multipliers(metric: Inertia, f: ca.SX, kept: Constraints) -> ca.SX:
-    """λ of the forces Cᵀ λ that keep C ẍ = c where A ẍ = f + Cᵀ λ, by d'Alembert (K eq. 7, 9); (c,)."""
-    C = kept.matrix
+def multipliers(metric: Inertia, f: ca.SX, constraints: Constraints) -> ca.SX:
+    """Multipliers λ with C ẍ = c and A ẍ = f + Cᵀ λ, by d'Alembert (K eq. 7, 9); (c,)."""
+    C = constraints.matrix
     if C.shape[0] == 0:
         return ca.SX(0, 1)
-    return metric.under(C, f, kept.targets, kept.squares)[1]
+    return metric.under(C, f, constraints.targets, constraints.squares)[1]
 
 
-def gauss(A: ca.SX, f: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
+def gauss(A: ca.SX, f: ca.SX, constraints: Constraints) -> tuple[ca.SX, ca.SX]:
     """Accelerations by Gauss's principle: ½ (ẍ − A⁻¹f)ᵀ A (ẍ − A⁻¹f) is least under C ẍ = c (K 4).
 
     A second way beside :func:`multipliers`: one linear system for accelerations and multipliers together (K eq.
@@ -116,38 +121,38 @@ def gauss(A: ca.SX, f: ca.SX, kept: Constraints) -> tuple[ca.SX, ca.SX]:
 
     :returns: accelerations (f,) and the multipliers μ = −λ (c,).
     """
-    C = kept.matrix
+    C = constraints.matrix
     count, free = C.shape
     system = ca.vertcat(ca.horzcat(A, C.T), ca.horzcat(C, ca.SX(count, count)))
-    solution = ca.solve(ca.densify(system), ca.vertcat(f, kept.targets))
+    solution = ca.solve(ca.densify(system), ca.vertcat(f, constraints.targets))
     return solution[:free], solution[free:]
 
 
-def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, kept: Constraints) -> ca.SX | None:
-    """(x, p) moved onto the constraints by Newton's method in the metric A, quaternions to unit length.
+def projection(m: Mechanism, metric: Inertia, velocities: ca.SX, constraints: Constraints) -> ca.SX | None:
+    """Projection of (x, p) onto the constraints by Newton's method in the metric A, and onto unit quaternions.
 
-    :returns: column of configuration and momenta; None where nothing can be left.
+    :returns: column of configuration and momenta; None without constraints and orientations.
     """
-    if kept.matrix.shape[0] == 0 and not m.orientations:
+    if constraints.matrix.shape[0] == 0 and not m.orientations:
         return None
     q, p = m.free.q, m.free.p
-    on_constraints = _positions(m, metric, kept)
-    momenta, C, zero = p, kept.matrix, ca.SX.zeros(*p.shape)
-    # Of positions the rates are linear: one step is enough, if it is a whole one.
+    on_constraints = _positions(m, metric, constraints)
+    momenta, C, zero = p, constraints.matrix, ca.SX.zeros(*p.shape)
+    # Holonomic constraints are linear in the rates: one full step is enough.
     rounds = ROUNDS if m.non_holonomic else min(C.shape[0], 1)
     for _ in range(rounds):
-        _, push = metric.under(C, zero, kept.rate_residuals, kept.squares, iterated=rounds == 1)
+        _, push = metric.under(C, zero, constraints.rate_residuals, constraints.squares, iterated=rounds == 1)
         kicked = ca.substitute(p - m.free.frame @ (C.T @ push), m.free.q_dot, velocities)
         momenta = ca.substitute(kicked, ca.vertcat(q, p), ca.vertcat(on_constraints, momenta))
     return ca.vertcat(on_constraints, momenta)
 
 
-def _positions(m: Mechanism, metric: Inertia, kept: Constraints) -> ca.SX:
-    q, rows = m.free.q, list(kept.of_position)
+def _positions(m: Mechanism, metric: Inertia, constraints: Constraints) -> ca.SX:
+    q, rows = m.free.q, list(constraints.holonomic)
     moved = _with_unit_quaternions(m, q)
     if rows:
-        C = kept.matrix[rows, :]
-        residuals, squares = kept.residuals[rows, 0], kept.squares[rows, :]
+        C = constraints.matrix[rows, :]
+        residuals, squares = constraints.residuals[rows, 0], constraints.squares[rows, :]
         away, _ = metric.under(C, ca.SX.zeros(*m.free.p.shape), residuals, squares, iterated=False)
         step = _with_unit_quaternions(m, q - m.free.kinematics @ away)
         for _ in range(ROUNDS):

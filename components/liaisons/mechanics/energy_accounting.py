@@ -1,4 +1,4 @@
-"""Functions of a model whose energy is accounted for: what came in through the ports, what friction took away."""
+"""Energy accounting of a model: work done through the ports, energy dissipated by friction."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import casadi as ca
 from liaisons.language.layout import Layout
 
 MEMORY = ("energy_start", "energy_booked")
-"""What is always remembered; behind it follows what an FMU finds of each prescribed coordinate, its mismatch."""
+"""Memory of every model; the mismatch of each prescribed coordinate, which an FMU finds, follows."""
 
 
 def memory_of(layout: Layout) -> tuple[str, ...]:
-    """Names of what is remembered."""
+    """Names of the numbers in the memory."""
     return (*MEMORY, *(v.name for v in layout.outputs if v.variability == "discrete"))
 
 
 def definitions(
-    at: Sequence[Any],
+    vectors: Sequence[Any],
     layout: Layout,
     *,
     initial: Any,
@@ -30,27 +30,27 @@ def definitions(
     landed: Any = None,
     energy_at_start: Any = None,
 ) -> dict[str, Any]:
-    """What defines memory, start, motion, outputs and the booking of impulses: (arguments, result, ...) of functions.
+    """Definitions of memory, start, motion, outputs and the work of impulses: (arguments, result, ...) of functions.
 
     :param at: the vectors t, y, u, k of :class:`Model`, all SX or all MX; y ends in ``work`` and ``dissipated``.
     :param initial: state at the start, of (t, u, k).
     :param rates: rates of the states.
     :param energy: T + V.
-    :param outputs: one expression an output; those of the balance and of what is found are filled in here.
+    :param outputs: one expression an output; those of the energy balance and the mismatches are replaced.
     :param nominals: sizes of the states.
-    :param landed: state after the inputs have jumped, the last two states left out of account; None: as it was.
-    :param energy_at_start: T + V of (t, u, k); None: what the energy is at the initial state.
+    :param landed: state after the inputs have jumped; its last two entries are ignored; None: unchanged.
+    :param energy_at_start: T + V of (t, u, k); None: ``energy`` at the initial state.
     :returns: by the names of the members of Model; None for one that is not needed.
     """
-    t, y, u, k = at
+    t, y, u, k = vectors
     remembered = memory_of(layout)
     memory = type(y).sym("m", len(remembered))
-    energy_start, energy_booked, found = memory[0], memory[1], memory[len(MEMORY) :]
+    energy_start, energy_booked, mismatches = memory[0], memory[1], memory[len(MEMORY) :]
     moving, work, dissipated = y[:-2], y[-2], y[-1]
     if energy_at_start is None:
         energy_at_start = ca.substitute(energy, y, initial)
 
-    # When an operator makes σ̇ jump, p stays and the energy jumps with it: that much work came in as an impulse.
+    # When an operator makes σ̇ jump, p is continuous; the jump of the energy is the work of an impulse.
     impulse = energy - energy_booked
     landing = impulse if landed is None else ca.substitute(energy, y, landed) - energy_booked
     booked = {
@@ -58,22 +58,22 @@ def definitions(
         "dissipated": dissipated,
         "energy_balance": energy - energy_start - (work + impulse) + dissipated,
     }
-    booked |= {name: found[i] for i, name in enumerate(remembered[len(MEMORY) :])}
+    booked |= {name: mismatches[i] for i, name in enumerate(remembered[len(MEMORY) :])}
     z = [booked.get(variable.name, value) for variable, value in zip(layout.outputs, outputs, strict=True)]
     after = ca.vertcat(moving if landed is None else landed[:-2], work + landing, dissipated)
     return {
-        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * found.shape[0])),
+        "start": ([t, u, k], initial, ca.vertcat(energy_at_start, energy_at_start, *[0] * mismatches.shape[0])),
         "derivatives": ([t, y, u, k], rates),
         "outputs_function": ([t, y, u, k, memory], ca.vertcat(*z)),
         "jump": ([t, y, u, k, memory], after),
-        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy, found)),
+        "remember": ([t, y, u, k, memory], ca.vertcat(energy_start, energy, mismatches)),
         "project": None if landed is None else ([t, y, u, k], landed),
         "nominals": ([t, y, u, k], nominals),
     }
 
 
 def function(name: str, arguments: Sequence[Any], *results: Any) -> ca.Function:
-    """A function with dense results; scalar code without repeated sub-expressions."""
+    """CasADi function with dense results, without repeated subexpressions if it is scalar code."""
     dense: Any = [ca.densify(result) for result in results]
     if all(isinstance(result, ca.SX) for result in dense):
         dense = ca.cse(dense)

@@ -32,8 +32,14 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import gradient, stack
 from liaisons.language.mechanism import Mechanism
-from liaisons.mechanics import constraints
-from liaisons.mechanics.constraints import Constraints
+from liaisons.mechanics.constraints import (
+    STABILISATION,
+    Constraints,
+    constrained_velocities,
+    differentiated_constraints,
+    multipliers,
+    projection,
+)
 from liaisons.mechanics.friction import Dissipation
 from liaisons.mechanics.inertia import inertia_of
 
@@ -55,7 +61,7 @@ QUANTITIES = (
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Equations of motion of one mechanism: f velocities, a active coordinates, c constraints; all CasADi SX.
+    """Equations of motion of a mechanism: f velocities, a active coordinates, c constraints; all CasADi SX.
 
     ``momenta`` and everything that contains rates is written in (q, q̇, s, ṡ); :meth:`in_phase_space` puts the
     state (q, p) in the place of the rates.
@@ -72,9 +78,9 @@ class Equations:
     mass_matrix: ca.SX  # A (f, f)
     momenta: ca.SX  # ∂L/∂ẋ (f,)
     velocities: ca.SX  # ẋ as function of (x, p, s, σ̇) (f,)
-    unconstrained_velocities: ca.SX  # the same by the momenta alone, A⁻¹ (p − b), which may break constraints (f,)
+    unconstrained_velocities: ca.SX  # A⁻¹ (p − b), which may violate constraints (f,)
     momentum_rates: ca.SX  # ṗ (f,)
-    constraint_stabilization: ca.SX  # what is added to ṗ off the constraints: momenta that break them decay (f,)
+    constraint_stabilization: ca.SX  # added to ṗ, so that momenta across the constraints decay (f,)
     accelerations: ca.SX  # ẍ (f,)
     operator_forces: ca.SX  # λ (a,)
     effective_mass: ca.SX  # Θ (a, a)
@@ -83,9 +89,9 @@ class Equations:
     multipliers: ca.SX  # λ of the passive and non-holonomic constraints
     power: ca.SX  # through all ports
     friction: Dissipation
-    dissipation: ca.SX  # what friction takes, and non-holonomic constraints
+    dissipation: ca.SX  # power lost by friction and non-holonomic constraints
     internal_rates: ca.SX
-    projection: ca.SX | None  # (x, p) put back onto the constraints and unit quaternions, if there are any
+    projection: ca.SX | None  # of (x, p) onto constraints and unit quaternions
 
     @property
     def name(self) -> str:
@@ -94,13 +100,13 @@ class Equations:
 
     @property
     def symbols(self) -> dict[str, ca.SX]:
-        """All symbols by name: those of the mechanism, drives and loads."""
+        """Symbols of the mechanism, drives and loads, by name."""
         forces = ca.vertsplit(ca.vertcat(self.drives, self.loads, self.point_loads))
         return self.mechanism.symbols | {str(symbol): symbol for symbol in forces}
 
     @property
     def state_rates(self) -> ca.SX:
-        """d/dt (q, p) as a solver integrates it, of orientations the quaternion; also off the constraints."""
+        """d/dt (q, p) for a solver, stabilised off the constraints; of orientations, that of the quaternion."""
         free = self.mechanism.free
         return ca.vertcat(free.kinematics @ free.q_dot, self.momentum_rates + self.constraint_stabilization)
 
@@ -110,18 +116,18 @@ class Equations:
         return self.kinetic_energy + self.potential_energy
 
     def in_motion(self, expression: ca.SX) -> ca.SX:
-        """Replace accelerations and operator forces by what the equations give for them."""
+        """Expression with accelerations and operator forces replaced by those of the equations."""
         m = self.mechanism
         forces = ca.vertcat(m.active.force, m.multipliers)
         with_forces = ca.substitute(ca.SX(expression), forces, ca.vertcat(self.operator_forces, self.multipliers))
         return ca.substitute(with_forces, m.free.q_ddot, self.accelerations)
 
     def in_phase_space(self, expression: ca.SX) -> ca.SX:
-        """Replace the rates q̇ by velocities(q, p, s, ṡ), after :meth:`in_motion`."""
+        """Expression with the rates q̇ replaced by velocities(q, p, s, ṡ), after :meth:`in_motion`."""
         return ca.substitute(self.in_motion(expression), self.mechanism.free.q_dot, self.velocities)
 
     def evaluate(self, quantity: str, **values: float) -> np.ndarray:
-        """Numbers for one quantity at one state.
+        """Value of a quantity at a state.
 
         :param quantity: one of ``QUANTITIES``.
         :param values: symbols by name: parameters, ``q``, ``q_dot``, ``s``, ``s_dot``, ``s_ddot``, ``q_force``,
@@ -138,7 +144,7 @@ class Equations:
         return result[:, 0] if result.shape[1] == 1 else result
 
     def numbers(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """A value for each symbol, in their order: the given ones, else defaults or 0.
+        """Value of each symbol, in their order: from ``values``, else the default or 0.
 
         :raises ComponentError: for an unknown symbol.
         """
@@ -150,16 +156,15 @@ class Equations:
 
 
 def derive(component: type[Mechanism]) -> Equations:
-    """Derive the equations of motion of a mechanism.
+    """Equations of motion of a mechanism, derived from its Lagrangian.
 
     :param component: a subclass of Mechanism.
-    :returns: the equations, symbolically.
     """
     m = component()
     q, q_dot, q_ddot, K = m.free.q, m.free.q_dot, m.free.q_ddot, m.free.kinematics
     adapted = len(component.actives) - len(component.rheonomic_constraints)
     s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
-    # Without repetitions, so that derivatives cost as much as what they are derivatives of.
+    # Common subexpressions first, so that derivatives cost as much as the energies.
     kinetic, potential, L = ca.cse([ca.SX(e) for e in (m.kinetic_energy(), m.potential_energy(), m.lagrangian())])
     rubbing = Dissipation(ca.SX(m.friction_coefficient()), kinetic, ca.cse(ca.SX(m.dissipation_function())))
 
@@ -184,24 +189,24 @@ def derive(component: type[Mechanism]) -> Equations:
     # Motion in accelerations: A ẍ = f, f = ∂L/∂x + Q less the part of d/dt ∂L/∂ẋ without ẍ.
     force = K.T @ gradient(L, q) + Q
     f = force + _gyroscopic(component, m, p) - ca.substitute(m.dot(p), q_ddot, ca.SX.zeros(q_dot.shape))
-    kept = constraints.upheld(m)
-    C = kept.matrix
-    velocities, mu = constraints.kept_velocities(m, metric, loose, kept)
-    lambdas = constraints.multipliers(metric, f, kept)
+    constraints = differentiated_constraints(m)
+    C = constraints.matrix
+    velocities, mu = constrained_velocities(m, metric, loose, constraints)
+    lambdas = multipliers(metric, f, constraints)
     accelerations = metric.solve(f + C.T @ lambdas)
     p_dot = m.free.frame @ (force + C.T @ lambdas)
 
     # The operator: λ = d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s along the motion; of a rheonomic constraint, its multiplier.
     passive = len(component.constraints) + len(component.non_holonomic)
-    rigid = list(kept.of_position)
-    Q_s += ca.jacobian(kept.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
+    rigid = list(constraints.holonomic)
+    Q_s += ca.jacobian(constraints.residuals[rigid, 0], s).T @ lambdas[rigid, 0]
     p_s = gradient(L, s_dot)
-    resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))  # what f knows of the points, too
+    resting = ca.substitute(m.dot(p_s), q_ddot, ca.SX.zeros(q_dot.shape))
     lambda_s = resting + ca.jtimes(p_s, q_dot, accelerations) - gradient(L, s) - Q_s
     operator_forces = ca.vertcat(lambda_s, lambdas[passive:, 0])
     Theta = ca.jacobian(operator_forces, m.active.s_ddot)
 
-    # What a non-holonomic constraint does is neither drive nor load: Gauss's forces take it out of the energy.
+    # Power of non-holonomic constraints, which is neither drive nor load but leaves the energy.
     inner = list(range(len(component.constraints), passive))
     constraint_power = ca.dot(lambdas[inner, 0], C[inner, :] @ q_dot)
     power = (
@@ -225,23 +230,23 @@ def derive(component: type[Mechanism]) -> Equations:
         velocities=velocities,
         unconstrained_velocities=loose,
         momentum_rates=p_dot,
-        constraint_stabilization=m.free.frame @ (2 * constraints.STABILISATION * mu),
+        constraint_stabilization=m.free.frame @ (2 * STABILISATION * mu),
         accelerations=accelerations,
         operator_forces=operator_forces,
         effective_mass=Theta,
         forces=f,
-        constraints=kept,
+        constraints=constraints,
         multipliers=lambdas[:passive, 0],
         power=power,
         friction=rubbing,
         dissipation=dissipation - constraint_power,
         internal_rates=stack(ca.SX(internal[state.name]) for state in component.internal_states),
-        projection=constraints.projection(m, metric, loose, kept),
+        projection=projection(m, metric, loose, constraints),
     )
 
 
 def _gyroscopic(component: type[Mechanism], m: Mechanism, p: ca.SX) -> ca.SX:
     """∂L/∂ω × ω for an orientation: the body frame turns under the momentum."""
     count = len(component.coordinates)
-    turning = [ca.cross(p[count:], getattr(m, turn.name).rate) for turn in component.orientations]
+    turning = [ca.cross(p[count:], getattr(m, orientation.name).rate) for orientation in component.orientations]
     return ca.vertcat(ca.SX.zeros(count, 1), *turning)

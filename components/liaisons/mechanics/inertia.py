@@ -20,19 +20,19 @@ from liaisons.expressions.algebra import Factors, elimination_order, factorise, 
 from liaisons.language.mechanism import Mechanism
 
 MANY = 8
-"""So many degrees of freedom make it worthwhile to look for structure."""
+"""Degrees of freedom from which on a sparse system is tried."""
 
 
 NEGLIGIBLE = 1e-10
-"""So small is the square of what is left of a constraint's gradient, beside its usual size, when it counts as lost."""
+"""Relative square of a constraint's gradient below which the constraint is redundant."""
 
 
 @dataclass(frozen=True, eq=False)
 class Inertia:
-    """Mass matrix of a mechanism, (f, f), with what is needed to solve by it."""
+    """Mass matrix of a mechanism, (f, f), and the linear system by which it is solved."""
 
     matrix: ca.SX
-    system: ca.SX  # A itself, or the sparse system that stands for it; (f + more, f + more)
+    system: ca.SX  # A itself, or an equivalent sparse system; (f + more, f + more)
     after: Mapping[int, set[int]] | None = None  # see elimination_order; None: dense
 
     def solve(self, right: ca.SX) -> ca.SX:
@@ -42,7 +42,7 @@ class Inertia:
         return self._factors.solve(self._padded(right))[: self.matrix.shape[0], :]
 
     def under(self, C: ca.SX, f: ca.SX, c: ca.SX, squares: ca.SX, *, iterated: bool = True) -> tuple[ca.SX, ca.SX]:
-        """x and λ with A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of any rank.
+        """Solution x, λ of A x = f + Cᵀ λ and C x = c (K eq. 7, 9); C is (c, f) of any rank.
 
         Where C loses rank, C A⁻¹ Cᵀ is singular: (C A⁻¹ Cᵀ + S) λ = c - C A⁻¹ f is solved in its place, S diagonal and
         small, and once more for what S λ was wrong by (Tikhonov's regularisation, iterated).  Of what a constraint
@@ -87,7 +87,7 @@ def mass_matrix(m: Mechanism, lagrangian: ca.SX) -> ca.SX:
 
 
 def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
-    """The mass matrix of a mechanism and the cheapest way to solve by it."""
+    """Mass matrix of a mechanism with the cheapest system to solve by it."""
     A = mass_matrix(m, lagrangian)
     if A.shape[0] < MANY:
         return Inertia(A, A)
@@ -101,9 +101,9 @@ def inertia_of(m: Mechanism, lagrangian: ca.SX) -> Inertia:
 
 
 def _lifted(m: Mechanism) -> tuple[ca.SX, dict[int, set[int]]] | None:
-    """The system in (q̇, ẇ, π), and what goes before what in it; None where no point carries a mass of its own."""
+    """System in (q̇, ẇ, π) and its order of pivots; None if no point carries a mass of its own."""
     names = [point.name for point in m.points]
-    while names:  # points that turn out to carry no mass are not lifted; what is left is looked at again
+    while names:  # without those that carry no mass
         twin = m.with_placeholders(names)
         x_dot = ca.vertcat(m.free.q_dot, twin.placeholders.w_dot)
         H = ca.hessian(ca.SX(twin.lagrangian()), x_dot)[0]

@@ -144,7 +144,7 @@ def _start_conditions(equations: Equations) -> dict[str, ca.SX]:
     for i, item in enumerate((*m.constraints, *m.non_holonomic, *m.rheonomic_constraints)):
         text = f"{item.name} ({item.description}) must be kept to {CONSISTENT:g} {item.unit}"
         conditions[text] = CONSISTENT - ca.fabs(constraints.residuals[i])
-        if i in constraints.of_position:
+        if i in constraints.holonomic:
             conditions[f"the rate of {text}/s"] = CONSISTENT - ca.fabs(rates[i])
     for orientation in m.orientations:
         text = f"{', '.join(orientation.quaternion)} must be a unit quaternion, to {CONSISTENT:g}"

@@ -1,7 +1,6 @@
-"""The hand-over from symbols to FMU: a table of variables and a handful of CasADi functions.
+"""Interface between symbols and FMU: a table of variables and a handful of CasADi functions.
 
-Everything that an FMU back end has to know of a component stands here, and nothing else of it does.  The
-vectors, always in this order, all dense columns of doubles:
+An FMU back end needs nothing else of a component.  The vectors, always in this order, all dense columns of doubles:
 
 ====  =========================================================================================
 ``t``  time [s]
@@ -49,17 +48,17 @@ class Equation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookupTable:
-    """Parameters that are looked up row by row: functions that see two rows at each of some times, not the whole.
+    """Lookup table: parameters of which functions read two rows at each of some times.
 
-    Their parameters r are, for each of the times, its columns at the begin of the interval, the same at its end; then
-    all parameters behind the table.
+    The parameters r of these functions are, for each time, its columns at the start and at the end of the interval,
+    then all parameters behind the table.
 
-    :param lookups: which columns are seen at each of the times.
-    :param rests: whether behind all rows both are the last one; else they are those of the last interval.
+    :param lookups: indices of the columns that are read at each time.
+    :param rests: whether both rows are the last one behind the table; else they are those of the last interval.
     :param times: (t, y, u, parameters behind the table) → (times,).
     :param derivatives: (t, y, u, r) → (y_dot,).
     :param outputs_function: (t, y, u, r, m) → (z,).
-    :param has_events: whether the instants of its rows are those of :attr:`Model.events`.
+    :param has_events: whether its first column holds the instants of :attr:`Model.events`.
     :param draw: (t, y, u, r) → (next event,), unless these instants are it, or there is none.
     """
 
@@ -75,7 +74,7 @@ class LookupTable:
 
     @property
     def seen(self) -> int:
-        """How many numbers of it functions see."""
+        """Count of the numbers that functions read."""
         return 2 * sum(map(len, self.lookups))
 
 
@@ -86,7 +85,7 @@ NEXT_EVENT = Variable(
     "local",
     "discrete",
 )
-"""Announces the instants that an importer should have as communication points."""
+"""Variable that announces the instants at which an importer should place communication points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +125,7 @@ class Model:
     condition_texts: tuple[str, ...]  # one a condition, e.g. "r must stay > 0"
     events: ca.Function
     project: ca.Function | None = None
-    start_only: int = 0  # so many of the conditions, the last ones, are asked of the start alone
+    start_only: int = 0  # count of the last conditions, which hold at the start alone
     active: tuple[ActiveInput, ...] = ()
     module: str = ""  # where the component is declared
     ports: tuple[Terminal, ...] = ()
@@ -134,19 +133,19 @@ class Model:
     equations: tuple[Equation, ...] = ()  # for the documentation
     closed_form: str = ""  # likewise: docstring of the component's ``exact``, if it has one
     dimensions: tuple[Dimension, ...] = ()
-    programs: tuple[RowProgram, ...] = ()  # what those of the functions that run along links were made from
+    programs: tuple[RowProgram, ...] = ()  # of the functions that run along links
     picture: Mapping[str, Any] | None = field(default=None, hash=False)  # content of resources/picture.json
-    drawn: tuple[Variable, ...] = ()  # what is calculated only when it is read
+    drawn: tuple[Variable, ...] = ()  # calculated only when read
     draw: ca.Function | None = None
-    table: LookupTable | None = None  # that the first parameters are
+    table: LookupTable | None = None  # made of the first parameters
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """All real variables; the place in this tuple is the value reference: parameters, inputs, outputs, drawn."""
+        """Parameters, inputs, outputs, drawn; the index is the value reference."""
         return self.parameters + self.inputs + self.outputs + self.drawn
 
     def next_event(self, k: Any, t: float) -> float:
-        """First instant after t [s] at which the model is not smooth; inf if there is none.
+        """First instant after t at which the model is not smooth [s]; inf if there is none.
 
         :param k: parameters.
         """
@@ -154,15 +153,15 @@ class Model:
         return float(min(instants[instants > t], default=np.inf))
 
     def flat(self) -> Model:
-        """The same model with the elements of its arrays as variables, which is how FMI 2.0 shows them."""
+        """Model with a variable for each element of an array, as in FMI 2.0."""
         if not any(v.dimension for v in self.variables):
             return self
         sized = {v.name: v.count for v in self.variables if v.dimension is not None}
 
-        def names(of: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-            """Names that belong together, element by element; those of scalars as they are."""
-            count = sized.get(of[0], 1)
-            return (tuple(element(n, i) if n in sized else n for n in of) for i in range(1, count + 1))
+        def names(group: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+            """Tuples of names, element by element; those of scalars unchanged."""
+            count = sized.get(group[0], 1)
+            return (tuple(element(n, i) if n in sized else n for n in group) for i in range(1, count + 1))
 
         def terminal(p: Terminal) -> Iterator[Terminal]:
             members = names(tuple(member.variable for member in p.members))
@@ -185,9 +184,9 @@ class Model:
         )
 
 
-def described(picture: Component) -> dict[str, Any]:
-    """What a model has of its component as it is: names, variables, documentation."""
-    component = type(picture)
+def described(instance: Component) -> dict[str, Any]:
+    """Arguments of Model that come from the declarations: names, variables, documentation."""
+    component = type(instance)
     return {
         "name": component.__name__,
         "module": component.__module__,
@@ -195,5 +194,5 @@ def described(picture: Component) -> dict[str, Any]:
         "documentation": inspect.getdoc(component) or component.__name__,
         "experiment": component.experiment,
         "closed_form": inspect.getdoc(getattr(component, "exact", None)) or "",
-        **vars(picture.layout()),
+        **vars(instance.layout()),
     }

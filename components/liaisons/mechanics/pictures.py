@@ -1,4 +1,4 @@
-"""The picture of a component: shapes whose coordinates are numbers or names of variables; of a chain link by link."""
+"""Picture of a component: shapes whose coordinates are numbers or names of variables; of a chain, link by link."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _DRAWN = "picture"
 @final
 @dataclass(eq=False)
 class Drawing:
-    """What is drawn, for ``resources/picture.json``, and what only it needs, each once, in a variable of its own."""
+    """Shapes for ``resources/picture.json``, and the variables of coordinates that only it needs."""
 
     names: dict[int, str] = field(default_factory=dict)  # of variables, by the keys of their expressions
     shapes: list[dict[str, Any]] = field(default_factory=list)
     expressions: list[ca.SX] = field(default_factory=list)
 
     def named(self, value: Any) -> float | str:
-        """The number itself, or the name of the variable that has it, which is a new one if need be."""
+        """Number, or name of the variable with this value, a new one if need be."""
         expression = ca.SX(value)
         if expression.is_constant():
             return float(expression)
@@ -48,7 +48,7 @@ class Drawing:
         return self.names[identity]
 
     def add(self, m: Component, shapes: Iterable[Shape], named: Named) -> None:
-        """Add shapes as they stand in the file.
+        """Append shapes to the content of the file.
 
         :raises ComponentError: if one holds what is no scalar.
         """
@@ -64,41 +64,41 @@ class Drawing:
 
     @property
     def document(self) -> Mapping[str, Any]:
-        """The content of the file."""
+        """Content of the file."""
         return {"version": VERSION, "shapes": self.shapes}
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """The coordinates that no other variable has: scalars, since importers of FMI 3.0 fail at local arrays."""
+        """New variables: scalars, since importers of FMI 3.0 fail at local arrays."""
         text = "coordinate that only the picture needs, calculated when it is read"
         names = (element(_DRAWN, i) for i in range(1, len(self.expressions) + 1))
         return tuple(Variable(name, units.ANY, text, "local", "continuous") for name in names)
 
 
-def mechanism_picture(m: Component, known: Mapping[str, ca.SX]) -> Drawing:
-    """What the method ``picture`` of a mechanism draws.
+def mechanism_picture(m: Component, variables: Mapping[str, ca.SX]) -> Drawing:
+    """Drawing of a mechanism by its method ``picture``.
 
-    :param known: expressions of variables, by name.
+    :param variables: expressions by name.
     :raises ComponentError: if it returns anything but shapes, or a shape holds what is no scalar.
     """
-    drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in known.items()})
+    drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in variables.items()})
     drawing.add(m, _shapes(m), drawing.named)
     return drawing
 
 
 def chain_picture(
-    m: Chain, known: Mapping[str, ca.SX], vectors: Mapping[str, Vector]
+    m: Chain, variables: Mapping[str, ca.SX], vectors: Mapping[str, Vector]
 ) -> tuple[Drawing, ca.Function | None]:
-    """What is drawn, and the function (t, y, u, k) → d of what only the picture needs.
+    """Drawing of a chain, and the function (t, y, u, k) → d of its new variables.
 
-    :param known: expressions of variables, by name, in the symbols of a link.
+    :param variables: expressions by name, in the symbols of a link.
     :param vectors: t, y, u, k.
     """
     n, drawing, shapes, base = m.sizes["n"], Drawing(), _shapes(m), m.base()
     whole = {name: ca.SX.sym(name, vector.offsets(n)[-1]) for name, vector in vectors.items()}
     flagged = (pair for v in vectors.values() for pair in zip(ca.vertsplit(v.entries), v.each, strict=True))
     of_links = keys(ca.vertcat(m.w, *(symbol for symbol, each in flagged if each)))
-    names = {ca.SX(x).element_hash(): (name, bool(keys(x) & of_links)) for name, x in known.items()}
+    names = {ca.SX(x).element_hash(): (name, bool(keys(x) & of_links)) for name, x in variables.items()}
     joint: list[tuple[float | str, ca.SX]] = []
     for number in range(1, min(n, MOST_LINKS) + 1):
         link = _Link(number, names, drawing, [(m.number, ca.SX(number))])
@@ -117,7 +117,7 @@ def chain_picture(
 @final
 @dataclass(eq=False)
 class _Link:
-    """One of the links of a chain."""
+    """A link of a chain."""
 
     number: int
     names: Mapping[int, tuple[str, bool]]  # of variables, by the keys of their expressions; whether an array
@@ -126,7 +126,7 @@ class _Link:
     joint: dict[int, float | str] = field(default_factory=dict)  # names where it begins
 
     def named(self, value: Any) -> float | str:
-        """The number itself, or the name of the variable that has it."""
+        """Number, or name of the variable with this value."""
         identity = ca.SX(value).element_hash()
         if identity in self.joint:
             return self.joint[identity]
@@ -136,18 +136,18 @@ class _Link:
         return self.drawing.named(substituted(ca.SX(value), self.pairs))
 
     def ends(self, places: Mapping[str, ca.SX]) -> list[tuple[float | str, ca.SX]]:
-        """By axis, where what hangs on it begins: the name, and the expression."""
+        """Name and expression of each component of a joint."""
         return [(self.named(x), substituted(ca.SX(x), self.pairs)) for x in places.values()]
 
     def hang(self, w: ca.SX, ends: Iterable[tuple[float | str, ca.SX]]) -> None:
-        """Hang it on the ends of another, or on the base; on nothing at a free end."""
+        """Set the joint at which the link begins; none at a free end."""
         for symbol, (name, expression) in zip(ca.vertsplit(w), ends, strict=False):
             self.joint[symbol.element_hash()] = name
             self.pairs.append((symbol, expression))
 
 
 def _shapes(m: Component) -> Sequence[Shape]:
-    """What the method returns.
+    """Shapes that the method returns.
 
     :raises ComponentError: if it is anything but shapes.
     """
@@ -160,6 +160,6 @@ def _shapes(m: Component) -> Sequence[Shape]:
 
 
 def _hangs(shape: Shape, m: Chain) -> bool:
-    """Whether a shape begins at the joint, which the first link of a free end has not."""
+    """Whether a shape depends on the joint, which the first link of a free end lacks."""
     places = (shape.start, shape.end) if isinstance(shape, Rod | Spring) else ()
-    return any(ca.depends_on(ca.SX(component), m.w) for place in places for component in place.values())
+    return any(ca.depends_on(ca.SX(component), m.w) for position in places for component in position.values())

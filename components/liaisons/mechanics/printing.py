@@ -1,7 +1,7 @@
-"""The equations of a component as a textbook has them, for the documentation inside the FMU.
+"""Equations of a component in the form of the textbooks, for the documentation inside the FMU.
 
-They follow from the Lagrangian anew, on the way of the texts: generalised forces and multipliers stay symbols where
-:mod:`liaisons.mechanics.equations` has solved for them.
+A second derivation from the Lagrangian: generalised forces and multipliers stay symbols, where
+:mod:`liaisons.mechanics.equations` solves for them.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from liaisons.mechanics.model import Equation
 
 
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
-    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, and what the component adds."""
+    """Lagrangian, momenta, motion, operators' forces, effective mass, constraints, points and outputs."""
     m = equations.mechanism
     names = [q.name for q in m.coordinates]
     rates = [f"{name}_dot" for name in names]
     momenta, momentum_rates = [f"p_{name}" for name in names], [f"p_{name}_dot" for name in names]
-    for turn in m.orientations:
-        names, rates = [*names, *turn.quaternion], [*rates, *turn.rates]
-        momenta = [*momenta, *turn.momenta]
-        momentum_rates += [f"{name}_dot" for name in turn.momenta]
+    for orientation in m.orientations:
+        names, rates = [*names, *orientation.quaternion], [*rates, *orientation.rates]
+        momenta = [*momenta, *orientation.momenta]
+        momentum_rates += [f"{name}_dot" for name in orientation.momenta]
     actives = [s.name for s in m.actives]
     adapted = actives[: len(actives) - len(m.rheonomic_constraints)]
     turning = m.free.kinematics @ m.free.q_dot
@@ -49,26 +49,26 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
     )
 
 
-def of_operator(picture: Operator, signal: ca.SX) -> tuple[Equation, ...]:
-    """The signal, and the rates of the internal states that it depends on."""
-    rates = picture.internal_rates()
-    internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in picture.internal_states)
-    arrays = any(isinstance(p, ParameterArray) for p in picture.parameters)  # a choice among many is no formula
+def of_operator(operator: Operator, signal: ca.SX) -> tuple[Equation, ...]:
+    """Signal and rates of the internal states."""
+    rates = operator.internal_rates()
+    internal = (Equation("internal", f"{x.name}_dot", ca.SX(rates[x.name])) for x in operator.internal_states)
+    arrays = any(isinstance(p, ParameterArray) for p in operator.parameters)  # a choice among many is no formula
     return (*(() if arrays else (Equation("signal", "y", signal),)), *internal)
 
 
-def of_chain(picture: Chain) -> tuple[Equation, ...]:
-    """What one link is: its energies, and where the next one begins."""
-    base = picture.base() or {}
-    dissipated = ca.SX(picture.friction_coefficient()) * ca.SX(picture.kinetic_energy())
-    dissipated += ca.SX(picture.dissipation_function()) + ca.SX(picture.bond_dissipation())
-    points = picture.point_components()
+def of_chain(chain: Chain) -> tuple[Equation, ...]:
+    """Energies of a link, and the joint of the next one."""
+    base = chain.base() or {}
+    dissipated = ca.SX(chain.friction_coefficient()) * ca.SX(chain.kinetic_energy())
+    dissipated += ca.SX(chain.dissipation_function()) + ca.SX(chain.bond_dissipation())
+    points = chain.point_components()
     return (
-        Equation("link", "kinetic_energy", ca.SX(picture.kinetic_energy())),
-        Equation("link", "potential_energy", ca.SX(picture.potential_energy()) + ca.SX(picture.bond_energy())),
+        Equation("link", "kinetic_energy", ca.SX(chain.kinetic_energy())),
+        Equation("link", "potential_energy", ca.SX(chain.potential_energy()) + ca.SX(chain.bond_energy())),
         *_friction("link", "D", dissipated),
-        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(place)) for axis, place in picture.tip().items()),
-        *(Equation("joints", f"joint_{axis}[1]", ca.SX(place)) for axis, place in base.items()),
+        *(Equation("joints", f"joint_{axis}[i+1]", ca.SX(position)) for axis, position in chain.tip().items()),
+        *(Equation("joints", f"joint_{axis}[1]", ca.SX(position)) for axis, position in base.items()),
         *_rows("points", points, stack(points.values())),
     )
 
@@ -81,7 +81,7 @@ def _friction(section: str, name: str, function: ca.SX) -> Iterator[Equation]:
 def _balances(equations: Equations) -> ca.SX:
     """∂L/∂x + Q + Cᵀ λ, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
     m, L = equations.mechanism, equations.lagrangian
-    free, active, kept = m.free, m.active, equations.constraints
+    free, active, constraints = m.free, m.active, equations.constraints
     adapted = len(m.actives) - len(m.rheonomic_constraints)
     s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
     points = stack(equations.points.values())
@@ -89,17 +89,17 @@ def _balances(equations: Equations) -> ca.SX:
     multipliers = ca.vertcat(m.multipliers, active.force[adapted:, 0])
 
     drives = ca.vertcat(equations.drives - equations.loads, ca.SX.zeros(free.q_dot.shape[0] - len(m.coordinates), 1))
-    force = drives + kept.matrix.T @ multipliers + free.kinematics.T @ _pulled(L, points, equations, free.q)
+    force = drives + constraints.matrix.T @ multipliers + free.kinematics.T @ _pulled(L, points, equations, free.q)
     force -= equations.friction.against(free.q_dot)
     on_operator = m.dot(gradient(L, s_dot)) - _pulled(L, points, equations, s)
     on_operator += equations.friction.against(s_dot)
-    rigid = [i for i in kept.of_position if i < passive or i >= passive + len(m.non_holonomic)]
-    on_operator -= ca.jacobian(kept.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
+    rigid = [i for i in constraints.holonomic if i < passive or i >= passive + len(m.non_holonomic)]
+    on_operator -= ca.jacobian(constraints.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
     return ca.vertcat(force, on_operator)
 
 
 def _pulled(L: ca.SX, points: ca.SX, equations: Equations, where: ca.SX) -> ca.SX:
-    """∂L/∂x less what the loads at the points do along x (K eq. 14)."""
+    """∂L/∂x less the generalised force of the loads at the points (K eq. 14)."""
     return gradient(L, where) - ca.jacobian(points, where).T @ equations.point_loads
 
 

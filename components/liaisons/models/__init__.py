@@ -16,7 +16,7 @@ from liaisons.language import Component, Operator
 
 def _declared() -> dict[str, Any]:
     """The classes and functions of all files, by name."""
-    files = [import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__) if not found.ispkg]
+    files = [import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__) if not file.ispkg]
     return {
         name: value
         for file in files

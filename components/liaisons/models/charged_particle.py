@@ -39,8 +39,8 @@ class ChargedParticle(Mechanism):
     _E = property(lambda self: ca.vertcat(self.E_x, self.E_y, self.E_z))
 
     def picture(self) -> Shapes:
-        place = {"x": self.x, "y": self.y, "z": self.z}
-        return [Trail(place), Ball(place)]
+        position = {"x": self.x, "y": self.y, "z": self.z}
+        return [Trail(position), Ball(position)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * ca.sumsqr(self.dot(self._r))

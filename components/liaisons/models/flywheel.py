@@ -26,11 +26,11 @@ class Flywheel(Mechanism):
     experiment = Experiment(reference={"angle_force": 1.0, "friction": 0.2})
 
     def picture(self) -> Shapes:
-        turn = turned("y", -self.angle)
+        axes = turned("y", -self.angle)
         rims = [
-            dict(zip("xyz", ca.vertsplit(side * 0.5 * turn[:, i]), strict=True)) for i in (0, 2) for side in (-1, 1)
+            dict(zip("xyz", ca.vertsplit(side * 0.5 * axes[:, i]), strict=True)) for i in (0, 2) for side in (-1, 1)
         ]
-        return [circle({}, 0.5, (turn[:, 0], turn[:, 2])), *(Rod({}, rim) for rim in rims), Ball({})]
+        return [circle({}, 0.5, (axes[:, 0], axes[:, 2])), *(Rod({}, rim) for rim in rims), Ball({})]
 
     def kinetic_energy(self) -> ca.SX:
         return self.inertia / 2 * self.dot(self.angle) ** 2

@@ -32,8 +32,8 @@ class FreeParticle(Mechanism):
     experiment = Experiment(stop_time=2.0)
 
     def picture(self) -> Shapes:
-        place = {"x": self.x, "y": self.y, "z": self.z}
-        return [Trail(place), Ball(place)]
+        position = {"x": self.x, "y": self.y, "z": self.z}
+        return [Trail(position), Ball(position)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y, "z": self.z})

@@ -40,8 +40,8 @@ class IsokineticOscillator(Mechanism):
         return self.kinetic_energy() - 1.5 * self.thermal_energy
 
     def picture(self) -> Shapes:
-        place = {"x": self.x, "y": self.y, "z": self.z}
-        return [Trail(place), Spring({}, place), Ball(place)]
+        position = {"x": self.x, "y": self.y, "z": self.z}
+        return [Trail(position), Spring({}, position), Ball(position)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self._speed_squared()

@@ -36,9 +36,9 @@ class OscillatorChain(Chain):
         return {"x": self.u}
 
     def picture(self) -> Shapes:
-        place = {"x": self.u + (self.number - 0.5) * self.spacing}
+        position = {"x": self.u + (self.number - 0.5) * self.spacing}
         before = {"x": self.joint["x"] + (self.number - 1.5) * self.spacing}
-        return [Spring(before, place), Ball(place, radius=0.15 * self.spacing)]
+        return [Spring(before, position), Ball(position, radius=0.15 * self.spacing)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.dot(self.u) ** 2

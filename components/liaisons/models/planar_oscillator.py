@@ -31,8 +31,8 @@ class PlanarOscillator(Mechanism):
     experiment = Experiment(stop_time=20.0)
 
     def picture(self) -> Shapes:
-        place = {"x": self.x, "y": self.y}
-        return [Trail(place), Spring({}, place), Ball(place)]
+        position = {"x": self.x, "y": self.y}
+        return [Trail(position), Spring({}, position), Ball(position)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})

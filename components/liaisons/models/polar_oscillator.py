@@ -31,8 +31,8 @@ class PolarOscillator(Mechanism):
     experiment = Experiment(stop_time=20.0)
 
     def picture(self) -> Shapes:
-        place = {"x": self.r * ca.cos(self.phi), "y": self.r * ca.sin(self.phi)}
-        return [Trail(place), Spring({}, place), Ball(place)]
+        position = {"x": self.r * ca.cos(self.phi), "y": self.r * ca.sin(self.phi)}
+        return [Trail(position), Spring({}, position), Ball(position)]
 
     def kinetic_energy(self) -> ca.SX:
         return self.mass / 2 * (self.dot(self.r) ** 2 + (self.r * self.dot(self.phi)) ** 2)

@@ -52,11 +52,11 @@ class Regulator(Operator):
     acceleration = InternalState(ANY, "its acceleration")
 
     def _round(self, t: ca.SX) -> ca.SX:
-        """Whole rounds until a time; one that ends within rounding errors has ended."""
+        """Number of completed rounds; one that ends within rounding errors is completed."""
         return ca.floor(t / self.repeats + 1e-10)
 
     def _time(self, t: ca.SX) -> ca.SX:
-        """Since the begin of the round; what is reached within rounding errors has been reached."""
+        """Time since the start of the round, put forward by rounding errors."""
         return t - self._round(t) * self.repeats + 1e-9 * self.period
 
     def signal(self, t: ca.SX) -> ca.SX:  # noqa: ARG002 - by the time that the other states have, too
@@ -70,7 +70,7 @@ class Regulator(Operator):
         return y + v * tau + a * tau**2 / 2 + rest * u**3 + self.value
 
     def next_event_time(self) -> ca.SX:
-        """The next of the instants that stand twice, in this round, and the begin of the next one.
+        """Next repeated instant of this round, or the start of the next round.
 
         At the others, as at every communication point, only the third derivative jumps.
         """

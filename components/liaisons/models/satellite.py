@@ -57,15 +57,15 @@ class Satellite(Mechanism):
     def picture(self) -> Shapes:
         R, spins = self.attitude.matrix, (self.wheel_1, self.wheel_2, self.wheel_3)
 
-        def place(of: ca.SX) -> dict[str, ca.SX]:
-            return dict(zip("xyz", ca.vertsplit(of), strict=True))
+        def position(r: ca.SX) -> dict[str, ca.SX]:
+            return dict(zip("xyz", ca.vertsplit(r), strict=True))
 
-        panels = [Box(place(side * R[:, 1]), R, (0.5, 1.1, 0.03)) for side in (-1, 1)]
+        panels = [Box(position(side * R[:, 1]), R, (0.5, 1.1, 0.03)) for side in (-1, 1)]
         shapes = [Box({}, R, (0.5, 0.5, 0.5)), *panels]
         for i, spin in enumerate(spins):
             axis, a, b = 0.3 * R[:, i], R[:, (i + 1) % 3], R[:, (i + 2) % 3]
             spoke = 0.4 * (ca.cos(spin) * a + ca.sin(spin) * b)
-            shapes += [circle(place(axis), 0.4, (a, b), 24), Rod(place(axis - spoke), place(axis + spoke))]
+            shapes += [circle(position(axis), 0.4, (a, b), 24), Rod(position(axis - spoke), position(axis + spoke))]
         return shapes
 
     def kinetic_energy(self) -> ca.SX:

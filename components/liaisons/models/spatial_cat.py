@@ -65,17 +65,17 @@ class SpatialCat(Mechanism):
         d, R, (axis, _) = self.joint_distance, self.attitude.matrix, self._half_B()
         B = turned("z", self.azimuth) @ turned("x", self.bend) @ turned("z", self.twist - self.azimuth)
 
-        def place(from_joint: ca.SX) -> dict[str, ca.SX]:
+        def position(from_joint: ca.SX) -> dict[str, ca.SX]:
             x, y, z = ca.vertsplit(R @ (d * from_joint + d / 2 * (_A - axis)))
             return {"x": self.com_x + x, "y": self.com_y + y, "z": self.com_z + z}
 
-        joint, end_A, end_B = place(ca.SX.zeros(3)), place(-2 * _A), place(2 * axis)
+        joint, end_A, end_B = position(ca.SX.zeros(3)), position(-2 * _A), position(2 * axis)
         tips = [(B @ ca.SX([-0.35, side, 0]), B @ ca.SX([-0.7, 2 * side, 0])) for side in (-0.2, 0.2)]
-        ears = [Rod(*(place(2 * axis + end) for end in ends), radius=0.08 * d) for ends in tips]
-        tail = Rod(end_A, place(-3 * _A + ca.SX([-0.8, 0, 0])), radius=0.08 * d)
+        ears = [Rod(*(position(2 * axis + end) for end in ends), radius=0.08 * d) for ends in tips]
+        tail = Rod(end_A, position(-3 * _A + ca.SX([-0.8, 0, 0])), radius=0.08 * d)
         feet = [(-at * _A, ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
         feet += [(at * axis, B @ ca.SX([1, side, 0])) for at in (0.6, 1.6) for side in (-0.4, 0.4)]
-        legs = [Rod(place(hip), place(hip + leg), radius=0.08 * d) for hip, leg in feet]
+        legs = [Rod(position(hip), position(hip + leg), radius=0.08 * d) for hip, leg in feet]
         halves = [Rod(joint, end, radius=0.4 * d) for end in (end_A, end_B)]
         return [*halves, Ball(end_B, radius=0.5 * d), *legs, *ears, tail]
 

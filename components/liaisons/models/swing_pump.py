@@ -33,6 +33,6 @@ class SwingPump(Operator):
         return self.low + (self.high - self.low) * self.crouch_3
 
     def internal_rates(self) -> dict[str, ca.SX]:
-        wanted = ca.if_else(self.theta * self.theta_dot > 0, 0, 1)
-        stages = (wanted, self.crouch_1, self.crouch_2, self.crouch_3)
+        crouched = ca.if_else(self.theta * self.theta_dot > 0, 0, 1)
+        stages = (crouched, self.crouch_1, self.crouch_2, self.crouch_3)
         return {f"crouch_{i}": self.rate * (stages[i - 1] - stages[i]) for i in (1, 2, 3)}

@@ -22,6 +22,7 @@ from liaisons.cosim.messages import logger
 from liaisons.errors import LiaisonsError, PlanError, suggestion
 from liaisons.interface import System, with_table
 from liaisons.language import ParameterArray
+from liaisons.language.operator import TRIPLE
 from liaisons.library import Target, component, fmu_file, fmu_path, model
 from liaisons.models import regulator
 from liaisons.operators.feedback import multipliers
@@ -50,8 +51,8 @@ class ReferenceTrajectory:
     """A motion at its communication points; an equilibrium has one."""
 
     times: Array
-    planned: Array  # σ, σ̇, σ̈ (moves, 3, times)
-    reference: Array  # the states that are read (states, times)
+    motion: Array  # σ, σ̇, σ̈ (moves, 3, times)
+    states: Array  # that are read (states, times)
     after: After
 
     def next_jump(self, apart: float) -> Array:
@@ -59,15 +60,32 @@ class ReferenceTrajectory:
 
         :param apart: two times that are less apart [s], where σ or a rate differs, are a jump.
         """
-        differs = np.any(np.diff(self.planned, axis=2) != 0, axis=(0, 1))
+        differs = np.any(np.diff(self.motion, axis=2) != 0, axis=(0, 1))
         jumps = self.times[1:][differs & (np.diff(self.times) < apart)]
         return np.append(jumps, _NEVER)[np.searchsorted(jumps, self.times, side="right")]
 
 
 @final
 @dataclass(frozen=True, eq=False)
+class LinearPrediction:
+    """Deviations over one step, or over the whole reference trajectory, to first order."""
+
+    loop: Array  # in the directions in which the states can differ
+    directions: Array  # (states, directions) at the start
+    final_directions: Array  # and at the end
+    reach: Array  # (directions, ·) basis of the controllable ones
+    conserved: tuple[str, ...]  # states, or sums of them, that no move can change
+    returns: bool  # whether the trajectory ends where it starts, up to the mechanism's orientation
+
+    def multipliers(self, matrix: Array) -> NDArray[np.complex128]:
+        """Eigenvalues of a matrix, greatest first; singular values where the trajectory ends elsewhere."""
+        return multipliers(matrix) if self.returns else np.linalg.svd(matrix, compute_uv=False).astype(complex)
+
+
+@final
+@dataclass(frozen=True, eq=False)
 class Controller:
-    """A mechanism and the feedback that holds it, found by :func:`liaisons.hold`: w = -gains (x - x_0) once a step."""
+    """A mechanism with sampled feedback, from :func:`liaisons.hold`: accelerations are -gains (x - x_0) once a step."""
 
     name: str  # of the component
     component: Target
@@ -75,31 +93,41 @@ class Controller:
     step_size: float
     free: tuple[str, ...]  # coordinates that are held
     states: tuple[str, ...]  # what is read: the mechanism's, σ where it is held, σ̇, σ̈
-    course: ReferenceTrajectory
+    trajectory: ReferenceTrajectory
     gains: Array  # (times, moves, states); the last ones after the end
-    room: Mapping[str, Array]  # for corrections, by the names of a Regulator: (moves, times)
-    loop: Array  # of one step, or of the whole course, in the directions in which the states can differ
-    directions: Array  # (states, directions) at the start
-    ends: Array  # and at the end
-    reach: Array  # (directions, ·) those that can be controlled
-    conserved: tuple[str, ...]  # states, or sums of them, that no move can change
-    returns: bool  # whether the course leads back to where it began, up to how the mechanism is turned
-    sizes: Array  # of the states, by which loop, directions, ends and reach are divided
+    correction_limits: Mapping[str, Array]  # for corrections, by the names of a Regulator: (moves, times)
+    prediction: LinearPrediction
+    sizes: Array  # of the states, by which the prediction is divided
     energy: float  # kinetic, of what moves by its size in that time [J]
     time: float  # in which states change by their sizes [s]
     values: Mapping[str, float]  # of parameters, as they were given
     starts: Mapping[str, float]  # start values of the FMU, σ, σ̇ and σ̈ among them
-    shifts: tuple[Mapping[str, float], ...]  # of these, by which the states are made to differ
+    perturbations: tuple[Mapping[str, float], ...]  # of these, by which the states are made to differ
 
     @property
     def duration(self) -> float:
-        """Of the course, or of one step at an equilibrium [s]."""
-        return float(self.course.times[-1]) or self.step_size
+        """Duration of the reference trajectory, or of one step at an equilibrium [s]."""
+        return float(self.trajectory.times[-1]) or self.step_size
+
+    @property
+    def loop(self) -> Array:
+        """Matrix of deviations over one step or the whole trajectory, divided by sizes."""
+        return self.prediction.loop
+
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """States, or sums of them, that no move can change."""
+        return self.prediction.conserved
+
+    @property
+    def returns(self) -> bool:
+        """Whether the trajectory ends where it starts, up to the mechanism's orientation."""
+        return self.prediction.returns
 
     @property
     def reached(self) -> int:
-        """How many directions can be controlled."""
-        return self.reach.shape[1]
+        """Number of controllable directions."""
+        return self.prediction.reach.shape[1]
 
     @property
     def floquet_multipliers(self) -> NDArray[np.complex128]:
@@ -107,7 +135,7 @@ class Controller:
 
         For a plan that ends elsewhere the singular values: factors of deviations from start to end.
         """
-        return self._factors(self.loop)
+        return self.prediction.multipliers(self.loop)
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -117,11 +145,9 @@ class Controller:
 
     @property
     def controlled(self) -> NDArray[np.complex128]:
-        """The multipliers of what is controlled: inside the unit circle."""
-        return self._factors(self.reach.T @ self.loop @ self.reach if self.returns else self.loop @ self.reach)
-
-    def _factors(self, matrix: Array) -> NDArray[np.complex128]:
-        return multipliers(matrix) if self.returns else np.linalg.svd(matrix, compute_uv=False).astype(complex)
+        """Multipliers of the controllable directions: inside the unit circle."""
+        reach = self.prediction.reach
+        return self.prediction.multipliers(reach.T @ self.loop @ reach if self.returns else self.loop @ reach)
 
     def system(self, *, start_values: Mapping[str, float] | None = None, **keywords: float) -> System:
         """The mechanism and one regulator FMU a coordinate, wired; communication points are those of :meth:`times`.
@@ -129,30 +155,30 @@ class Controller:
         :param start_values: start values of the mechanism that differ from those that are held, ``theta_0=3.3``, and of
             what moves, ``pivot_x=0.1``, ``pivot_x_dot=0.2``; ``keywords`` are further ones.
         """
-        return self._system(self.room, merged(self.name, start_values, keywords, PlanError))
+        return self._system(self.correction_limits, merged(self.name, start_values, keywords, PlanError))
 
-    def _system(self, room: Mapping[str, Array], starts: Mapping[str, float]) -> System:
+    def _system(self, correction_limits: Mapping[str, Array], starts: Mapping[str, float]) -> System:
         system = System(f"held_{self.name}")
-        given: dict[str, Any] = {**self.starts, **starts}
-        course, sources, regulators = self.course, {}, []
+        start_values: dict[str, Any] = {**self.starts, **starts}
+        trajectory, sources, regulators = self.trajectory, {}, []
         for i, move in enumerate(self.moves):
             # What is read is a sample: it stays until the next communication point.
             settings: dict[str, Any] = {"period": self.step_size, "input_reconstruction": 0}
-            fmu, columns = self._regulator(i, room)
+            fmu, columns = self._regulator(i, correction_limits)
             settings |= columns
-            triple = [f"{move}{end}" for end in ("", "_dot", "_ddot")]
+            triple = motion_names(move)
             for n, start in enumerate(("value_0", "rate_0", "acceleration_0")):
-                settings[start] = given.pop(triple[n]) - course.planned[i, n, 0]
-            if course.after == "repeats":
+                settings[start] = start_values.pop(triple[n]) - trajectory.motion[i, n, 0]
+            if trajectory.after == "repeats":
                 settings["repeats"] = self.duration
             regulators.append(system.add(f"{self.name}_{move}", fmu, **settings))
-            sources |= {name: regulators[-1][y] for name, y in zip(triple, ("y", "y_dot", "y_ddot"), strict=True)}
+            sources |= {name: regulators[-1][y] for name, y in zip(triple, TRIPLE, strict=True)}
         system.experiment = DefaultExperiment(0.0, self._stop, self._even_step)
-        follows: dict[str, Any] = {} if course.times.size == 1 else {"input_reconstruction": 2}
+        follows: dict[str, Any] = {} if trajectory.times.size == 1 else {"input_reconstruction": 2}
         sizes = chain_size(self.component, self.values)
         values: dict[str, Any] = {name: value for name, value in self.values.items() if name not in sizes}
         fmu = fmu_path(self.component, **sizes)
-        mechanism = system.add(self.name, fmu, **values, **follows, **given)
+        mechanism = system.add(self.name, fmu, **values, **follows, **start_values)
         for move, part in zip(self.moves, regulators, strict=True):
             system.connect(part["y"], mechanism[move])
             system.connect(part["elapsed"], part["sampled"])
@@ -168,45 +194,45 @@ class Controller:
     @property
     def _stop(self) -> float:
         """Until when what is held is seen [s]: the end of the plan."""
-        return self._settling if self.course.times.size == 1 else self.duration
+        return self._settling if self.trajectory.times.size == 1 else self.duration
 
     @property
     def _even_step(self) -> float:
         """The distance of the communication points [s], if they are even; else the longest that is not above it."""
-        if self.course.times.size == 1:
+        if self.trajectory.times.size == 1:
             return self.step_size
         return self.duration / float(np.ceil(self.duration / self.step_size - 1e-9))
 
-    def _regulator(self, i: int, room: Mapping[str, Array]) -> tuple[Path, dict[str, Array]]:
+    def _regulator(self, i: int, correction_limits: Mapping[str, Array]) -> tuple[Path, dict[str, Array]]:
         """The FMU for one of what moves, with its table in a file if it is long, else in its parameters."""
-        course, gains = self.course, self.gains[:, i]
-        columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), course.planned[i], strict=True))
-        columns |= {"next_jump": course.next_jump(_PAIR * self.step_size)}
-        columns |= {"instant": course.times, "offset": np.sum(gains.T * course.reference, axis=0)}
-        columns |= {"advance": self._shift @ gains.T} | {name: values[i] for name, values in room.items()}
+        trajectory, gains = self.trajectory, self.gains[:, i]
+        columns = dict(zip(("planned", "planned_rate", "planned_acceleration"), trajectory.motion[i], strict=True))
+        columns |= {"next_jump": trajectory.next_jump(_PAIR * self.step_size)}
+        columns |= {"instant": trajectory.times, "offset": np.sum(gains.T * trajectory.states, axis=0)}
+        columns |= {"advance": self._shift @ gains.T} | {name: values[i] for name, values in correction_limits.items()}
         columns |= {f"gain_{j}": gains[:, j - 1] for j in range(1, len(self.states) + 1)}
-        fmu, missing = fmu_file("Regulator"), regulator.KNOTS - course.times.size
+        fmu, missing = fmu_file("Regulator"), regulator.KNOTS - trajectory.times.size
         if missing >= 0:
             return fmu, {name: np.pad(x, (0, missing), mode="edge") for name, x in columns.items()}
         arrays = (p for p in regulator.Regulator.parameters if isinstance(p, ParameterArray))
-        whole = [columns.get(p.name, np.full(course.times.size, sum(p.leading[:1]))) for p in arrays]
+        whole = [columns.get(p.name, np.full(trajectory.times.size, sum(p.leading[:1]))) for p in arrays]
         return with_table(fmu, np.array(whole)), {}
 
     @property
     def _shift(self) -> Array:
         """By how much coordinates that enter nothing move on in a round."""
-        gap = self.course.reference[:, -1] - self.course.reference[:, 0]
+        gap = self.trajectory.states[:, -1] - self.trajectory.states[:, 0]
         return np.where([name in self.free for name in self.states], gap, 0.0)
 
     def times(self, stop_time: float | None = None) -> Array:
         """Communication points until then [s]; until the end of the plan unless given."""
-        course, stop = self.course, self.duration if stop_time is None else stop_time
-        if course.after == "repeats":
+        trajectory, stop = self.trajectory, self.duration if stop_time is None else stop_time
+        if trajectory.after == "repeats":
             rounds = np.arange(int(np.ceil(stop / self.duration - _SAME)))
-            points = np.append((rounds[:, None] * self.duration + course.times[:-1]).ravel(), stop)
+            points = np.append((rounds[:, None] * self.duration + trajectory.times[:-1]).ravel(), stop)
         else:
-            more = np.arange(1, max(0, int(np.ceil((stop - course.times[-1]) / self.step_size - 1e-9))) + 1)
-            points = np.concatenate([course.times, np.minimum(course.times[-1] + more * self.step_size, stop)])
+            more = np.arange(1, max(0, int(np.ceil((stop - trajectory.times[-1]) / self.step_size - 1e-9))) + 1)
+            points = np.concatenate([trajectory.times, np.minimum(trajectory.times[-1] + more * self.step_size, stop)])
         return np.append(points[points < stop * (1 - 1e-12)], stop)
 
     def simulate(
@@ -224,46 +250,47 @@ class Controller:
         :param start_values: as of :meth:`system`; ``keywords`` are further ones.
         :raises PlanError: if a time or a start value is no finite number, or the end is not after the start.
         """
-        given = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
+        ports = {f"{self.name}.{name}": value for name, value in (inputs or {}).items()}
         starts = merged(self.name, start_values, keywords, PlanError)
         for name, value in starts.items():
             finite(f"{self.name}: {name}", value, PlanError)
         stop_time = self._stop if stop_time is None else stop_time
         _positive("stop_time", stop_time)
-        if self.course.after == "ends" and stop_time > self.duration * (1 + 1e-9):
+        if self.trajectory.after == "ends" and stop_time > self.duration * (1 + 1e-9):
             logger.warning(
                 "%s: the plan ends in motion at %g s; what is simulated until %g s is not planned: σ goes on evenly",
                 self.name,
                 self.duration,
                 stop_time,
             )
-        return self._run(self.system(start_values=starts), stop_time, given or None)
+        return self._run(self.system(start_values=starts), stop_time, ports or None)
 
     def _run(self, system: System, stop_time: float | None, inputs: Mapping[str, Any] | None = None) -> Result:
-        coupling = "jacobi" if self.course.times.size == 1 else "gauss-seidel"
+        coupling = "jacobi" if self.trajectory.times.size == 1 else "gauss-seidel"
         return system.simulate(times=self.times(stop_time), coupling=coupling, tolerance=1e-11, inputs=inputs)
 
     def deviation(self, run: Result) -> Array:
         """By how much the states of a run differ from those that are held, (states, times)."""
-        names = []
-        for name in self.states:
-            ends = {move + end: f"{self.name}_{move}.y{end}" for move in self.moves for end in ("", "_dot", "_ddot")}
-            names.append(ends.get(name, f"{self.name}.{name}"))
-        repeats = self.course.after == "repeats"
+        outputs = {
+            name: f"{self.name}_{move}.{output}"
+            for move in self.moves
+            for name, output in zip(motion_names(move), TRIPLE, strict=True)
+        }
+        names = [outputs.get(name, f"{self.name}.{name}") for name in self.states]
+        repeats = self.trajectory.after == "repeats"
         rounds = np.floor(run.time / self.duration + _SAME) * repeats
         late = run.time - rounds * self.duration + _SAME * self.duration
-        places = np.maximum(0, np.searchsorted(self.course.times, late, side="right") - 1)
-        return (
-            np.array([run[name] for name in names]) - self.course.reference[:, places] - np.outer(self._shift, rounds)
-        )
+        knots = np.maximum(0, np.searchsorted(self.trajectory.times, late, side="right") - 1)
+        states = np.array([run[name] for name in names])
+        return states - self.trajectory.states[:, knots] - np.outer(self._shift, rounds)
 
     def survives(
         self, port: str, duration: float, *, stop_time: float | None = None, first: float | None = None
     ) -> float:
         """Greatest of the forces tried at a port, from 0 on, after which what is held came back.
 
-        Doubled until it falls, forty times at most, then halved in between twelve times: nothing is said of other
-        forces.
+        The force is doubled until the mechanism falls, sixty times at most; then the interval is bisected twelve
+        times.  Forces that were not tried may give another result.
 
         :param port: input of the mechanism, ``"theta_force"``.
         :param duration: how long the force acts [s].
@@ -278,12 +305,9 @@ class Controller:
         if port not in ports:
             raise PlanError(f"{self.name}: survives: no input {shown(port)} is free{suggestion(port, ports)}")
         _positive("survives: duration", duration)
-        ends = self.course.after == "ends"
-        stop = (
-            (self.duration if ends else max(self.duration, duration) + self._settling)
-            if stop_time is None
-            else stop_time
-        )
+        ends = self.trajectory.after == "ends"
+        settled = self.duration if ends else max(self.duration, duration) + self._settling
+        stop = settled if stop_time is None else stop_time
         _positive("survives: stop_time", stop)
         if stop <= duration:
             raise PlanError(
@@ -293,8 +317,7 @@ class Controller:
         usual = self.energy / dict(zip(self.states, self.sizes, strict=True)).get(coordinate, 1.0)
         high = 1e-3 * usual if first is None else first
         _positive("survives: first", high)
-        places = [self.states.index(name) for name in self.free if name not in self.moves]
-        sizes = self.sizes[places, None]
+        free = [self.states.index(name) for name in self.free if name not in self.moves]
 
         def comes_back(force: float) -> bool:
             try:
@@ -304,7 +327,7 @@ class Controller:
                 if force == 0:
                     raise
                 return False
-            off = np.abs(self.deviation(run)[places]) / sizes
+            off = np.abs(self.deviation(run)[free]) / self.sizes[free, None]
             after = off[:, run.time >= max(duration, stop - self.time)]
             return bool(np.all(after <= max(0.05 * np.max(off, initial=0.0), _STILL)))
 
@@ -325,50 +348,52 @@ class Controller:
 
         Without bounds: where the course lies on one, a correction that it stops is none of first order.
         """
-        first, last = np.linalg.pinv(self.directions), np.linalg.pinv(self.ends)
-        begins, ends = [], []
-        for direction in self.shifts:
-            shifted: list[dict[str, Any]] = [
-                {name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)
-            ]
-            with _unwarned():  # of what a step that is too long for a continuous feedback does: it is in the matrix
-                runs = [self._run(self._system({}, starts), self.duration) for starts in shifted]
+        first = np.linalg.pinv(self.prediction.directions)
+        last = np.linalg.pinv(self.prediction.final_directions)
+        starts, ends = [], []
+        for direction in self.perturbations:
+            shifted = [{name: self.starts[name] + by * x for name, x in direction.items()} for by in (_NEAR, -_NEAR)]
+            with _unwarned():  # of steps too long for a continuous feedback: that is in the matrix
+                runs = [self._run(self._system({}, values), self.duration) for values in shifted]
             change = (self.deviation(runs[0]) - self.deviation(runs[1])) / (2 * _NEAR * self.sizes[:, None])
-            begins.append(first @ change[:, 0])
+            starts.append(first @ change[:, 0])
             ends.append(last @ change[:, -1])
-        return np.linalg.lstsq(np.array(begins), np.array(ends), rcond=None)[0].T
+        return np.linalg.lstsq(np.array(starts), np.array(ends), rcond=None)[0].T
 
     def verify(self) -> list[Verdict]:
-        """Whether one step or the whole course of the FMUs is what was predicted, and what is controlled comes back.
+        """Verdicts on the linear prediction and on the undisturbed motion, as the FMUs perform them.
 
-        And whether what nobody disturbs stays with its motion: for two rounds, or until well after the end of the plan.
+        The measured matrix of one step, or of the whole trajectory, and its multipliers are the predicted ones;
+        controllable deviations decay; without disturbance the mechanism follows the trajectory, for two rounds or
+        until well after the end of the plan.
         """
         measured = self.measured()
-        what = "one step" if self.course.times.size == 1 else "one round" if self.returns else "the whole plan"
+        subject = "one step" if self.trajectory.times.size == 1 else "one round" if self.returns else "the whole plan"
         error = float(np.max(np.abs(measured - self.loop)) / np.max(np.abs(self.loop)))
-        far = np.abs(self.floquet_multipliers[:, None] - self._factors(measured))
+        far = np.abs(self.floquet_multipliers[:, None] - self.prediction.multipliers(measured))
         apart = float(np.max(far[linear_sum_assignment(far)]))
         why = "differences of 1e-5, solver tolerance 1e-11"
-        found = [
-            verdict(f"{what} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
+        claims = [
+            verdict(f"{subject} of the FMUs is the matrix predicted", error=error, tolerance=1e-5, reason=why),
             verdict("so are its multipliers", error=apart, tolerance=1e-3, reason="a root of it where they coincide"),
         ]
         if self.returns:
             radius = float(np.max(np.abs(self.controlled)))
-            found.append(verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9))
-        after = 0.0 if self.course.after == "ends" else max(self._settling, self.duration)
+            claims.append(verdict("what is controlled comes back, |multiplier| < 1", error=radius, tolerance=1 - 1e-9))
+        after = 0.0 if self.trajectory.after == "ends" else max(self._settling, self.duration)
         stop = self.duration + after
         with _unwarned():
             off = np.abs(self.deviation(self.simulate(stop))) / self.sizes[:, None]
         why = "ten times by how much a motion that returns may miss its begin"
         words = f"undisturbed it stays with its motion for {stop:.3g} s, relative to sizes"
-        return [*found, verdict(words, error=float(np.max(off)), tolerance=1e-5, reason=why)]
+        return [*claims, verdict(words, error=float(np.max(off)), tolerance=1e-5, reason=why)]
 
     def __repr__(self) -> str:
         radius = np.max(np.abs(self.controlled))
-        what = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
-        kept = f"; conserved: {', '.join(self.conserved)}" if self.conserved else ""
-        return f"<{self.name} held by {', '.join(self.moves)} every {self.step_size:g} s: {what}{radius:.6f}{kept}>"
+        subject = "|multiplier| <= " if self.returns else "from start to end deviations times at most "
+        moves, names = ", ".join(self.moves), ", ".join(self.conserved)
+        conserved = f"; conserved: {names}" if names else ""
+        return f"<{self.name} held by {moves} every {self.step_size:g} s: {subject}{radius:.6f}{conserved}>"
 
 
 def _positive(label: str, value: object) -> None:

@@ -16,7 +16,7 @@ Step = tuple[Array, Array]
 """A and B of x' = A x + B u, from one communication point to the next."""
 
 RANK = 1e-8
-"""A direction that is reached by less than this, of what is asked for, is out of reach."""
+"""Directions that inputs reach by less than this, relative to the largest, are not controllable."""
 _ROUNDS = 20000
 """So often the recursion goes back at most until its gains stay."""
 
@@ -28,8 +28,8 @@ def reachable(A: Array, B: Array) -> tuple[Array, Array]:
     while new.size and V.shape[1] < n:
         new = new - V @ (V.T @ new)
         new = new - V @ (V.T @ new)
-        found: Any = svd(new, full_matrices=False)
-        directions, sizes, _ = found
+        decomposition: Any = svd(new, full_matrices=False)
+        directions, sizes, _ = decomposition
         new = np.asarray(directions[:, sizes > RANK * max(1.0, float(np.linalg.norm(A)))], dtype=float)
         V = np.asarray(np.hstack([V, new]), dtype=float)
         new = A @ new
@@ -41,8 +41,8 @@ def steady(A: Array, C: Array, V: Array, U: Array) -> tuple[Array, Array]:
     """Where V has to rest so that C x = 0 remains while each direction of U stays, and what that misses."""
     left = np.vstack([V.T @ (np.eye(len(A)) - A) @ V, C @ V])
     right = np.vstack([V.T @ A @ U, -C @ U])
-    found: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
-    return found, np.asarray(np.linalg.norm(left @ found - right, axis=0))
+    solution: Any = np.linalg.lstsq(left, right, rcond=1e-12)[0]
+    return solution, np.asarray(np.linalg.norm(left @ solution - right, axis=0))
 
 
 def riccati(A: Array, B: Array, Q: Array, R: Array) -> Array:
@@ -71,17 +71,17 @@ def periodic(steps: Sequence[Step], costs: Sequence[Array], R: Array) -> tuple[l
     P, last = costs[0], np.zeros(0)
     for _ in range(max(2, _ROUNDS // len(steps))):
         gains, P = backward(steps, costs, R, P)
-        found = np.concatenate([K.ravel() for K in gains])
-        if last.size and np.max(np.abs(found - last)) <= 1e-11 * np.max(np.abs(found)):
+        flattened = np.concatenate([K.ravel() for K in gains])
+        if last.size and np.max(np.abs(flattened - last)) <= 1e-11 * np.max(np.abs(flattened)):
             return gains, P
-        last = found
+        last = flattened
     return None
 
 
 def through(steps: Sequence[Step], gains: Sequence[Array] | None = None) -> Array:
     """The matrix of all steps, with feedback if there are gains."""
-    found = [A if gains is None else A - B @ gains[k] for k, (A, B) in enumerate(steps)]
-    return reduce(lambda before, A: A @ before, found)
+    matrices = [A if gains is None else A - B @ gains[k] for k, (A, B) in enumerate(steps)]
+    return reduce(lambda before, A: A @ before, matrices)
 
 
 def pushes(steps: Sequence[Step]) -> Array:
@@ -94,5 +94,5 @@ def pushes(steps: Sequence[Step]) -> Array:
 
 def multipliers(matrix: Array) -> NDArray[np.complex128]:
     """Eigenvalues, greatest first."""
-    found = np.linalg.eigvals(matrix).astype(complex)
-    return found[np.argsort(-np.abs(found), kind="stable")]
+    eigenvalues = np.linalg.eigvals(matrix).astype(complex)
+    return eigenvalues[np.argsort(-np.abs(eigenvalues), kind="stable")]

@@ -85,10 +85,10 @@ def refuse_singular_mass(symbols: GoalSymbols, label: str) -> None:
         )
 
 
-def _evaluated(symbols: GoalSymbols, label: str, given: Any) -> ca.SX:
+def _evaluated(symbols: GoalSymbols, label: str, expression: Any) -> ca.SX:
     """Value of a user's function or text of the variables, a column."""
     try:
-        value = formula(given, symbols.signals) if isinstance(given, str) else given(symbols.signals)
+        value = formula(expression, symbols.signals) if isinstance(expression, str) else expression(symbols.signals)
         value = ca.vertcat(*value) if isinstance(value, (list, tuple)) else ca.SX(value)
     except FormulaError as error:
         raise PlanError(f"{symbols.name}: {label}: {error}") from None
@@ -99,8 +99,8 @@ def _evaluated(symbols: GoalSymbols, label: str, given: Any) -> ca.SX:
     return ca.vec(value)
 
 
-def _vanishing(symbols: GoalSymbols, label: str, given: Any) -> list[Row]:
-    value = _evaluated(symbols, label, given)
+def _vanishing(symbols: GoalSymbols, label: str, expression: Any) -> list[Row]:
+    value = _evaluated(symbols, label, expression)
     return [Row(f"{label}[{i}]", row) for i, row in enumerate(ca.vertsplit(value))]
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from itertools import count, pairwise
 from typing import Any
 
@@ -10,7 +12,7 @@ import numpy as np
 
 from liaisons.errors import PlanError
 from liaisons.language import Orientation
-from liaisons.operators.goals import Array
+from liaisons.operators.goals import Array, motion_names
 from liaisons.operators.problems import Problem
 from liaisons.operators.transcription import DEGREE, Arc, CollocatedTrajectory, mixture
 
@@ -38,9 +40,7 @@ def guesses(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """
     if problem.is_loop:
         return _loops(problem, intervals)
-    if not problem.constrained:
-        return _ways(problem, intervals)
-    return _constrained_ways(problem, intervals)
+    return ((_constrained_way if problem.constrained else _way)(problem, intervals, k) for k in count())
 
 
 def refuse_invariants(problem: Problem) -> None:
@@ -63,10 +63,10 @@ def refuse_invariants(problem: Problem) -> None:
             return
     for i in np.flatnonzero((spread < _ALIKE) & (off > _OFF)):
         size, stays = end.sizes[i], round(float(values[i, 0]), 5) + 0.0
-        wanted = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
+        required = float(np.clip(values[i, 0], end.low[i], end.high[i]) * size)
         how = " and comes back" if problem.is_loop else ""
         raise PlanError(
-            f"{problem.name}: end: {end.labels[i]} = {wanted:.6g} cannot be reached: "
+            f"{problem.name}: end: {end.labels[i]} = {required:.6g} cannot be reached: "
             f"however {', '.join(problem.moves)} moves{how}, it ends at {stays * size:.6g}"
         )
 
@@ -79,12 +79,12 @@ def duration_of(problem: Problem, k: int = 0) -> float:
 
 def _spread(k: int, dimension: int) -> float:
     """The k-th of numbers that fill (0, 1) evenly from the first on, in each dimension its own; J. H. Halton."""
-    base, found, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
+    base, value, digit = _PRIMES[dimension % len(_PRIMES)], 0.0, 1.0
     while k > 0:
         digit /= base
         k, remainder = divmod(k, base)
-        found += digit * remainder
-    return found
+        value += digit * remainder
+    return value
 
 
 def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[CollocatedTrajectory, Array, Array]:
@@ -99,51 +99,44 @@ def _blank(problem: Problem, intervals: int, k: int = 0) -> tuple[CollocatedTraj
     return trajectory, trajectory.breaks / durations[0], trajectory.instants / durations[0]
 
 
-def _constrained_ways(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    return (_constrained_way(problem, intervals, k) for k in count())
-
-
 def _constrained_way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
     trajectory, _, _ = _blank(problem, intervals, k)
     return _followed(problem, trajectory, _Way(problem, trajectory.durations[0], k))
 
 
-def _ways(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
-    """From start to end; the later ones are shaken."""
-    return (_way(problem, intervals, k) for k in count())
-
-
 def _way(problem: Problem, intervals: int, k: int) -> CollocatedTrajectory:
+    """From start to end by straight lines; the later ones are shaken."""
     trajectory, knots, points = _blank(problem, intervals, k)
-    T = trajectory.durations[0]
-    turned = [i for i, name in enumerate(problem.states) if name in Orientation.quaternion]
-    way = np.array(
-        [problem.terminal_state.get(name, x) - x for name, x in zip(problem.states, problem.initial_state, strict=True)]
-    )
-
-    def smooth(u: Array) -> tuple[Array, Array, Array]:
-        return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2
+    T, start, names = trajectory.durations[0], problem.initial_state, problem.states
+    axes = [i for i, name in enumerate(names) if name in Orientation.quaternion]
+    change = np.array([problem.terminal_state.get(name, x) - x for name, x in zip(names, start, strict=True)])
+    moves = {name: change[names.index(name)] for name in problem.moves if name in names}
 
     def states(u: Array) -> Array:
-        rise, rate, _ = smooth(u)
-        found = problem.initial_state[:, None] + way[:, None] * rise
-        if len(turned) == 4:  # all of them 0 where w alone is given as 0
-            found[turned] /= np.maximum(np.linalg.norm(found[turned], axis=0), 1e-9)
-        for name in problem.moves:
-            if f"{name}_dot" in problem.states and name in problem.states:
-                found[problem.states.index(f"{name}_dot")] = way[problem.states.index(name)] * rate
-        return found
+        rise, rate, _ = _smooth_step(u, T)
+        x = start[:, None] + change[:, None] * rise
+        if len(axes) == 4:  # all of them 0 where w alone is given as 0
+            x[axes] /= np.maximum(np.linalg.norm(x[axes], axis=0), 1e-9)
+        for name, by in moves.items():
+            if f"{name}_dot" in names:
+                x[names.index(f"{name}_dot")] = by * rate
+        return x
 
     controls = np.zeros((len(problem.moves), points.size))
     for i, name in enumerate(problem.moves):
-        if name in problem.states:
-            controls[i] = way[problem.states.index(name)] * smooth(points)[problem.order]
+        if name in moves:
+            controls[i] = moves[name] * _smooth_step(points, T)[problem.order]
         elif problem.order == 0:
             controls[i] = problem.initial_sigma[i]
     rng = np.random.default_rng(k)
-    size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(way).max()) / T**problem.order
+    size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(change).max()) / T**problem.order
     shake = size * np.array([_wave(rng, points) for _ in problem.moves])
-    return CollocatedTrajectory(trajectory.arcs, trajectory.durations, states(knots), states(points), controls + shake)
+    return replace(trajectory, knots=states(knots), inner=states(points), controls=controls + shake)
+
+
+def _smooth_step(u: Any, T: float) -> tuple[Any, Any, Any]:
+    """From 0 to 1 while u does, at rest at both ends; rate and acceleration [1/s, 1/s²] in the time T."""
+    return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / T, 60 * u * (1 - u) * (1 - 2 * u) / T**2
 
 
 def _wave(rng: np.random.Generator, u: Array) -> Array:
@@ -154,12 +147,12 @@ def _wave(rng: np.random.Generator, u: Array) -> Array:
 
 def _loops(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
     """Circles and ellipses, with states that follow them: of some simple ones the best, then all over the ranges."""
-    yield min(_circles(problem, intervals), key=lambda trajectory: _miss(problem, trajectory))
+    miss = partial(_miss, problem)
+    yield min(_circles(problem, intervals), key=miss)
     if not _is_begun(problem):
         yield from _far_circles(problem, intervals)
     for k in count(1):
-        several = (_ellipse(problem, intervals, _EACH * k + i) for i in range(_EACH))
-        yield min(several, key=lambda trajectory: _miss(problem, trajectory))
+        yield min((_ellipse(problem, intervals, _EACH * k + i) for i in range(_EACH)), key=miss)
 
 
 def _ranges(problem: Problem) -> tuple[Array, Array]:
@@ -198,11 +191,16 @@ def _far_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTraject
     middles, widths = _ranges(problem)
     widths = np.minimum(widths, np.pi)
     between = widths / 2 * (-1) ** np.arange(len(widths))
-    for offset, radius, way in ((widths, 0.16, 1), (-between, 0.45, -1), (widths, 0.8, -1), (between, 0.45, 1)):
-        phases = way * np.pi / 2 * np.arange(len(widths))
-        phases = phases - np.angle(mixture(len(widths)) @ np.exp(1j * phases))
-        centre = middles + np.where(widths < np.pi, 0, offset)
-        yield _followed(problem, trajectory, _Loop(centre, radius * widths, phases, False, trajectory.durations[0]))
+    for offset, radius, sense in ((widths, 0.16, 1), (-between, 0.45, -1), (widths, 0.8, -1), (between, 0.45, 1)):
+        phases, extremal = _phases(sense, len(widths))
+        centre, T = middles + np.where(widths < np.pi, 0, offset), trajectory.durations[0]
+        yield _followed(problem, trajectory, _Loop(centre, radius * widths, phases - extremal, False, T))
+
+
+def _phases(sense: int, size: int) -> tuple[Array, float]:
+    """Phases of circles, and that at which a weighted sum of them is extremal."""
+    phases = sense * np.pi / 2 * np.arange(size)
+    return phases, float(np.angle(mixture(size) @ np.exp(1j * phases)))
 
 
 def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]:
@@ -215,9 +213,8 @@ def _circles(problem: Problem, intervals: int) -> Iterator[CollocatedTrajectory]
     is_begun = _is_begun(problem)
     for centre in [start] if is_begun else [start, middles, start + turns, start - turns]:
         for radius in (0.25, 0.5, 0.9, 1.4):
-            for way in (1, -1):
-                phases = way * np.pi / 2 * np.arange(len(start))
-                extremal = np.angle(mixture(len(start)) @ np.exp(1j * phases))
+            for sense in (1, -1):
+                phases, extremal = _phases(sense, len(start))
                 for first in (0.0, np.pi / 2, np.pi, -np.pi / 2) if is_begun else (extremal,):
                     shape = _Loop(centre, np.full(len(start), radius), phases - first, is_begun, T)
                     yield _followed(problem, trajectory, shape)
@@ -248,11 +245,13 @@ class _Way:
     """σ from start to end, at rest there; the k-th with waves on it."""
 
     def __init__(self, problem: Problem, T: float, k: int) -> None:
-        at = {
+        ends_of = {
             name: (x, problem.terminal_state.get(name, x))
             for name, x in zip(problem.states, problem.initial_state, strict=True)
         }
-        ends = [at.get(name, (value, value)) for name, value in zip(problem.moves, problem.initial_sigma, strict=True)]
+        ends = [
+            ends_of.get(name, (value, value)) for name, value in zip(problem.moves, problem.initial_sigma, strict=True)
+        ]
         self.begin, self.way, self.T = np.array([a for a, _ in ends]), np.array([b - a for a, b in ends]), T
         size = _SHAKES[k % len(_SHAKES)] * (1 + np.abs(self.way).max())
         self.waves = size * np.random.default_rng(k).normal(size=(len(ends), 3)) / np.arange(1, 4) ** 2
@@ -267,30 +266,27 @@ class _Way:
 def _followed(problem: Problem, trajectory: CollocatedTrajectory, motion: _Loop | _Way) -> CollocatedTrajectory:
     """States along a motion of σ, by Runge and Kutta's method through all points."""
     times = np.unique(np.concatenate([trajectory.breaks, trajectory.instants]))
-    given = [(f"{name}{end}", n, i) for i, name in enumerate(problem.moves) for n, end in enumerate(("", "_dot"))]
-    places = [(problem.states.index(name), n, i) for name, n, i in given if name in problem.states]
+    names = [(name, n, i) for i, move in enumerate(problem.moves) for n, name in enumerate(motion_names(move))]
+    indices = [(problem.states.index(name), n, i) for name, n, i in names if name in problem.states]
 
     def put(x: Array, t: float) -> tuple[Array, Array]:
-        sigma = motion(t)
-        x = x.copy()
-        for place, n, i in places:
-            x[place] = sigma[n][i]
+        sigma, x = motion(t), x.copy()
+        for index, n, i in indices:
+            x[index] = sigma[n][i]
         return x, sigma[problem.order]
 
     def slope(x: Array, t: float) -> Array:
         return np.array(problem.rates(*put(x, t))).ravel()
 
-    x, found = put(problem.initial_state, 0.0)[0], {0.0: put(problem.initial_state, 0.0)[0]}
+    states = {0.0: put(problem.initial_state, 0.0)[0]}
     for t, after in pairwise(times):
-        h = after - t
+        x, h = states[t], after - t
         k1 = slope(x, t)
         k2 = slope(x + h / 2 * k1, t + h / 2)
-        x = put(x + h * slope(x + h / 2 * k2, t + h / 2), after)[0]
-        found[after] = x
-    knots = np.array([found[t] for t in trajectory.breaks]).T
-    inner = np.array([found[t] for t in trajectory.instants]).T
-    controls = np.array([put(x, t)[1] for t, x in zip(trajectory.instants, inner.T, strict=True)]).T
-    return CollocatedTrajectory(trajectory.arcs, trajectory.durations, knots, inner, controls)
+        states[after] = put(x + h * slope(x + h / 2 * k2, t + h / 2), after)[0]
+    knots, inner = (np.array([states[t] for t in ts]).T for ts in (trajectory.breaks, trajectory.instants))
+    controls = np.array([motion(t)[problem.order] for t in trajectory.instants]).T
+    return replace(trajectory, knots=knots, inner=inner, controls=controls)
 
 
 def _miss(problem: Problem, trajectory: CollocatedTrajectory) -> float:

@@ -20,7 +20,7 @@ from scipy.linalg import svd
 from liaisons.arguments import finite, merged, named, numbers, shown
 from liaisons.errors import PlanError
 from liaisons.library import Target, component
-from liaisons.operators.controllers import After, Controller, ReferenceTrajectory
+from liaisons.operators.controllers import After, Controller, LinearPrediction, ReferenceTrajectory
 from liaisons.operators.feedback import (
     RANK,
     Array,
@@ -94,7 +94,7 @@ def hold(
     Once a step the states are read and the accelerations of what moves are chosen, so that the sum over all steps of
     Σ weight (x - x_0)² + effort w² is least, each divided by its size: an angle's is 1, a length's that at which the
     mass has the angles' moment of inertia (of a pendulum its length), time is in radians of the free motion.  Where a
-    moved coordinate enters nothing (the angle of a wheel), it is held only if it is asked for by name.  A plan that
+    moved coordinate enters nothing (the angle of a wheel), it is held only if it is given by name.  A plan that
     returns to where it began is repeated; one after which the mechanism can rest is held there.
 
     :param motion: a plan; or name, file or class of a mechanism.
@@ -116,11 +116,13 @@ def hold(
         finite("step_size", step_size, PlanError)
     if effort <= 0 or (step_size is not None and step_size <= 0):
         raise PlanError(f"step_size = {shown(step_size)}, effort = {effort:g}: both must be > 0")
-    wishes = _Wishes(dict(named("weights", weights or {}, PlanError)), effort, named("bounds", bounds or {}, PlanError))
+    criterion = _Criterion(
+        dict(named("weights", weights or {}, PlanError)), effort, named("bounds", bounds or {}, PlanError)
+    )
     if isinstance(motion, Plan):
         if at is not None or moves is not None or values:
             raise PlanError("hold: a plan says what moves, where, and with which parameters; leave at and moves out")
-        return _along(motion, step_size, wishes)
+        return _along(motion, step_size, criterion)
     if at is None:
         raise PlanError("hold keeps an equilibrium or a plan: give a mechanism and at={name: value, ...}, or a plan")
     for name, value in named("at", at, PlanError).items():
@@ -132,7 +134,7 @@ def hold(
     sampled = SampledMechanism(goal, at, interpolate=False, time=H, longest=_MANY * H)
     if step_size is None and sampled.moves_freely:
         H = _plain(sampled.time / _PER_RADIAN)
-    return _at_rest(sampled, H, wishes)
+    return _at_rest(sampled, H, criterion)
 
 
 def _greatest_near(matrix: Array) -> float:
@@ -149,7 +151,7 @@ def _plain(value: float) -> float:
 
 
 @dataclass(frozen=True)
-class _Wishes:
+class _Criterion:
     weights: Mapping[str, float]
     effort: float
     bounds: Mapping[str, tuple[float | None, float | None]]
@@ -172,7 +174,7 @@ class _Wishes:
 # ---- an equilibrium -----------------------------------------------------------------------------------------------
 
 
-def _at_rest(sampled: SampledMechanism, H: float, wishes: _Wishes) -> Controller:
+def _at_rest(sampled: SampledMechanism, H: float, criterion: _Criterion) -> Controller:
     """The feedback of least cost at an equilibrium."""
     y, sigma = sampled.start[sampled.state_indices], sampled.sigma
     still = dict(zip(sampled.names, sampled.rates(y, sigma), strict=True))
@@ -183,102 +185,84 @@ def _at_rest(sampled: SampledMechanism, H: float, wishes: _Wishes) -> Controller
         raise PlanError(f"{sampled.name}: this is no equilibrium: the rate of {worst} is {still[worst]:.3g}")
     planned = np.dstack([sigma, sigma + H * np.column_stack([sigma[:, 1:], np.zeros(len(sigma))])])
     reference, steps = sampled.steps(np.array([0.0, H]), planned, H)
-    course = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
+    trajectory = ReferenceTrajectory(np.zeros(1), planned[:, :, :1], reference[:, :1], "rests")
     D = sampled.directions(reference[:, 0], sigma)
     ((A, B),) = reduced(steps, [D, D])
-    (Q,) = wishes.costs(sampled, [D])
+    (Q,) = criterion.costs(sampled, [D])
     still_ones = unmoved([(A, B)])
     V, U = reachable((A - np.eye(len(A))) * (sampled.time / H), B * (sampled.time / H))
     K = np.zeros((B.shape[1], len(A)))
     with suppress(np.linalg.LinAlgError):
-        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, wishes.effort * np.eye(B.shape[1])) @ V.T
+        K = riccati(V.T @ A @ V, V.T @ B, V.T @ Q @ V, criterion.effort * np.eye(B.shape[1])) @ V.T
     if not _greatest_near(V.T @ (A - B @ K) @ V) < 1:
         what = f"{', '.join(sampled.moves)} every {H:g} s hardly reach all that falls"
         raise PlanError(f"{sampled.name} cannot be held there: {what}; Riccati's equation has no solution in 16 digits")
     if U.size:
         fixed = np.eye(len(A))[:, still_ones]
-        others = svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]
-        U = np.hstack([fixed, others])
+        U = np.hstack([fixed, svd(U - fixed @ (fixed.T @ U))[0][:, : U.shape[1] - len(still_ones)]])
         stays = bool(np.max(np.abs(np.linalg.eigvals(U.T @ A @ U))) < 1 + 1e-6)
         target, missed = steady(A, D[[sampled.states.index(name) for name in sampled.free]], V, U)
         for j in range(U.shape[1]):
             if not stays or (j >= len(still_ones) and missed[j] > RANK):
                 raise PlanError(_cannot(sampled, D, U[:, j]))
         K -= K @ V @ target @ U.T
-    return _held(
-        sampled,
-        H,
-        course,
-        _physical(sampled, K @ np.linalg.pinv(D))[None],
-        _checked(sampled, wishes.bounds, sigma),
-        loop=A - B @ K,
-        directions=D,
-        ends=D,
-        reach=V,
-        conserved=_named(sampled, D, still_ones),
-        returns=True,
-    )
+    bounds = _checked(sampled, criterion.bounds, sigma)
+    prediction = LinearPrediction(A - B @ K, D, D, V, _named(sampled, D, still_ones), returns=True)
+    gains = [K @ np.linalg.pinv(D)]
+    return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
 
 
 # ---- a plan -------------------------------------------------------------------------------------------------------
 
 
-def _along(motion: Plan, step_size: float | None, wishes: _Wishes) -> Controller:
+def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Controller:
     """The feedback of least cost along a plan."""
     sampled = _beside(motion)
     longest = min(motion.duration / _STEPS, _LONGEST * sampled.time)
     H = motion.duration / np.ceil(motion.duration / longest - 1e-9) if step_size is None else step_size
-    course, steps, returns = _course(motion, sampled, H)
-    D = [sampled.directions(x, s) for x, s in zip(course.reference.T, course.planned.transpose(2, 0, 1), strict=True)]
-    steps, costs = reduced(steps, D), wishes.costs(sampled, D)
-    R = wishes.effort * np.eye(len(motion.goal.moves))
+    trajectory, steps, returns = _reference_trajectory(motion, sampled, H)
+    D = [
+        sampled.directions(x, s) for x, s in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), strict=True)
+    ]
+    steps, costs = reduced(steps, D), criterion.costs(sampled, D)
+    R = criterion.effort * np.eye(len(motion.goal.moves))
     whole, after = through(steps), np.zeros((len(R), D[-1].shape[1]))
-    if course.after == "rests":
-        y, planned = course.reference[: len(sampled.names), -1], course.planned[:, :, [-1, -1]]
+    if trajectory.after == "rests":
+        y, planned = trajectory.states[: len(sampled.names), -1], trajectory.motion[:, :, [-1, -1]]
         lasting = reduced(sampled.steps(np.array([0.0, H]), planned, H, y)[1], [D[-1], D[-1]])
         ((A, B),) = lasting
         V, U = reachable(A - np.eye(len(A)), np.hstack([B, pushes(steps)]))
         _refuse_growth(sampled, D[-1], U, A)
         end = periodic(lasting, costs[-1:], R)
         after = end and end[0][0]
-        found = end and backward(steps, costs[:-1], R, end[1])
+        solution = end and backward(steps, costs[:-1], R, end[1])
     elif returns:
         V, U = reachable(whole - np.eye(len(whole)), pushes(steps))
         _refuse_growth(sampled, D[-1], U, whole)
-        found = periodic(steps, costs[:-1], R)
+        solution = periodic(steps, costs[:-1], R)
     else:
         V, U = reachable(np.zeros_like(whole), pushes(steps))
-        found = backward(steps, costs[:-1], R, costs[-1])
-    if found is None or after is None:
+        solution = backward(steps, costs[:-1], R, costs[-1])
+    if solution is None or after is None:
         raise PlanError(f"{sampled.name}: no feedback keeps {', '.join(sampled.free)}: the gains do not converge")
-    gains, still = [*found[0], after], unmoved(steps)
-    known = [name for m in sampled.moves for name in (*motion_names(m), f"{m}_force")]
+    gains, still = [*solution[0], after], unmoved(steps)
+    loop = through(steps, gains)
     fixed = np.eye(len(whole))[:, still]
     left: Any = svd(U - fixed @ (fixed.T @ U), full_matrices=False)
     conserved = _named(sampled, D[0], still)
     conserved += tuple(_combination(sampled, D[-1], u) for u in left[0][:, left[1] > RANK].T)
-    return _held(
-        sampled,
-        H,
-        course,
-        np.array([_physical(sampled, K @ np.linalg.pinv(of)) for K, of in zip(gains, D, strict=True)]),
-        {n: pair for n, pair in motion.goal.bounds.items() if n in known} | _checked(sampled, wishes.bounds),
-        loop=through(steps, gains),
-        directions=D[0],
-        ends=D[-1],
-        reach=V,
-        conserved=conserved,
-        returns=returns,
-    )
+    bounds = {n: pair for n, pair in motion.goal.bounds.items() if n in _bounded(sampled)}
+    bounds |= _checked(sampled, criterion.bounds)
+    gains = [K @ np.linalg.pinv(basis) for K, basis in zip(gains, D, strict=True)]
+    prediction = LinearPrediction(loop, D[0], D[-1], V, conserved, returns)
+    return _controller(sampled, H, trajectory, gains=gains, bounds=bounds, prediction=prediction)
 
 
 def _beside(motion: Plan) -> SampledMechanism:
     """The mechanism at the start of the plan."""
     goal, T = motion.goal, motion.duration
     bare = bare_goal(goal.component, goal.moves, T, goal.values, {})
-    first = motion.sigma(0.0)
-    controls = np.array([first[name] for name in motion.problem.controls])
-    starts = motion.problem.fmu_starts(motion.solution.trajectory.knots[:, 0], controls)
+    first, starts = motion.sigma(0.0), motion.fmu_starts
     start: dict[str, Any] = {name: starts[parameter] for name, parameter in goal_symbols(bare).start_parameters.items()}
     start |= {name: float(first[name]) for m in goal.moves for name in motion_names(m)[:2]}
     groups: list[Any] = [group for group in (goal.start, goal.end, goal.closed) if not is_expression(group)]
@@ -288,7 +272,9 @@ def _beside(motion: Plan) -> SampledMechanism:
     )
 
 
-def _course(motion: Plan, sampled: SampledMechanism, H: float) -> tuple[ReferenceTrajectory, list[Step], bool]:
+def _reference_trajectory(
+    motion: Plan, sampled: SampledMechanism, H: float
+) -> tuple[ReferenceTrajectory, list[Step], bool]:
     """The plan at its communication points, and whether it comes back to where it was, up to how it is turned."""
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
     if T / H > _MOST:
@@ -327,25 +313,21 @@ def _course(motion: Plan, sampled: SampledMechanism, H: float) -> tuple[Referenc
 # ---- both ---------------------------------------------------------------------------------------------------------
 
 
-def _physical(sampled: SampledMechanism, gains: Array) -> Array:
-    """Gains of what is not divided by sizes."""
-    return sampled.input_sizes[:, None] * gains / sampled.sizes
-
-
-def _held(
+def _controller(
     sampled: SampledMechanism,
     H: float,
-    course: ReferenceTrajectory,
-    gains: Array,
+    trajectory: ReferenceTrajectory,
+    *,
+    gains: Sequence[Array],
     bounds: Mapping[str, Any],
-    **found: Any,
+    prediction: LinearPrediction,
 ) -> Controller:
-    """The whole, with start values and with the room that is left to corrections."""
+    """The controller with start values and the limits of corrections; gains are those of states divided by sizes."""
     symbols = sampled.symbols
-    starts = {parameter: symbols.parameters[parameter] for parameter in symbols.start_parameters.values()}
+    starts = {parameter: float(symbols.parameters[parameter]) for parameter in symbols.start_parameters.values()}
     for i, m in enumerate(sampled.moves):
-        starts |= dict(zip(motion_names(m), course.planned[i, :, 0], strict=True))
-    at = course.reference[:, 0], course.planned[:, :, 0], found["directions"]
+        starts |= dict(zip(motion_names(m), map(float, trajectory.motion[i, :, 0]), strict=True))
+    at = trajectory.states[:, 0], trajectory.motion[:, :, 0], prediction.directions
     return Controller(
         name=sampled.name,
         component=symbols.goal.component,
@@ -353,53 +335,54 @@ def _held(
         step_size=H,
         free=sampled.free,
         states=sampled.states,
-        course=course,
-        gains=gains,
-        room=_room(sampled, course, bounds),
+        trajectory=trajectory,
+        gains=np.array([sampled.input_sizes[:, None] * K / sampled.sizes for K in gains]),
+        correction_limits=_correction_limits(sampled, trajectory, bounds),
+        prediction=prediction,
         values=symbols.goal.values,
         sizes=sampled.sizes,
         energy=sampled.energy,
         time=sampled.time,
-        starts={name: float(value) for name, value in starts.items()},
-        shifts=_shifts(sampled, *at, starts),
-        **found,
+        starts=starts,
+        perturbations=_perturbations(sampled, *at, starts),
     )
 
 
-def _shifts(
+def _perturbations(
     sampled: SampledMechanism, reference: Array, sigma: Array, directions: Array, starts: Mapping[str, float]
 ) -> tuple[dict[str, float], ...]:
     """Start values that lead into all directions."""
-    of, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
+    parameters, sizes = sampled.symbols.start_parameters, sampled.sizes[:, None]
     if sampled.is_constrained:  # rates have to keep the constraints, too
         rates = sampled.rates_off(reference, sigma, directions)
         names = [*sampled.states, *(f"{name}_dot" for name in sampled.names)]
-        known = [(i, of.get(name, name)) for i, name in enumerate(names) if of.get(name, name) in starts]
+        pairs = [(i, parameters.get(name, name)) for i, name in enumerate(names)]
         columns = np.vstack([sizes * directions, rates]).T
-        return tuple({name: float(column[i]) for i, name in known} for column in columns)
-    turned = [axis for axes in sampled.quaternions.values() for axis in axes]
-    turns = [{i: column[i] for i in np.flatnonzero(column)} for column in (sizes * directions).T]
-    turns = [turn for turn in turns if any(sampled.states[i] in turned for i in turn)]
-    name_of = {parameter: name for name, parameter in of.items()}
-    singles = [name for name in starts if name not in {of[axis] for axis in turned}]
-    moved = ({of[sampled.states[i]]: float(x) for i, x in turn.items()} for turn in turns)
-    return (*moved, *({name: sampled.start_sizes[name_of.get(name, name)]} for name in singles))
+        return tuple({name: float(column[i]) for i, name in pairs if name in starts} for column in columns)
+    axes = {axis for axes in sampled.quaternions.values() for axis in axes}
+    columns = [{sampled.states[i]: float(x[i]) for i in np.flatnonzero(x)} for x in (sizes * directions).T]
+    rotations = ({parameters[name]: x for name, x in column.items()} for column in columns if axes & column.keys())
+    names = {parameter: name for name, parameter in parameters.items()}
+    singles = [names.get(start, start) for start in starts]
+    return (*rotations, *({parameters.get(n, n): sampled.start_sizes[n]} for n in singles if n not in axes))
 
 
-def _room(sampled: SampledMechanism, course: ReferenceTrajectory, bounds: Mapping[str, Any]) -> dict[str, Array]:
+def _correction_limits(
+    sampled: SampledMechanism, trajectory: ReferenceTrajectory, bounds: Mapping[str, Any]
+) -> dict[str, Array]:
     """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
-    shape = len(sampled.moves), course.times.size
-    y = course.reference[: len(sampled.names)].T
-    found = [sampled.forces(x, sigma) for x, sigma in zip(y, course.planned.transpose(2, 0, 1), strict=True)]
-    forces, masses = (np.array(column) for column in zip(*found, strict=True))
-    ends = {name: np.full(shape, far) for low, high in _PAIRS for name, far in ((low, -_FAR), (high, _FAR))}
+    shape = len(sampled.moves), trajectory.times.size
+    y = trajectory.states[: len(sampled.names)].T
+    pairs = [sampled.forces(x, sigma) for x, sigma in zip(y, trajectory.motion.transpose(2, 0, 1), strict=True)]
+    forces, masses = (np.array(column) for column in zip(*pairs, strict=True))
+    limits = {name: np.full(shape, far) for low, high in _PAIRS for name, far in ((low, -_FAR), (high, _FAR))}
     for i, m in enumerate(sampled.moves):
         domain = next(v for v in sampled.symbols.model.inputs if v.name == m)
         allowed = {m: (domain.minimum, domain.maximum)} | dict(bounds)
         for n, (low, high) in enumerate(_PAIRS):
             least, most = _ends(allowed.get(motion_names(m)[n]))
-            ends[low][i] = np.minimum(0.0, least - course.planned[i, n])
-            ends[high][i] = np.maximum(0.0, most - course.planned[i, n])
+            limits[low][i] = np.minimum(0.0, least - trajectory.motion[i, n])
+            limits[high][i] = np.maximum(0.0, most - trajectory.motion[i, n])
     for j, m in enumerate(sampled.moves):
         if f"{m}_force" not in bounds:
             continue
@@ -412,13 +395,13 @@ def _room(sampled: SampledMechanism, course: ReferenceTrajectory, bounds: Mappin
         acts = sizes > _MASSLESS * sizes.max()
         for i in np.flatnonzero(acts.any(axis=0)):  # each takes its share
             low, high = np.sort(left / np.where(acts[:, i], masses[:, j, i] * acts.sum(axis=1), _MASSLESS), axis=0)
-            ends["lowest"][i] = np.maximum(ends["lowest"][i], low)
-            ends["highest"][i] = np.minimum(ends["highest"][i], high)
-    ahead = np.arange(course.times.size)[:, None] + np.arange(_AHEAD + 1)
-    last = course.times.size - 1
-    ahead = ahead % max(1, last) if course.after == "repeats" else np.minimum(ahead, last)
+            limits["lowest"][i] = np.maximum(limits["lowest"][i], low)
+            limits["highest"][i] = np.minimum(limits["highest"][i], high)
+    ahead = np.arange(trajectory.times.size)[:, None] + np.arange(_AHEAD + 1)
+    last = trajectory.times.size - 1
+    ahead = ahead % max(1, last) if trajectory.after == "repeats" else np.minimum(ahead, last)
     low = {name for name, _ in _PAIRS}
-    return {name: (np.max if name in low else np.min)(values[:, ahead], axis=2) for name, values in ends.items()}
+    return {name: (np.max if name in low else np.min)(values[:, ahead], axis=2) for name, values in limits.items()}
 
 
 def _ends(pair: Sequence[float | None] | None) -> tuple[float, float]:
@@ -426,13 +409,17 @@ def _ends(pair: Sequence[float | None] | None) -> tuple[float, float]:
     return -_FAR if low is None else low, _FAR if high is None else high
 
 
+def _bounded(sampled: SampledMechanism) -> dict[str, tuple[int, int]]:
+    """Move and derivative, or 3 for the force, by the names of what regulators can bound."""
+    names = [(*motion_names(m), f"{m}_force") for m in sampled.moves]
+    return {name: (i, n) for i, quantities in enumerate(names) for n, name in enumerate(quantities)}
+
+
 def _checked(
     sampled: SampledMechanism, bounds: Mapping[str, Any], at: Array | None = None
 ) -> dict[str, tuple[float, float]]:
     """Bounds that the regulators can keep; and that what is held keeps, (moves, 3)."""
-    known = {
-        name: (i, n) for i, m in enumerate(sampled.moves) for n, name in enumerate((*motion_names(m), f"{m}_force"))
-    }
+    known = _bounded(sampled)
     for name, pair in bounds.items():
         if name not in known:
             raise PlanError(f"bounds of {name!r}: the regulators bound {', '.join(known)}")

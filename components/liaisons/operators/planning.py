@@ -1,4 +1,4 @@
-"""``plan``: from what is wanted of a mechanism to the motion of its active coordinates that does it at least cost."""
+"""``plan``: from a goal to the motion of active coordinates that reaches it at least cost."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def plan(
             bounds={"psi_1": (-3, 3), "psi_2": (-3, 3)}, arm_1=0.25, arm_2=0.25,
         )
 
-    Names are those of the FMU.  What is not said of the start is as declared, at rest; an orientation goes by its own
+    Names are those of the FMU.  Values that start does not give are as declared, at rest; an orientation has its own
     name, as a quaternion.  A function of the mechanism (``lambda m: m.bob_x - 1``) or the same as text stands for
     start or end where something has to vanish, and for ``minimize``.
 
@@ -76,7 +76,7 @@ def plan(
     :param tries: how many motions to start from, where extremals compete; the best one is kept, so that more of them
         give nothing worse.  Unless given, 4 that agree are enough, 8 the most.
     :param guess: a plan of the same kind to start from.
-    :param time_limit: [s]; what there is then, or at Ctrl-C, is returned, ``motion.finished`` False.
+    :param time_limit: [s]; then, or at Ctrl-C, the best motion so far is returned, with ``motion.finished`` False.
     :param progress: show a progress bar on stderr.
     :param start_values: parameters, and inputs that stay constant, by name.
     :param keywords: further ones; a keyword that is also a setting is the setting.
@@ -115,10 +115,10 @@ def plan(
         starts = guesses(problem.relative, min(COARSE, intervals))
         if guess is not None:
             starts, tries = [_warm(problem, guess, intervals)], 1
-        found = search(problem.relative, starts, clock, Settings(intervals, accuracy, tries))
+        solution = search(problem.relative, starts, clock, Settings(intervals, accuracy, tries))
     if minimize == "motion":
-        refuse_singularity(problem.relative, found)
-    return Plan(goal, problem, in_units(problem, found))
+        refuse_singularity(problem.relative, solution)
+    return Plan(goal, problem, in_units(problem, solution))
 
 
 def planned(path: Path | str, **options: Any) -> Plan:
@@ -144,16 +144,16 @@ def planned(path: Path | str, **options: Any) -> Plan:
         arguments = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise PlanError(f"{path}: {error}") from None
-    known = {*inspect.signature(plan).parameters} - {"guess", "progress", "keywords"} | {"values"}
+    keys = {*inspect.signature(plan).parameters} - {"guess", "progress", "keywords"} | {"values"}
     for key in arguments:
-        if key not in known:
-            raise PlanError(f"{path}: unknown key {key!r}{suggestion(key, known)}")
+        if key not in keys:
+            raise PlanError(f"{path}: unknown key {key!r}{suggestion(key, keys)}")
     for key in ("mechanism", "duration"):
         if key not in arguments:
             raise PlanError(f"{path}: {key} is missing, for example {key} = {_EXAMPLES[key]}")
     mechanism, values = str(arguments.pop("mechanism")), arguments.pop("values", {})
     for key in named(f"{path}: values", values, PlanError):
-        if key in known:
+        if key in keys:
             raise PlanError(f"{path}: values: {key} is a key of its own, and no parameter")
     beside = path.parent / mechanism
     if beside.suffix == ".py" and beside.is_file():
@@ -161,13 +161,12 @@ def planned(path: Path | str, **options: Any) -> Plan:
     return plan(mechanism, **arguments, **values, **options)
 
 
-def _duration(given: Any) -> tuple[float, float]:
-    pair: tuple[Any, Any] = tuple(given) if isinstance(given, (tuple, list)) and len(given) == 2 else (given, given)
-    low, high = pair
-    for value in (low, high):
-        finite("duration", value, PlanError)
+def _duration(value: Any) -> tuple[float, float]:
+    low, high = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
+    for seconds in (low, high):
+        finite("duration", seconds, PlanError)
     if not _SHORTEST < low <= high < _LONGEST:
-        raise PlanError(f"duration = {shown(given)}: give seconds > 0, or (low, high)")
+        raise PlanError(f"duration = {shown(value)}: give seconds > 0, or (low, high)")
     return float(low), float(high)
 
 

@@ -25,7 +25,18 @@ from liaisons.interface import System, simulate, tabulated
 from liaisons.library import Target, catalogue, fmu_path
 from liaisons.operators.goals import Goal, chain_size, motion_names
 from liaisons.operators.problems import Problem, problem_of
-from liaisons.operators.transcription import DEGREE, POINTS, Arc, Array, Clock, CollocatedTrajectory, Solution, relative
+from liaisons.operators.transcription import (
+    DEGREE,
+    POWERS,
+    TO_POWERS,
+    Arc,
+    Array,
+    Clock,
+    CollocatedTrajectory,
+    Solution,
+    interval_count,
+    relative,
+)
 from liaisons.operators.verifying import verdicts
 
 _LOST = 1e-12
@@ -69,9 +80,9 @@ class Plan:
     @property
     def multipliers(self) -> dict[str, float]:
         """dJ/d(value at the end), by name; of a given duration dJ/dT, too."""
-        found = dict(zip(self.problem.end.labels, map(float, self.solution.end_multipliers), strict=True))
+        multipliers = dict(zip(self.problem.end.labels, map(float, self.solution.end_multipliers), strict=True))
         low, high = self.problem.duration
-        return found | ({"duration": float(np.mean(self.solution.hamiltonian))} if low == high else {})
+        return multipliers | ({"duration": float(np.mean(self.solution.hamiltonian))} if low == high else {})
 
     @property
     def switches(self) -> Array:
@@ -93,21 +104,19 @@ class Plan:
     def _polynomials(self) -> dict[str, PPoly]:
         """σ on each interval of the mesh: the controls integrated, so that no derivative contradicts another."""
         trajectory, problem = self.solution.trajectory, self.problem
-        breaks = trajectory.breaks
-        h = np.diff(breaks)
-        to_powers = np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))
+        h = np.diff(trajectory.breaks)
         first = dict(zip(problem.states, trajectory.knots[:, 0], strict=True))
-        found: dict[str, PPoly] = {}
+        polynomials: dict[str, PPoly] = {}
         for i, name in enumerate(problem.moves):
             nodes = trajectory.controls[i].reshape(-1, DEGREE)
-            powers = (nodes @ to_powers.T) / h[:, None] ** np.arange(DEGREE)
-            polynomial = PPoly(powers.T[::-1].copy(), breaks)
+            powers = (nodes @ TO_POWERS.T) / h[:, None] ** POWERS
+            polynomial = PPoly(powers.T[::-1].copy(), trajectory.breaks)
             begins = [first.get(name, problem.initial_sigma[i]), first.get(f"{name}_dot", 0.0)]
             for n in reversed(range(problem.order)):
                 polynomial = polynomial.antiderivative()
                 polynomial.c[-1] += begins[n]
-            found[name] = polynomial
-        return found
+            polynomials[name] = polynomial
+        return polynomials
 
     # ---- FMUs -------------------------------------------------------------------------------------------------
 
@@ -138,9 +147,8 @@ class Plan:
         :returns: verdicts; ``liaisons.check.table`` prints them, and ``all(v.passed for v in ...)`` sums them up.
         """
         finite("time_limit", time_limit, PlanError)
-        clock = Clock(time_limit)
-        problem = self.problem.relative
-        return verdicts(problem, relative(self.problem, self.solution), self.replay(), clock)
+        clock, solution = Clock(time_limit), relative(self.problem, self.solution)
+        return verdicts(self.problem.relative, solution, self.replay(), clock)
 
     def plot(self, *names: str | Iterable[str], path: Path | str | None = None) -> Figure:
         """Draw signals of the replay: what is moved, and what moves freely, unless names are given."""
@@ -158,13 +166,14 @@ class Plan:
 
     def _values(self) -> dict[str, Any]:
         """Start values of the mechanism, and an operator for what is moved."""
-        problem, trajectory = self.problem, self.solution.trajectory
-        begin = self.sigma(0.0)
-        controls = np.array([begin[name] for name in problem.controls])
-        values: dict[str, Any] = dict(problem.fmu_starts(trajectory.knots[:, 0], controls))
-        for name, table in self._knots.items():
-            values[name] = tabulated(*table)
-        return values
+        return self.fmu_starts | {name: tabulated(*table) for name, table in self._knots.items()}
+
+    @property
+    def fmu_starts(self) -> dict[str, Any]:
+        """Start values of the mechanism's FMU."""
+        first = self.sigma(0.0)
+        controls = np.array([first[name] for name in self.problem.controls])
+        return dict(self.problem.fmu_starts(self.solution.trajectory.knots[:, 0], controls))
 
     @cached_property
     def _knots(self) -> dict[str, Array]:
@@ -181,15 +190,15 @@ class Plan:
                 parts = np.maximum(parts, np.ceil((np.abs(polynomial.c[0]) * (h / 2) ** 6 / lost) ** (1 / 6)))
             ends, begins = (_derivatives(polynomial, at) for at in (h, 0 * h))
             kinks[1:] |= (np.abs(ends[:, :-1] - begins[:, 1:]) * h[1:] ** [[0], [1], [2]] > lost).any(axis=0)
-        found: dict[str, Array] = {}
+        knots: dict[str, Array] = {}
         for name, polynomial in polynomials.items():
             columns: list[Array] = []
             for k, (begin, size) in enumerate(zip(breaks, h, strict=False)):
                 local = np.linspace(0, size, int(parts[k]) + 1)
                 piece = np.vstack([begin + local, _derivatives(polynomial, local, k)])
                 columns.append(piece if k == 0 or kinks[k] else piece[:, 1:])
-            found[name] = np.hstack(columns)
-        return found
+            knots[name] = np.hstack(columns)
+        return knots
 
     def _times(self) -> Array:
         """Communication points: the knots, and an instant before each jump."""
@@ -234,9 +243,8 @@ class Plan:
         try:
             document = json.loads(path.read_text(encoding="utf-8"))
             goal = _read_goal(document["goal"], component, trust=trust)
-            solution = _read_solution(document["track"], document["solution"])
             problem = problem_of(goal)
-            _check_shapes(problem, solution)
+            solution = _read_solution(problem, document["track"], document["solution"])
         except PlanError as error:
             raise PlanError(f"{path} is no saved plan: {error}") from None
         except LiaisonsError as error:
@@ -265,11 +273,8 @@ def _even(end: float, longest: float) -> float:
 
 def _derivatives(polynomial: PPoly, local: Array, k: int | slice = slice(None)) -> Array:
     """Value, first and second derivative in the intervals k, so long after their begins: (3, n)."""
-    found = []
-    for _ in range(3):
-        found.append(sum(c * local**n for n, c in enumerate(polynomial.c[::-1, k])) + 0 * local)
-        polynomial = polynomial.derivative()
-    return np.array(found)
+    polynomials = [polynomial, polynomial.derivative(), polynomial.derivative().derivative()]
+    return np.array([sum(c * local**n for n, c in enumerate(p.c[::-1, k])) + 0 * local for p in polynomials])
 
 
 def _plain(value: Any) -> Any:
@@ -291,9 +296,9 @@ def _tuples(value: Any) -> Any:
 
 
 def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
-    known = [field.name for field in fields(Goal)]
-    if not isinstance(document, dict) or sorted(document) != sorted(known):
-        raise PlanError(f"goal has to have the keys {', '.join(known)}")
+    keys = [field.name for field in fields(Goal)]
+    if not isinstance(document, dict) or sorted(document) != sorted(keys):
+        raise PlanError(f"goal has to have the keys {', '.join(keys)}")
     if component is None:
         component = document["component"]
         if not isinstance(component, str):
@@ -307,69 +312,57 @@ def _read_goal(document: Any, component: Target | None, *, trust: bool) -> Goal:
         named(f"goal.{name}", document[name], PlanError)
     for name in ("moves", "closed"):
         listed(f"goal.{name}", document[name], PlanError)
-    goal = Goal(
-        **{name: _tuples(value) for name, value in document.items() if name != "component"}, component=component
-    )
+    arguments: dict[str, Any] = {name: _tuples(value) for name, value in document.items()}
+    arguments["component"] = component
+    goal = Goal(**arguments)
     low, high = goal.duration
-    finite("goal.duration", low, PlanError)
-    finite("goal.duration", high, PlanError)
+    for value in (low, high):
+        finite("goal.duration", value, PlanError)
     if not 0 < low <= high:
         raise PlanError(f"goal.duration = {shown(goal.duration)}: two numbers > 0 are wanted")
     return goal
 
 
-def _read_solution(trajectory: Any, document: Any) -> Solution:
-    numbers = {name: _finite(name, trajectory[name]) for name in ("durations", "knots", "inner", "controls")}
+def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution:
+    """A solution of a problem.
+
+    :raises PlanError: if it has other shapes, or numbers that are not finite.
+    """
     arcs = tuple(
         Arc(_whole(arc["intervals"]), tuple((_whole(i), float(x)) for i, x in arc["held"]))
         for arc in trajectory["arcs"]
     )
-    m = sum(arc.intervals for arc in arcs)
-    n, c = len(numbers["knots"]), len(numbers["controls"])
-    wanted = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, m * DEGREE), "controls": (c, m * DEGREE)}
-    _check(numbers, wanted)
+    m, n, c, path = interval_count(arcs), len(problem.states), len(problem.controls), problem.path
+    points, rows = m * DEGREE, len(path.labels)
+    shapes = {"durations": (len(arcs),), "knots": (n, m + 1), "inner": (n, points), "controls": (c, points)}
+    numbers = {name: _finite(name, trajectory[name], shape) for name, shape in shapes.items()}
     if not arcs or any(arc.intervals < 1 for arc in arcs) or not (numbers["durations"] > 0).all():
         raise PlanError("arcs have to have intervals, and durations > 0")
-    arrays = ("hamiltonian", "adjoints", "end_multipliers", "path")
-    found = {name: _finite(name, document[name]) for name in arrays}
-    found["path"] = found["path"].reshape(-1, m * DEGREE)  # JSON does not know the shape of what has no rows
-    _check(found, {"hamiltonian": (m * DEGREE,), "adjoints": (n, m * DEGREE)})
+    for i, bound in (active for arc in arcs for active in arc.active_bounds):
+        if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
+            raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
+    shapes = {"hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": (len(problem.end.labels),)}
+    shapes |= {"path": (rows, points) if rows else (0,), "cost": (), "seconds": (), "residual": ()}
+    arrays: dict[str, Any] = {name: _finite(name, document[name], shape) for name, shape in shapes.items()}
+    values: dict[str, Any] = {name: x if x.ndim else float(x) for name, x in arrays.items()}
+    values["path"] = arrays["path"].reshape(rows, points)  # JSON does not keep the shape where there are no rows
     return Solution(
         trajectory=CollocatedTrajectory(arcs, **numbers),
-        cost=float(_finite("cost", document["cost"])),
         status=str(document["status"]),
-        seconds=float(_finite("seconds", document["seconds"])),
-        residual=float(_finite("residual", document["residual"])),
         finished=document["finished"] in (1, True),
         starts=_whole(document["starts"]),
         optima=_whole(document["optima"]),
-        **found,
+        **values,
     )
 
 
-def _check_shapes(problem: Problem, solution: Solution) -> None:
-    """Whether a solution is one of this problem."""
-    n, c, rows, ends = (len(x) for x in (problem.states, problem.controls, problem.path.labels, problem.end.labels))
-    points = solution.trajectory.inner.shape[1]
-    wanted = {"knots": (n, points // DEGREE + 1), "controls": (c, points)}
-    _check(vars(solution.trajectory), wanted)
-    _check(vars(solution), {"path": (rows, points), "end_multipliers": (ends,)})
-    for i, bound in (held for arc in solution.trajectory.arcs for held in arc.active_bounds):
-        if not 0 <= i < rows or bound not in (problem.path.low[i], problem.path.high[i]):
-            raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
-
-
-def _check(arrays: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]]) -> None:
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise PlanError(f"{name} has the shape {arrays[name].shape}; {shape} is wanted")
-
-
-def _finite(name: str, value: Any) -> Array:
-    found = np.array(value, dtype=float)
-    if not np.isfinite(found).all():
+def _finite(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+    numbers = np.array(value, dtype=float)
+    if not np.isfinite(numbers).all():
         raise PlanError(f"{name} has values that are not finite")
-    return found
+    if numbers.shape != shape:
+        raise PlanError(f"{name} has the shape {numbers.shape}; {shape} is wanted")
+    return numbers
 
 
 def _whole(value: Any) -> int:

@@ -290,7 +290,7 @@ def _needed(symbols: GoalSymbols, states: list[_State], rows: GoalRows, closed: 
         more = (other for other in states if other.name not in needed and other not in pending)
         pending += [other for other in more if symbols.depends(rate, other.symbol)]
     if not needed:
-        raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.moves)} can change is asked for")
+        raise PlanError(f"{symbols.name}: nothing that {', '.join(symbols.goal.moves)} can change is part of the goal")
     return needed
 
 
@@ -343,7 +343,7 @@ def _refuse_momenta(symbols: GoalSymbols, end: list[Row]) -> None:
     """Refuse an end at rest where a momentum is conserved."""
     still = {row.label for row in end if row.low == row.high == 0}
     starts = symbols.start_parameters
-    axes = {rate for turn in getattr(symbols.component, "orientations", ()) for rate in turn.rates}
+    axes = {rate for orientation in getattr(symbols.component, "orientations", ()) for rate in orientation.rates}
     rates = [name for name in starts if name in axes or name in {f"{q}_dot" for q in symbols.state_names}]
     if not rates or not still.issuperset([*rates, *(f"{name}_dot" for name in symbols.goal.moves)]):
         return

@@ -363,13 +363,13 @@ def _followed(H: float, period: float, count: int) -> Step:
     """Corrections, their rates and accelerations after a step: the rate of the latter is (w - x'') / period."""
     e = np.exp(-H / period)
     gone = period * (1 - e)
-    way = period * (H - gone)
-    M, N = np.array([[1, H, way], [0, 1, gone], [0, 0, e]]), np.array([[H**2 / 2 - way], [H - gone], [1 - e]])
+    delay = period * (H - gone)
+    M, N = np.array([[1, H, delay], [0, 1, gone], [0, 0, e]]), np.array([[H**2 / 2 - delay], [H - gone], [1 - e]])
     one = np.eye(count)
     return np.asarray(np.kron(M, one), dtype=float), np.asarray(np.kron(N, one), dtype=float)
 
 
 def reduced(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:
     """Matrices of steps in the directions in which the states can differ, at both ends of each."""
-    back = [np.linalg.pinv(D) for D in directions[1:]]
-    return [(b @ A @ D, b @ B) for (A, B), D, b in zip(steps, directions[:-1], back, strict=True)]
+    inverses = [np.linalg.pinv(D) for D in directions[1:]]
+    return [(b @ A @ D, b @ B) for (A, B), D, b in zip(steps, directions[:-1], inverses, strict=True)]

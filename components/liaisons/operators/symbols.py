@@ -213,15 +213,15 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     own = {name for parameter in declared.parameters for name in parameter.names}
     start_parameters = {re.sub(r"_0(\[\d+\])?$", r"\1", name): name for name in parameters if name not in own}
     states = tuple(state.name for state in flat.states[:-2])
-    quaternions = {turn.name: turn.quaternion for turn in getattr(declared, "orientations", ())}
+    quaternions = {orientation.name: orientation.quaternion for orientation in getattr(declared, "orientations", ())}
     given = {} if is_expression(goal.start) else goal.start
     start = elements(f"{name}: start", given, [v.name for v in flat.variables])
     rates = set(start_parameters) - set(states)
     moved = {end for move in goal.moves for end in motion_names(move)[:2]}
-    known = {*states, *rates, *moved, *quaternions}
+    variables_at_start = {*states, *rates, *moved, *quaternions}
     for key in start:
-        if key not in known:
-            raise PlanError(f"{name}: start has no {key!r}{suggestion(key, known)}")
+        if key not in variables_at_start:
+            raise PlanError(f"{name}: start has no {key!r}{suggestion(key, variables_at_start)}")
     for key in {*states, *moved} & start.keys():
         if start[key] is not None:
             limits(name, "start", key, start[key])

@@ -33,17 +33,15 @@ _GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown", "Maximum_WallTime_Exceeded", "Maximum_CpuTime_Exceeded")
 
 
-def _coefficients() -> tuple[Array, Array, Array]:
-    """Gauss points in (0, 1), Runge and Kutta's matrix A and weights b."""
-    points = np.array(ca.collocation_points(DEGREE, "legendre"))
-    powers = np.arange(DEGREE)
-    to_polynomial = np.linalg.inv(points[:, None] ** powers)
-    A = (points[:, None] ** (powers + 1) / (powers + 1)) @ to_polynomial
-    b = (1 / (powers + 1)) @ to_polynomial
-    return points, A, b
-
-
-POINTS, A, B = _coefficients()
+POINTS = np.array(ca.collocation_points(DEGREE, "legendre"))
+"""Gauss points in (0, 1)."""
+POWERS = np.arange(DEGREE)
+TO_POWERS = np.linalg.inv(POINTS[:, None] ** POWERS)
+"""Values at the Gauss points -> coefficients of the polynomial through them."""
+A = (POINTS[:, None] ** (POWERS + 1) / (POWERS + 1)) @ TO_POWERS
+"""Runge and Kutta's matrix."""
+B = (1 / (POWERS + 1)) @ TO_POWERS
+"""And weights."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,14 @@ class Arc:
     active_bounds: tuple[tuple[int, float], ...] = ()
 
 
+def interval_count(arcs: Sequence[Arc]) -> int:
+    """Intervals of all arcs."""
+    return sum(arc.intervals for arc in arcs)
+
+
 @dataclass(frozen=True, eq=False)
 class CollocatedTrajectory:
-    """A motion on a mesh: what a solution is, and what a guess is.
-
-    Of n states and c controls, over m intervals in all.
-    """
+    """States and controls on a mesh: n states, c controls, m intervals in all."""
 
     arcs: tuple[Arc, ...]
     durations: Array  # of the arcs [s]
@@ -71,8 +71,8 @@ class CollocatedTrajectory:
     def breaks(self) -> Array:
         """Ends of the intervals [s], (m + 1,)."""
         ends = np.append(0.0, np.cumsum(self.durations))
-        pairs = zip(ends[:-1], self._pairs(), strict=True)
-        inside = [begin + T * np.arange(1, arc.intervals) / arc.intervals for begin, (arc, T) in pairs]
+        arcs = zip(ends[:-1], self.arcs, self.durations, strict=True)
+        inside = [start + float(T) * np.arange(1, arc.intervals) / arc.intervals for start, arc, T in arcs]
         return np.sort(np.concatenate([ends, *inside]))
 
     @property
@@ -84,9 +84,6 @@ class CollocatedTrajectory:
     def evaluate(self, function: ca.Function) -> Array:
         """Values (rows, m · DEGREE) of a function of states and controls at the collocation points."""
         return np.array(function.map(self.inner.shape[1])(self.inner, self.controls))
-
-    def _pairs(self) -> list[tuple[Arc, float]]:
-        return [(arc, float(T)) for arc, T in zip(self.arcs, self.durations, strict=True)]
 
     def at(self, fraction: Array) -> tuple[Array, Array]:
         """States and controls at fractions of the duration, linear between the points: to start from."""
@@ -219,7 +216,7 @@ def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> So
 
 @dataclass(frozen=True, eq=False)
 class _Program:
-    """The nonlinear program: unknowns and expressions of CasADi's Opti."""
+    """The nonlinear program: unknowns, expressions and constraints of CasADi's Opti."""
 
     opti: ca.Opti
     durations: Any  # (1, arcs)
@@ -229,9 +226,10 @@ class _Program:
     rates: Any
     running: Any  # cost at the collocation points
     path: Any
-    stages: Any  # what is left of the equations at the collocation points,
+    stages: Any  # residuals of the equations at the collocation points,
     steps: Any  # and at the ends of the intervals
     cost: Any
+    constraints: dict[str, Any] = field(default_factory=dict)  # stages, steps, and the end where it is numbers
 
 
 def solve(
@@ -245,15 +243,15 @@ def solve(
 ) -> Solution:
     """Solve the problem on the mesh of the guess.
 
-    :param clock: a limit; what there is then is returned as not finished.
+    :param clock: a limit, at which the last iterate is returned as not finished.
     :param soft: come as near to the end as possible, at any cost, instead of reaching it.
     :param shift: added to the values at the end.
     :param near: the guess is all but the solution: stay with it.
     """
     begun = time.perf_counter()
     clock = clock or Clock()
-    posed = _posed(problem, guess, soft=soft, shift=shift)
-    program, opti, given, reached = posed.program, posed.program.opti, posed.given, posed.reached
+    program = _constrained(problem, guess, soft=soft, shift=shift)
+    opti, constraints = program.opti, program.constraints
     status = _run(opti, near=near, soft=soft, clock=clock)
 
     def value(expression: Any, *shape: int) -> Array:
@@ -269,11 +267,11 @@ def solve(
         inner=value(program.inner, n, points),
         controls=value(program.controls, c, points),
     )
-    mu, nu = value(opti.dual(posed.stages), n, points), value(opti.dual(posed.steps), n, m)
+    mu, nu = value(opti.dual(constraints["stages"]), n, points), value(opti.dual(constraints["steps"]), n, m)
     adjoints = -(np.repeat(nu, DEGREE, axis=1) + (mu @ np.kron(np.eye(m), A)) / np.tile(B, m))
-    multipliers = np.zeros(len(problem.end.labels))
-    if given:
-        multipliers[given] = -value(opti.dual(reached), len(given))
+    multipliers, equalities = np.zeros(len(problem.end.labels)), problem.end.equalities
+    if equalities and not soft:
+        multipliers[equalities] = -value(opti.dual(constraints["end"]), len(equalities))
     return Solution(
         trajectory=trajectory,
         cost=float(opti.debug.value(program.cost)),
@@ -288,35 +286,29 @@ def solve(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Posed:
-    """The program with its constraints: the equations, the rows at the end that are given numbers, and their place."""
-
-    program: _Program
-    stages: Any
-    steps: Any
-    given: list[int]
-    reached: Any
-
-
-def _posed(problem: Problem, guess: CollocatedTrajectory, *, soft: bool = False, shift: Array | None = None) -> _Posed:
+def _constrained(
+    problem: Problem, guess: CollocatedTrajectory, *, soft: bool = False, shift: Array | None = None
+) -> _Program:
+    """The program with cost and constraints; the parameters are those of :func:`solve`."""
     program = _collocated(problem, guess)
-    opti = program.opti
-    stages, steps = program.stages == 0, program.steps == 0
-    opti.subject_to(stages)
-    opti.subject_to(steps)
-    _last(opti, problem, guess, program)
-    _bound(opti, problem, guess.arcs, program)
+    opti, constraints = program.opti, program.constraints
+    constraints |= {"stages": program.stages == 0, "steps": program.steps == 0}
+    opti.subject_to(constraints["stages"])
+    opti.subject_to(constraints["steps"])
+    _bound_durations(opti, problem, guess, program)
+    _bound_path(opti, problem, guess.arcs, program)
     _within(opti, problem.start, problem.start.function(program.knots[:, 0]))
     for i in problem.closed:
         opti.subject_to(program.knots[i, -1] == program.knots[i, 0])
-    _anchor(opti, problem, program)
+    _fix_phase(opti, problem, program)
     _smooth(opti, problem, guess.arcs, program)
     end = problem.end.function(program.knots[:, -1]) - (0 if shift is None else shift)
-    nothing: tuple[list[int], Any] = ([], None)
-    given, reached = nothing if soft else _within(opti, problem.end, end)
-    opti.minimize(ca.sumsqr(end - ca.fmin(ca.fmax(end, problem.end.low), problem.end.high)) if soft else program.cost)
-    return _Posed(program, stages, steps, given, reached)
+    if soft:
+        opti.minimize(ca.sumsqr(end - ca.fmin(ca.fmax(end, problem.end.low), problem.end.high)))
+        return program
+    constraints["end"] = _within(opti, problem.end, end)
+    opti.minimize(program.cost)
+    return program
 
 
 @dataclass(frozen=True)
@@ -334,8 +326,8 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     States follow from controls by the linearised equations, and the directions that are left are those in which active
     constraints do not change.
     """
-    posed = _posed(problem, solution.trajectory)
-    opti, trajectory = posed.program.opti, solution.trajectory
+    trajectory = solution.trajectory
+    opti = _constrained(problem, trajectory).opti
     if _run(opti, near=True, soft=False, clock=clock) not in _GOOD:
         return None
     x, f, g, multipliers = opti.x, opti.f, opti.g, opti.lam_g
@@ -357,15 +349,15 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Curvature |
     Z[free, np.arange(free.size)] = 1
     Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
     Z /= weight
-    kept = null_space(J[active] @ Z, rcond=_ACTIVE) if active.size else np.eye(free.size)
-    if not kept.size:
+    tangent = null_space(J[active] @ Z, rcond=_ACTIVE) if active.size else np.eye(free.size)
+    if not tangent.size:
         return Curvature(0.0, 0.0, 0)
-    eigenvalues = np.linalg.eigvalsh(kept.T @ (Z.T @ (W @ Z)) @ kept)
+    eigenvalues = np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent)
     return Curvature(float(eigenvalues[0]), float(np.abs(eigenvalues).max()), eigenvalues.size)
 
 
-def _last(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
-    """Durations of arcs, where they are unknown."""
+def _bound_durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
+    """Keep unknown durations positive, and their sum in its range."""
     if program.durations.is_constant():
         return
     low, high = problem.duration
@@ -376,9 +368,9 @@ def _last(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program:
 
 
 def _collocated(problem: Problem, guess: CollocatedTrajectory) -> _Program:
-    """Unknowns, and what must vanish of the equations."""
+    """Unknowns, and residuals of the equations."""
     arcs = guess.arcs
-    m = sum(arc.intervals for arc in arcs)
+    m = interval_count(arcs)
     n, c, points = len(problem.states), len(problem.controls), m * DEGREE
     opti = ca.Opti()
     knots, inner, controls = opti.variable(n, m + 1), opti.variable(n, points), opti.variable(c, points)
@@ -428,7 +420,7 @@ def _run(opti: ca.Opti, *, near: bool, soft: bool, clock: Clock) -> str:
         "max_wall_time": clock.left,
     }
     stay = {"mu_init": 1e-7, "bound_push": 1e-9, "bound_frac": 1e-9} if near else {}
-    opti.callback(clock.tick)  # also keeps the last iterate for one who interrupts
+    opti.callback(clock.tick)  # also keeps the last iterate at an interrupt
     opti.solver("ipopt", {"print_time": False, "ipopt": ipopt | stay})
     try:
         opti.solve()
@@ -438,16 +430,17 @@ def _run(opti: ca.Opti, *, near: bool, soft: bool, clock: Clock) -> str:
     return str(opti.stats()["return_status"])
 
 
-def _within(opti: ca.Opti, rows: Rows, values: Any) -> tuple[list[int], Any]:
-    """Keep rows in their ranges; which of them are given numbers, and the constraint that says so."""
-    equal = [i for i in range(len(rows.labels)) if rows.low[i] == rows.high[i]]
+def _within(opti: ca.Opti, rows: Rows, values: Any) -> Any:
+    """Keep rows in their ranges; returns the constraint of those that are equalities, if any are."""
+    equalities = rows.equalities
     for i in range(len(rows.labels)):
-        if i not in equal:
+        if i not in equalities:
             opti.subject_to(_bounded(opti, rows.low[i], values[i], rows.high[i]))
-    constraint: Any = values[equal] == rows.low[equal] if equal else None
-    if equal:
-        opti.subject_to(constraint)
-    return equal, constraint
+    if not equalities:
+        return None
+    constraint = values[equalities] == rows.low[equalities]
+    opti.subject_to(constraint)
+    return constraint
 
 
 def _bounded(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
@@ -456,7 +449,7 @@ def _bounded(opti: ca.Opti, low: float, value: Any, high: float) -> Any:
     return value >= low if np.isinf(high) else opti.bounded(low, value, high)
 
 
-def _bound(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
+def _bound_path(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Program) -> None:
     """Rows of the path in their ranges, or held: at the collocation points, of states at the ends of intervals, too.
 
     A coordinate that is moved is held at its bound by its control, and what depends on states alone by its rate: it
@@ -499,15 +492,15 @@ def path_rates(problem: Problem) -> ca.Function:
     return ca.Function("path_rates", [X, U], [ca.densify(ca.jtimes(rows, X, problem.rates(X, U)))])
 
 
-def _anchor(opti: ca.Opti, problem: Problem, program: _Program) -> None:
-    """Where a loop begins is nobody's business: it does where a mixture of σ is extremal, as it is somewhere."""
+def _fix_phase(opti: ca.Opti, problem: Problem, program: _Program) -> None:
+    """Fix the phase of a loop whose start is free: it starts where a weighted sum of σ is extremal."""
     closed = {problem.states[i] for i in problem.closed}
     if problem.order == 0 or not set(problem.moves) <= closed or closed & set(problem.start.labels):
         return
     if problem.order == 1:
-        rates = program.controls[:, :DEGREE] @ np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))[0]
+        rates = program.controls[:, :DEGREE] @ TO_POWERS[0]
     else:
-        rates = program.knots[[problem.states.index(f"{name}_dot") for name in problem.moves], 0]
+        rates = program.knots[problem.indices(f"{name}_dot" for name in problem.moves), 0]
     opti.subject_to(ca.dot(mixture(len(problem.moves)), rates) == 0)
 
 
@@ -519,7 +512,7 @@ def _smooth(opti: ca.Opti, problem: Problem, arcs: Sequence[Arc], program: _Prog
     """
     if [problem.cost.jac_sparsity(0, k).nnz() > 0 for k in (0, 1)] != [True, False]:
         return
-    highest = np.linalg.inv(POINTS[:, None] ** np.arange(DEGREE))[-1]
+    highest = TO_POWERS[-1]
     first = 0
     for arc in arcs:
         inner = slice(first * DEGREE, (first + arc.intervals) * DEGREE)

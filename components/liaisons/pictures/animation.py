@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from importlib.util import find_spec
-from itertools import count
+from itertools import count as counter
 from pathlib import Path
 from typing import Protocol
 
@@ -40,15 +40,15 @@ Values = Mapping[str, NDArray[np.float64]]
 
 
 class Scene(Protocol):
-    """Where the picture comes from, and what it needs beside what was recorded."""
+    """A picture and the values of its variables, recorded or calculated."""
 
     @property
     def picture(self) -> Picture:
         """Shapes whose coordinates are numbers or names of signals."""
         ...
 
-    def values(self, known: Values) -> Values:
-        """All variables of the picture at some frames, from what is known of the motion there."""
+    def values(self, signals: Values) -> Values:
+        """All variables of the picture at some frames, from the recorded signals there."""
         ...
 
 
@@ -63,7 +63,7 @@ def animate(
     against: Mapping[str, ArrayLike] | None = None,
     turns: float = 0.0,
 ) -> float:
-    """Write a motion; the ending of the path says as what.
+    """Write a motion in the format of the suffix of the path.
 
     :param time: of the signals [s].
     :param speed: seconds of motion a second; real time unless that takes longer than :data:`LONGEST`.
@@ -85,39 +85,41 @@ def animate(
         raise SimulationError(f"{title} has no picture and no points; define picture(self), or plot its signals")
     speed = _pace(time) if speed is None else _checked_speed(speed, time, scene.picture.count)
     finite("turns", turns)
-    at = _instants(time, speed / RATE)
-    known = {name: _between(time, values, at) for name, values in signals.items()}
-    shown = _frames(scene, at, known, title)
+    step = speed / RATE
+    shown = motion_frames(scene, time, signals, step, title)
     ghost = None
     if against is not None:
-        followed = {name: _between(time, np.asarray(values, dtype=float), at) for name, values in against.items()}
-        drawn = scene.picture.variables  # these are to be calculated anew
-        kept = {name: values for name, values in known.items() if name in followed or name not in drawn}
-        ghost = _frames(scene, at, kept | followed, title)
-    many = title if len(at) > _MANY else ""
-    with replacing(path) as whole, progress_bar(many, "frame {:g} of {:g}", 0, len(at)) as show:
+        drawn = scene.picture.variables  # these are calculated again
+        others = {name: values for name, values in signals.items() if name not in drawn}
+        ghost = motion_frames(scene, time, {**others, **against}, step, title)
+    count = len(shown.time)
+    many = title if count > _MANY else ""
+    with replacing(path) as part, progress_bar(many, "frame {:g} of {:g}", 0, count) as show:
         if kind == ".glb":
-            whole.write_bytes(glb(shown, title))
+            part.write_bytes(glb(shown, title))
         elif kind == _VISUAL:
-            table = path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")
-            with replacing(table) as beside:
-                for file, content in zip((whole, beside), visual(shown), strict=True):
-                    file.write_bytes(content)
+            description, table = visual(shown)
+            part.write_bytes(description)
+            with replacing(path.with_name(f"{path.name.removesuffix(_VISUAL)}_res.csv")) as table_part:
+                table_part.write_bytes(table)
         elif kind == ".html":
-            whole.write_bytes(_recorded(scene.picture, shown, title=title, speed=speed, rate=RATE))
+            part.write_bytes(_recorded(scene.picture, shown, title=title, speed=speed, rate=RATE))
         else:
             from liaisons.pictures import drawing  # matplotlib is slow to load
 
-            done, write = count(1), {".gif": drawing.write_gif, ".mp4": drawing.write_film, ".png": drawing.write_strip}
-            write[kind](Stage(shown, ghost), whole, turns=turns, progress=lambda: show(next(done)))
+            done, write = (
+                counter(1),
+                {".gif": drawing.write_gif, ".mp4": drawing.write_film, ".png": drawing.write_strip},
+            )
+            write[kind](Stage(shown, ghost), part, turns=turns, progress=lambda: show(next(done)))
     return speed
 
 
 def motion_page(scene: Scene, time: NDArray[np.float64], signals: Values, *, title: str, most: int) -> bytes:
-    """The motion as a page; nothing where there is nothing to draw.
+    """The motion as a page; empty if there is nothing to draw.
 
     :param most: bytes of the frames: where the picture needs many variables, fewer frames a second are shown.
-    :raises SimulationError: if the FMU cannot be asked, or a coordinate is not finite.
+    :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
     """
     picture = scene.picture
     if not picture.shapes or len(time) < 2:
@@ -143,13 +145,17 @@ def _recorded(picture: Picture, shown: Frames, *, title: str, speed: float, rate
     return page("recorded.html", ("picture.js", "recorded.js"), title, "", plan)
 
 
-def motion_frames(scene: Scene, time: NDArray[np.float64], signals: Values, step: float, title: str) -> Frames:
+def motion_frames(
+    scene: Scene, time: NDArray[np.float64], signals: Mapping[str, ArrayLike], step: float, title: str
+) -> Frames:
     """The shapes of the picture at every step [s].
 
-    :raises SimulationError: if the FMU cannot be asked, or a coordinate is not finite.
+    :raises SimulationError: if an FMU fails to calculate a coordinate, or one is not finite.
     """
-    at = _instants(time, step)
-    return _frames(scene, at, {name: _between(time, values, at) for name, values in signals.items()}, title)
+    count = int(float(time[-1] - time[0]) / step + 1e-9) + 1
+    instants = time[0] + np.arange(count) * step
+    between = {name: _between(time, np.asarray(values, dtype=float), instants) for name, values in signals.items()}
+    return frames(scene.picture, instants, scene.values(between).__getitem__, title=title)
 
 
 def _pace(time: NDArray[np.float64]) -> float:
@@ -168,18 +174,12 @@ def _checked_speed(speed: float, time: NDArray[np.float64], points: int) -> floa
     return speed
 
 
-def _instants(time: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    return time[0] + np.arange(int(float(time[-1] - time[0]) / step + 1e-9) + 1) * step
-
-
-def _frames(scene: Scene, at: NDArray[np.float64], known: Values, title: str) -> Frames:
-    return frames(scene.picture, at, scene.values(known).__getitem__, title=title)
-
-
-def _between(time: NDArray[np.float64], values: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _between(
+    time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Values between communication points; curves without overshoot where a coordinate jumps (Akima)."""
-    if len(time) < 3 or not np.isfinite(values).all():  # what is not finite is said of the frames
-        return np.interp(at, time, values)
+    if len(time) < 3 or not np.isfinite(values).all():  # the frames name it
+        return np.interp(instants, time, values)
     from scipy.interpolate import Akima1DInterpolator
 
-    return Akima1DInterpolator(time, values, method="makima")(np.minimum(at, time[-1]))
+    return Akima1DInterpolator(time, values, method="makima")(np.minimum(instants, time[-1]))

@@ -1,4 +1,4 @@
-"""Where points of space are seen; the live page has the same formulas."""
+"""Orthographic projection of points; the live page has the same formulas."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-_FACING = {"xz": (0.0, 0.0), "xy": (0.0, pi / 2), "yz": (pi / 2, 0.0), None: (-0.6, 0.35)}
+FACING = {"xz": (0.0, 0.0), "xy": (0.0, pi / 2), "yz": (pi / 2, 0.0), None: (-0.6, 0.35)}
+"""Yaw and pitch [rad] of the camera that faces a plane, or looks at a spatial mechanism from above."""
 
 
 @final
 @dataclass(frozen=True)
 class Camera:
-    """Looks along a direction, without perspective.
+    """A direction of view, without perspective.
 
     :param yaw: angle [rad] by which the eye goes round the vertical, from -y towards x.
     :param pitch: angle [rad] by which it is raised.
@@ -35,7 +36,7 @@ class Camera:
         return np.array([[cy, sy, 0.0], [-sp * sy, sp * cy, cp], [sy * cp, -cy * cp, sp]])
 
 
-def facing(plane: str | None, turn: float = 0.0) -> Camera:
-    """The camera that faces a plane, or circles a spatial mechanism: turned by an angle [rad]."""
-    yaw, pitch = _FACING[plane]
-    return Camera(yaw + (turn if plane is None else 0.0), pitch)
+def facing(plane: str | None, angle: float = 0.0) -> Camera:
+    """The camera that faces a plane, or circles a spatial mechanism, rotated about it by an angle [rad]."""
+    yaw, pitch = FACING[plane]
+    return Camera(yaw + (angle if plane is None else 0.0), pitch)

@@ -1,4 +1,4 @@
-"""A picture as it stands in an FMU, ``resources/picture.json``: shapes whose coordinates are numbers or names."""
+"""The picture in an FMU, ``resources/picture.json``: shapes whose coordinates are numbers or names of variables."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from liaisons.errors import SimulationError
 
 MEMBER = "resources/picture.json"
 VERSION = "1."
-"""What the version of a file that can be read begins with."""
+"""Start of the versions of files that can be read."""
 LARGEST = 1e18
-"""Of a coordinate [m]: its square is a number in single precision, too."""
+"""Of a coordinate [m]: its square is finite in single precision, too."""
 _MOST = 10_000
 """Shapes, and points of wires; so many take matplotlib a second a frame."""
 
@@ -39,10 +39,10 @@ class Picture:
     shapes: tuple[Shape, ...]
 
     @classmethod
-    def of(cls, text: bytes, where: str) -> Picture:
+    def of(cls, text: bytes, owner: str) -> Picture:
         """Read the file.
 
-        :param where: whose it is, for messages.
+        :param owner: for messages.
         :raises SimulationError: if it is of another version, or no picture.
         """
         try:
@@ -55,22 +55,21 @@ class Picture:
                 if missing:
                     raise KeyError(missing[0])
                 _check(shape)
-            found = cls(tuple(shapes))
         except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise SimulationError(
-                f"{where}: {MEMBER} cannot be read: {type(error).__name__}: {error}; build the FMU anew"
+                f"{owner}: {MEMBER} cannot be read: {type(error).__name__}: {error}; build the FMU anew"
             ) from None
         if not str(version).startswith(VERSION):
-            raise SimulationError(f"{where}: {MEMBER} is of version {version}; this liaisons reads {VERSION}x")
-        return found
+            raise SimulationError(f"{owner}: {MEMBER} is of version {version}; this liaisons reads {VERSION}x")
+        return cls(tuple(shapes))
 
     @classmethod
     def of_points(cls, names: Iterable[str]) -> Picture:
         """Balls and trails where variables are called like the coordinates of a point, ``bob_x``, ``bob_z``."""
-        known = set(names)
-        points = dict.fromkeys(name[:-2] for name in sorted(known) if name[-2:] in {"_x", "_y", "_z"})
-        places = [[name if (name := f"{point}_{axis}") in known else 0.0 for axis in "xyz"] for point in points]
-        return cls(tuple({"shape": kind, "at": place} for place in places for kind in ("trail", "ball")))
+        ordered = dict.fromkeys(sorted(names))
+        points = dict.fromkeys(name[:-2] for name in ordered if name[-2:] in {"_x", "_y", "_z"})
+        triples = [[name if (name := f"{point}_{axis}") in ordered else 0.0 for axis in "xyz"] for point in points]
+        return cls(tuple({"shape": kind, "at": triple} for triple in triples for kind in ("trail", "ball")))
 
     @property
     def document(self) -> dict[str, Any]:
@@ -79,26 +78,28 @@ class Picture:
 
     @property
     def count(self) -> int:
-        """How many points all shapes have."""
+        """Number of points of all shapes."""
         return sum(1 for shape in self.shapes for _ in _points(shape))
 
     @property
     def variables(self) -> list[str]:
-        """Names of the variables that it needs, each once."""
-        found: dict[str, None] = {}
-        self.renamed(lambda name: found.setdefault(name) or name)
-        return list(found)
+        """Names of its variables, each once."""
+        names: dict[str, None] = {}
+        self.renamed(lambda name: names.setdefault(name) or name)
+        return list(names)
 
     def renamed(self, rename: Any) -> Picture:
-        """The same of variables with other names."""
+        """The picture with other names of variables."""
 
-        def of(value: Any) -> Any:
+        def coordinates(value: Any) -> Any:
             if isinstance(value, str):
                 return rename(value)
-            return [of(item) for item in value] if isinstance(value, list) else float(value)
+            return [coordinates(item) for item in value] if isinstance(value, list) else float(value)
 
         numbers = {*_POINTS, *_LISTS, "size", "radius"}
-        return Picture(tuple({k: of(v) if k in numbers else v for k, v in shape.items()} for shape in self.shapes))
+        return Picture(
+            tuple({k: coordinates(v) if k in numbers else v for k, v in shape.items()} for shape in self.shapes)
+        )
 
     @property
     def plane(self) -> str | None:

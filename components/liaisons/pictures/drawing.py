@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from liaisons.pictures.stage import COLOURS, Face, Stage
 
 
 def prepared(stage: Stage, axes: Axes) -> PolyCollection:
-    """Axes without axes, and what will hold the polygons."""
+    """An empty collection of polygons on hidden axes."""
     axes.set_axis_off()
     axes.set(xlim=(-stage.half[0], stage.half[0]), ylim=(-stage.half[1], stage.half[1]), aspect="equal")
     polygons = PolyCollection([], linewidths=0.4)
@@ -27,7 +28,7 @@ def prepared(stage: Stage, axes: Axes) -> PolyCollection:
 
 
 def draw(polygons: PolyCollection, faces: list[Face]) -> None:
-    """Show these."""
+    """Show these polygons."""
     polygons.set_verts([face.corners for face in faces])
     colours: Any = np.array([face.colour for face in faces])
     polygons.set_facecolor(colours)
@@ -69,25 +70,22 @@ def write_film(stage: Stage, path: Path, *, turns: float, progress: Callable[[],
     """Write an MP4."""
     import imageio_ffmpeg
 
-    film = None
-    for image in pixels(stage, turns=turns, width=720):
-        if film is None:
-            size = image.shape[1], image.shape[0]
-            film = imageio_ffmpeg.write_frames(str(path), size, fps=RATE, output_params=["-f", "mp4"])
-            film.send(None)
+    images = pixels(stage, turns=turns, width=720)
+    first = next(images)
+    film = imageio_ffmpeg.write_frames(str(path), first.shape[1::-1], fps=RATE, output_params=["-f", "mp4"])
+    film.send(None)
+    for image in chain([first], images):
         film.send(np.ascontiguousarray(image))
         progress()
-    if film is not None:
-        film.close()
+    film.close()
 
 
 def write_strip(stage: Stage, path: Path, *, count: int = 6, **_: object) -> None:
     """Write some instants side by side, evenly spaced, as a PNG; the camera stands still."""
     time = stage.frames.time
     figure = Figure(figsize=(2.0 * count, 2.0 * stage.ratio + 0.35), dpi=150, layout="constrained")
-    for axes, k in zip(
-        figure.subplots(1, count), np.linspace(0, len(time) - 1, count).round().astype(int), strict=True
-    ):
-        draw(prepared(stage, axes), stage.faces(int(k)))
+    instants = np.linspace(0, len(time) - 1, count).round().astype(int)
+    for axes, k in zip(figure.subplots(1, count), instants.tolist(), strict=True):
+        draw(prepared(stage, axes), stage.faces(k))
         axes.set_title(f"{time[k]:.3g} s", fontsize=9, color=COLOURS["rod"])
     figure.savefig(path, format="png")

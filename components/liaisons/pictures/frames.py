@@ -1,9 +1,10 @@
-"""A picture in motion: where each shape is at each frame."""
+"""Positions of the shapes of a picture at each frame."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any, final
 
@@ -18,7 +19,7 @@ RATE = 30
 """Frames a second."""
 
 _SKEW = 1e-3
-"""So far from unit vectors at right angles the axes of a box may be: less than one sees."""
+"""Invisible deviation of the axes of a box from orthonormal vectors."""
 _CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 Signal = Callable[[str], NDArray]
@@ -43,9 +44,14 @@ class Moving:
     size: NDArray | None = None
     closed: bool = False
 
+    @cached_property
+    def path(self) -> NDArray:
+        """The points, (n, k, 3), the first again at the end if it is closed."""
+        return np.concatenate([self.points, self.points[:, : int(self.closed)]], axis=1)
+
     @property
     def corners(self) -> NDArray:
-        """Of a box, (n, 8, 3); of others none."""
+        """Corners of a box, (n, 8, 3); none of other shapes."""
         if self.axes is None or self.size is None:
             return self.points[:, :0]
         return self.points + _CORNERS @ (self.axes * self.size[:, :, None] / 2)
@@ -70,19 +76,19 @@ class Frames:
 def frames(picture: Picture, time: NDArray, signal: Signal, *, title: str) -> Frames:
     """The shapes of a picture at some times.
 
-    :param title: what it is of, for messages.
+    :param title: for messages.
     :raises SimulationError: if a coordinate is not finite, or the axes of a box are no right-handed unit vectors.
     """
     shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)
     values = np.stack([signal(name) for name in picture.variables] or [np.zeros(len(time))], axis=1)
-    found = Frames(time, shapes, picture.plane, values)
-    sound = abs(values) <= LARGEST  # not-a-number is not
-    if shapes and not sound.all():
-        late = int(np.flatnonzero(~sound.all(axis=1))[0])
-        which = int(np.flatnonzero(~sound[late])[0])
-        name, value = picture.variables[which], values[late, which]
-        what = f"not finite at t = {time[late]:g} s" if not np.isfinite(value) else f"{value:g} at t = {time[late]:g} s"
-        raise SimulationError(f"{title}: {name} in its picture is {what}: nothing to draw there")
+    invalid = np.argwhere(~(abs(values) <= LARGEST))  # not-a-number, too
+    if shapes and len(invalid):
+        frame, column = invalid[0]
+        value = f"{values[frame, column]:g}" if np.isfinite(values[frame, column]) else "not finite"
+        raise SimulationError(
+            f"{title}: {picture.variables[column]} in its picture is {value} at t = {time[frame]:g} s: "
+            "nothing to draw there"
+        )
     for axes in (shape.axes for shape in shapes if shape.axes is not None):
         skew = np.abs(axes @ np.swapaxes(axes, 1, 2) - np.eye(3)).max(axis=(1, 2))
         wrong = np.flatnonzero((skew > _SKEW) | (np.linalg.det(axes) < 0))
@@ -91,15 +97,12 @@ def frames(picture: Picture, time: NDArray, signal: Signal, *, title: str) -> Fr
                 f"{title}: a box in its picture has axes {shown(axes[wrong[0]].tolist())} at t = {time[wrong[0]]:g} s: "
                 "give three unit vectors at right angles, right-handed"
             )
-    return found
+    return Frames(time, shapes, picture.plane, values)
 
 
 def _moving(shape: Mapping[str, Any], count: int, signal: Signal) -> Moving:
-    def values(given: float | str) -> NDArray:
-        return signal(given) if isinstance(given, str) else np.full(count, float(given))
-
-    def columns(members: list[Any]) -> NDArray:
-        return np.stack([values(member) for member in members], axis=-1)
+    def columns(coordinates: list[float | str]) -> NDArray:
+        return np.stack([signal(x) if isinstance(x, str) else np.full(count, float(x)) for x in coordinates], axis=-1)
 
     ends = [shape[member] for member in ("from", "to", "at") if member in shape] or shape["points"]
     size = shape.get("size") or ([shape["radius"]] if "radius" in shape else None)

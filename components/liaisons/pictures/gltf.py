@@ -1,260 +1,237 @@
 """Frames as binary glTF 2.0 (.glb): one mesh a shape, moved by keyframes; coordinates are ours in single precision.
 
-Khronos Group, glTF 2.0 specification (ISO/IEC 12113:2022).  glTF has y upwards: the root turns z there.
+Khronos Group, glTF 2.0 specification (ISO/IEC 12113:2022).  In glTF the y axis is up: the root node rotates z to it.
 """
 
 from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable
+from itertools import pairwise
 from math import pi, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from liaisons.pictures.frames import Frames, Moving
+from liaisons.pictures.stage import COLOURS, Stage, rgb
 
 _FLOAT, _SHORT = 5126, 5123
-_ARRAY, _ELEMENTS = 34962, 34963  # what a buffer view is for
-_LINES = 3  # a strip of them
-_COLOURS = {
-    "rod": (0.07, 0.10, 0.14),
-    "ball": (0.58, 0.09, 0.03),
-    "box": (0.08, 0.22, 0.46),
-    "wire": (0.24, 0.29, 0.35),
-    "spring": (0.05, 0.27, 0.15),
-    "trail": (0.58, 0.09, 0.03),
-}  # linear, as glTF has them
+_ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
+_LINE_STRIP = 3
+_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 _SIDES, _COILS = 12, 9
+
+Mesh = tuple[NDArray, NDArray, NDArray]
+"""Positions and normals (n, 3), and triangles (m, 3) of their indices."""
 
 
 def glb(frames: Frames, name: str) -> bytes:
-    """The scene as the bytes of a .glb file.
+    """The content of a .glb file.
 
     :param name: of the scene.
     """
-    scene = _Scene()
-    extent = float(np.max(np.linalg.norm(np.ptp(frames.points, axis=1), axis=1))) or 1.0
-    parts = [node for shape in frames.shapes for node in _nodes(scene, shape, extent, frames.time)]
-    return scene.written(name, parts)
+    stage, scene = Stage(frames), _Scene(frames.time)
+    for shape in frames.shapes:
+        _add(scene, shape, stage)
+    return scene.binary(name)
 
 
-def _nodes(scene: _Scene, shape: Moving, extent: float, time: NDArray) -> list[int]:
-    points, kind = shape.points, shape.kind
-    radius = shape.size if shape.size is not None and kind in {"rod", "ball"} else None
-    if kind == "ball":
-        size = np.full((len(time), 1), 0.035 * extent) if radius is None else radius
-        return [scene.node(scene.mesh("ball", _sphere), kind, time, points[:, 0], None, np.repeat(size, 3, axis=1))]
-    if kind == "box":
-        assert shape.axes is not None  # as for all boxes
-        turned = _quaternions(np.swapaxes(shape.axes, 1, 2))
-        return [scene.node(scene.mesh("box", _cube), kind, time, points[:, 0], turned, shape.size)]
-    if kind == "trail":
-        return (
-            [scene.node(scene.line(points[:, 0]), kind, time[:1], np.zeros((1, 3)), None, None)]
-            if len(time) > 1
-            else []
-        )
-    if kind == "wire":
-        ends = np.concatenate([points, points[:, :1]], axis=1) if shape.closed else points
-        pairs = [(ends[:, i], ends[:, i + 1]) for i in range(ends.shape[1] - 1)]
-        return [_stretched(scene, "rod", kind, time, a, b, np.full(len(time), 0.006 * extent)) for a, b in pairs]
-    width = np.full(len(time), 0.011 * extent if kind == "rod" else 0.03 * extent) if radius is None else radius[:, 0]
-    return [_stretched(scene, kind, kind, time, points[:, 0], points[:, 1], width)]
-
-
-def _stretched(  # noqa: PLR0917 - a line from a to b
-    scene: _Scene, mesh: str, kind: str, time: NDArray, a: NDArray, b: NDArray, width: NDArray
-) -> int:
-    """A mesh along z from 0 to 1, put between two points."""
-    along = b - a
-    length = np.linalg.norm(along, axis=1)
-    shape = scene.mesh(mesh, _cylinder if mesh == "rod" else _coil, kind)
-    return scene.node(shape, kind, time, a, _onto(along), np.column_stack([width, width, np.maximum(length, 1e-9)]))
+def _add(scene: _Scene, shape: Moving, stage: Stage) -> None:
+    centre = shape.points[:, 0]
+    if shape.kind == "box":
+        scene.add_node("box", scene.mesh("box"), centre, _quaternions(shape.axes), shape.size)
+    elif shape.kind == "trail":
+        if len(centre) > 1:
+            scene.add_node("trail", scene.primitive("trail", mode=_LINE_STRIP, POSITION=centre))
+    elif shape.kind == "ball":
+        scene.add_node("ball", scene.mesh("ball"), centre, scale=np.repeat(stage.radius(shape), 3, axis=1))
+    else:
+        radius = stage.radius(shape)
+        for start, end in pairwise(np.moveaxis(shape.path, 1, 0)):
+            along = end - start
+            length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+            scale = np.hstack([radius, radius, length])
+            scene.add_node(shape.kind, scene.mesh(shape.kind), start, _from_z(along / length), scale)
 
 
 class _Scene:
-    """The parts of the file as they come."""
+    """The document and the buffer of a file.
 
-    def __init__(self) -> None:
-        self.data = bytearray()
-        self.document: dict[str, list[Any]] = {
-            key: [] for key in ("bufferViews", "accessors", "materials", "meshes", "nodes")
-        }
+    :param time: of the keyframes [s].
+    """
+
+    def __init__(self, time: NDArray) -> None:
+        self.buffer = bytearray()
+        self.meshes: dict[str, int] = {}
         self.samplers: list[dict[str, Any]] = []
         self.channels: list[dict[str, Any]] = []
-        self.known: dict[Any, int] = {}
+        self.document: dict[str, list[Any]] = {
+            "bufferViews": [],
+            "accessors": [],
+            "materials": [_material(kind) for kind in COLOURS],
+            "meshes": [],
+            "nodes": [],
+        }
+        self.time = self.accessor(time - time[0])
 
-    def add(self, key: str, item: dict[str, Any]) -> int:
+    def add(self, key: str, **item: Any) -> int:
         self.document[key].append(item)
         return len(self.document[key]) - 1
 
-    def accessor(self, values: NDArray, kind: str, target: int | None = None) -> int:
-        """Numbers in the buffer, (n,) or (n, k)."""
-        component = _SHORT if target == _ELEMENTS else _FLOAT
-        values = np.ascontiguousarray(values, np.uint16 if component == _SHORT else np.float32)
-        self.data += bytes(-len(self.data) % 4)
-        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": values.nbytes}
-        self.data += values.tobytes()
-        place = self.add("bufferViews", view | ({"target": target} if target else {}))
-        table = values.reshape(len(values), -1)
-        limits = {"min": table.min(axis=0).tolist(), "max": table.max(axis=0).tolist()}
+    def accessor(self, values: NDArray, **view: int) -> int:
+        """Numbers in the buffer, (n,) or (n, k), of a view with these properties."""
+        component = _SHORT if view.get("target") == _ELEMENT_ARRAY_BUFFER else _FLOAT
+        table = values.reshape(len(values), -1).astype(np.uint16 if component == _SHORT else np.float32)
+        self.buffer += bytes(-len(self.buffer) % 4)
+        view |= {"byteOffset": len(self.buffer), "byteLength": table.nbytes}
+        self.buffer += table.tobytes()
         return self.add(
-            "accessors", {"bufferView": place, "componentType": component, "count": len(values), "type": kind, **limits}
+            "accessors",
+            bufferView=self.add("bufferViews", buffer=0, **view),
+            componentType=component,
+            count=len(table),
+            type=_TYPES[table.shape[1]],
+            min=table.min(axis=0).tolist(),
+            max=table.max(axis=0).tolist(),
         )
 
-    def material(self, kind: str) -> int:
-        if ("material", kind) not in self.known:
-            look = {"baseColorFactor": [*_COLOURS[kind], 1.0], "metallicFactor": 0.1, "roughnessFactor": 0.55}
-            self.known["material", kind] = self.add("materials", {"name": kind, "pbrMetallicRoughness": look})
-        return self.known["material", kind]
+    def mesh(self, kind: str) -> int:
+        if kind not in self.meshes:
+            positions, normals, triangles = _MESHES[kind]()
+            indices = self.accessor(triangles.ravel(), target=_ELEMENT_ARRAY_BUFFER)
+            self.meshes[kind] = self.primitive(kind, indices=indices, POSITION=positions, NORMAL=normals)
+        return self.meshes[kind]
 
-    def mesh(self, name: str, make: Any, kind: str = "") -> int:
-        kind = kind or name
-        if (name, kind) not in self.known:
-            places, normals, triangles = make()
-            attributes = {
-                "POSITION": self.accessor(places, "VEC3", _ARRAY),
-                "NORMAL": self.accessor(normals, "VEC3", _ARRAY),
-            }
-            indices = self.accessor(triangles.ravel(), "SCALAR", _ELEMENTS)
-            primitive = {"attributes": attributes, "indices": indices, "material": self.material(kind)}
-            self.known[name, kind] = self.add("meshes", {"name": kind, "primitives": [primitive]})
-        return self.known[name, kind]
+    def primitive(self, kind: str, *, mode: int = 4, indices: int | None = None, **attributes: NDArray) -> int:
+        """A mesh of one primitive, triangles unless the mode says otherwise."""
+        accessors = {name: self.accessor(values, target=_ARRAY_BUFFER) for name, values in attributes.items()}
+        primitive = {"attributes": accessors, "mode": mode, "material": list(COLOURS).index(kind)}
+        return self.add("meshes", name=kind, primitives=[primitive | ({} if indices is None else {"indices": indices})])
 
-    def line(self, points: NDArray) -> int:
-        attributes = {"POSITION": self.accessor(points, "VEC3", _ARRAY)}
-        primitive = {"attributes": attributes, "mode": _LINES, "material": self.material("trail")}
-        return self.add("meshes", {"name": "trail", "primitives": [primitive]})
-
-    def node(  # noqa: PLR0917 - three columns, each may be missing
-        self, mesh: int, name: str, time: NDArray, place: NDArray, turned: NDArray | None, size: NDArray | None
-    ) -> int:
-        """A mesh that is moved, turned and stretched; a constant one has no keyframes."""
-        node: dict[str, Any] = {"name": name, "mesh": mesh}
-        given = {"translation": (place, "VEC3"), "rotation": (turned, "VEC4"), "scale": (size, "VEC3")}
-        index = self.add("nodes", node)
-        for path, (values, kind) in given.items():
+    def add_node(
+        self,
+        name: str,
+        mesh: int,
+        translation: NDArray | None = None,
+        rotation: NDArray | None = None,
+        scale: NDArray | None = None,
+    ) -> None:
+        """A mesh, moved, rotated and scaled; what is constant has no keyframes."""
+        node = self.add("nodes", name=name, mesh=mesh)
+        for path, values in {"translation": translation, "rotation": rotation, "scale": scale}.items():
             if values is None:
                 continue
-            node[path] = np.float32(values[0]).tolist()
+            self.document["nodes"][node][path] = np.float32(values[0]).tolist()
             if np.ptp(values, axis=0).any():
-                if ("time", len(time)) not in self.known:
-                    self.known["time", len(time)] = self.accessor(time - time[0], "SCALAR")
-                source = {
-                    "input": self.known["time", len(time)],
-                    "output": self.accessor(values, kind),
-                    "interpolation": "LINEAR",
-                }
-                self.samplers.append(source)
-                self.channels.append({"sampler": len(self.samplers) - 1, "target": {"node": index, "path": path}})
-        return index
+                self.channels.append({"sampler": len(self.samplers), "target": {"node": node, "path": path}})
+                output = self.accessor(values)
+                self.samplers.append({"input": self.time, "output": output, "interpolation": "LINEAR"})
 
-    def written(self, name: str, parts: Sequence[int]) -> bytes:
-        root = self.add("nodes", {"name": name, "rotation": [-sqrt(0.5), 0.0, 0.0, sqrt(0.5)], "children": list(parts)})
-        animation = {"animations": [{"name": "motion", "samplers": self.samplers, "channels": self.channels}]}
+    def binary(self, name: str) -> bytes:
+        """The file, all nodes under a root."""
+        children = list(range(len(self.document["nodes"])))
+        root = self.add("nodes", name=name, rotation=[-sqrt(0.5), 0.0, 0.0, sqrt(0.5)], children=children)
+        animation = {"name": "motion", "samplers": self.samplers, "channels": self.channels}
         document = {
             "asset": {"version": "2.0", "generator": "liaisons"},
             "scene": 0,
             "scenes": [{"name": name, "nodes": [root]}],
             **self.document,
-            **(animation if self.channels else {}),
-            "buffers": [{"byteLength": len(self.data)}],
+            **({"animations": [animation]} if self.channels else {}),
+            "buffers": [{"byteLength": len(self.buffer)}],
         }
         text = json.dumps(document, separators=(",", ":")).encode()
-        chunks = [(b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", bytes(self.data) + bytes(-len(self.data) % 4))]
+        chunks = [(b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", self.buffer + bytes(-len(self.buffer) % 4))]
         body = b"".join(struct.pack("<I", len(content)) + kind + content for kind, content in chunks)
         return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+def _material(kind: str) -> dict[str, Any]:
+    colour = ((np.array(rgb(kind)) + 0.055) / 1.055) ** 2.4  # from sRGB to linear
+    properties = {"baseColorFactor": [*colour.tolist(), 1.0], "metallicFactor": 0.1, "roughnessFactor": 0.55}
+    return {"name": kind, "pbrMetallicRoughness": properties}
 
 
 # ---- rotations ----------------------------------------------------------------------------------------------------
 
 
-def _onto(along: NDArray) -> NDArray:
-    """Quaternions (n, 4), scalar last, that turn z onto directions, without needless spin."""
-    unit = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-    found = np.column_stack([-unit[:, 1], unit[:, 0], np.zeros(len(unit)), 1 + unit[:, 2]])
-    found[1 + unit[:, 2] < 1e-9] = (1.0, 0.0, 0.0, 0.0)  # straight down: about x
-    return _continuous(found / np.linalg.norm(found, axis=1, keepdims=True))
+def _from_z(unit: NDArray) -> NDArray:
+    """Quaternions (n, 4), scalar last, of the shortest rotations from z to directions."""
+    quaternions = np.column_stack([-unit[:, 1], unit[:, 0], 0 * unit[:, 0], 1 + unit[:, 2]])
+    quaternions[1 + unit[:, 2] < 1e-9] = (1.0, 0.0, 0.0, 0.0)  # straight down: about x
+    return _continuous(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
-def _quaternions(matrices: NDArray) -> NDArray:
+def _quaternions(axes: NDArray | None) -> NDArray:
     from scipy.spatial.transform import Rotation
 
-    return _continuous(Rotation.from_matrix(matrices).as_quat())
+    assert axes is not None  # as for all boxes
+    return _continuous(Rotation.from_matrix(np.swapaxes(axes, 1, 2)).as_quat())
 
 
 def _continuous(quaternions: NDArray) -> NDArray:
-    """Of q and -q, which turn alike, the one that is near the one before."""
-    found = quaternions.copy()
-    for i in range(1, len(found)):
-        if found[i] @ found[i - 1] < 0:
-            found[i] = -found[i]
-    return found
+    """Of q and -q, which are the same rotation, the one that is nearer to the previous one."""
+    flips = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0)
+    return quaternions * np.cumprod([1.0, *flips])[:, None]
 
 
-# ---- meshes: places, normals, triangles -----------------------------------------------------------------------------
+# ---- meshes -------------------------------------------------------------------------------------------------------
 
 
-def _grid(rows: int, columns: int) -> NDArray:
-    """Triangles of a grid of points, row by row."""
-    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
-    a = (i * columns + j).ravel()
-    return np.concatenate(
-        [np.column_stack([a, a + 1, a + columns]), np.column_stack([a + 1, a + columns + 1, a + columns])]
-    )
+def _surface(positions: NDArray, normals: NDArray) -> Mesh:
+    """A grid of points (rows, columns, 3), without the triangles that have no area."""
+    rows, columns = positions.shape[:2]
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
+    triangles = (first + np.array([0, 1, columns, 1, columns + 1, columns])).reshape(-1, 3)
+    positions = positions.reshape(-1, 3)
+    a, b, c = positions[triangles].swapaxes(0, 1)
+    return positions, normals.reshape(-1, 3), triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9]
 
 
-def _sphere() -> tuple[NDArray, NDArray, NDArray]:
-    polar, azimuth = np.meshgrid(np.linspace(0, pi, _SIDES + 1), np.linspace(0, 2 * pi, 2 * _SIDES + 1), indexing="ij")
-    unit = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1).reshape(
-        -1, 3
-    )
-    triangles = _grid(_SIDES + 1, 2 * _SIDES + 1)[:, ::-1]
-    corners = unit[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return unit, unit, triangles[area > 1e-9]
+def _revolved(profile: ArrayLike) -> Mesh:
+    """A surface about z, from rows upwards: radius and z of a point, and of its normal."""
+    angle = np.linspace(0, 2 * pi, 2 * _SIDES + 1)
+    circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    points = [radius * circle + np.array([0.0, 0.0, z]) for radius, z in np.reshape(profile, (-1, 2))]
+    return _surface(np.array(points[::2]), np.array(points[1::2]))
 
 
-def _cylinder() -> tuple[NDArray, NDArray, NDArray]:
-    """Radius 1, from z = 0 to 1, with lids."""
-    angle = np.linspace(0, 2 * pi, _SIDES + 1)
-    ring = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    side = np.concatenate([ring, ring + np.array([0, 0, 1])])
-    places, normals, triangles = [side], [np.concatenate([ring, ring])], [_grid(2, _SIDES + 1)]
-    for z, turn in ((0.0, -1), (1.0, 1)):
-        first = sum(map(len, places))
-        places.append(np.concatenate([ring + np.array([0, 0, z]), [[0, 0, z]]]))
-        normals.append(np.tile([0.0, 0.0, turn], (_SIDES + 2, 1)))
-        rim = first + np.arange(_SIDES)
-        triangles.append(np.column_stack([rim, rim + 1, np.full(_SIDES, first + _SIDES + 1)])[:, ::turn])
-    return np.concatenate(places), np.concatenate(normals), np.concatenate(triangles)
+def _sphere() -> Mesh:
+    latitude = np.linspace(-pi / 2, pi / 2, _SIDES + 1)
+    return _revolved(np.column_stack(2 * [np.cos(latitude), np.sin(latitude)]))
 
 
-def _coil() -> tuple[NDArray, NDArray, NDArray]:
+def _cylinder() -> Mesh:
+    """Radius 1, from z = 0 to 1, with both discs."""
+    bottom, side, top = (0, -1), (1, 0), (0, 1)
+    return _revolved([[(0, 0), bottom], [(1, 0), bottom], [(1, 0), side], [(1, 1), side], [(1, 1), top], [(0, 1), top]])
+
+
+def _coil() -> Mesh:
     """A helix of radius 1 from z = 0 to 1."""
-    s = np.linspace(0, 1, 24 * _COILS + 1)
-    turn = 2 * pi * _COILS * s
-    spine = np.column_stack([np.cos(turn), np.sin(turn), s])
-    outward = np.column_stack([np.cos(turn), np.sin(turn), 0 * s])
-    angle = np.linspace(0, 2 * pi, 7)[None, :, None]
-    normals = np.cos(angle) * outward[:, None] + np.sin(angle) * np.array([0.0, 0.0, 1.0])
-    places = spine[:, None] + 0.2 * np.cos(angle) * outward[:, None] + 0.012 * np.sin(angle) * np.array([0.0, 0.0, 1.0])
-    return places.reshape(-1, 3), normals.reshape(-1, 3), _grid(len(s), 7)
+    z = np.linspace(0, 1, 24 * _COILS + 1)
+    phase = 2 * pi * _COILS * z
+    outward = np.column_stack([np.cos(phase), np.sin(phase), 0 * z])[:, None]
+    angle, upward = np.linspace(0, 2 * pi, 7)[:, None], np.array([0.0, 0.0, 1.0])
+    wire = 0.2 * np.cos(angle) * outward + 0.012 * np.sin(angle) * upward
+    return _surface(outward + z[:, None, None] * upward + wire, np.cos(angle) * outward + np.sin(angle) * upward)
 
 
-def _cube() -> tuple[NDArray, NDArray, NDArray]:
-    places, normals, triangles = [], [], []
-    for axis in range(3):
-        for side in (-1.0, 1.0):
-            normal = np.zeros(3)
-            normal[axis] = side
-            u, v = np.roll(np.eye(3), 0, axis=0)[[(axis + 1) % 3, (axis + 2) % 3]]
-            first = len(places) * 4
-            places.append([(normal + a * u + b * v) / 2 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
-            normals.append([normal] * 4)
-            order = ((0, 1, 2), (0, 2, 3)) if side > 0 else ((0, 2, 1), (0, 3, 2))
-            triangles += [[first + i for i in corner] for corner in order]
-    return np.concatenate(places), np.concatenate(normals), np.array(triangles)
+def _cube() -> Mesh:
+    """Six copies of the upper face and of its normal, rotated."""
+    face = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1], [0, 0, 2]]) / 2
+    faces = np.array([np.roll(face * side, axis, axis=1) for side in ([1, 1, 1], [1, -1, -1]) for axis in range(3)])
+    triangles = 4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+    return faces[:, :4].reshape(-1, 3), np.repeat(faces[:, 4], 4, axis=0), triangles.reshape(-1, 3)
+
+
+_MESHES: dict[str, Callable[[], Mesh]] = {
+    "rod": _cylinder,
+    "wire": _cylinder,
+    "spring": _coil,
+    "ball": _sphere,
+    "box": _cube,
+}

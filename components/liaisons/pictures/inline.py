@@ -1,4 +1,4 @@
-"""One HTML file: style, script and data inside, and a policy that lets nothing else in."""
+"""Pages as one HTML file with style, script and data, whose policy allows no other source."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
+from liaisons.pictures.camera import FACING
+from liaisons.pictures.stage import COILS, LIGHT, SIZES
+
 
 def page(template: str, modules: Sequence[str], title: str, description: str, plan: Mapping[str, Any]) -> bytes:
-    """Make a page.
+    """A page, with the constants that all pictures have in common as ``DRAWING``.
 
     :param template: name of the file of its body.
     :param modules: names of the ES modules, each after those that it imports.
@@ -22,12 +25,14 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
     """
     folder = files("liaisons.pictures") / "web"
     style = (folder / "page.css").read_text(encoding="utf-8")
-    script = "\n".join(_inlined((folder / name).read_text(encoding="utf-8")) for name in modules)
+    constants = f"const DRAWING = {json.dumps({'sizes': SIZES, 'coils': COILS, 'facing': FACING, 'light': LIGHT})};"
+    sources = [(folder / name).read_text(encoding="utf-8") for name in modules]
+    script = "\n".join([constants, *map(_inlined, sources)])
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}' 'wasm-unsafe-eval'; style-src '{_hash(style)}'; "
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
-    given = {
+    contents = {
         "title": html.escape(title),
         "description": html.escape(description),
         "policy": policy,
@@ -37,11 +42,11 @@ def page(template: str, modules: Sequence[str], title: str, description: str, pl
     }
     body = (folder / template).read_text(encoding="utf-8").rstrip()
     text = (folder / "frame.html").read_text(encoding="utf-8").replace("{body}", body)
-    return re.sub(r"\{(\w+)\}", lambda found: given[found[1]], text).encode()
+    return re.sub(r"\{(\w+)\}", lambda match: contents[match[1]], text).encode()
 
 
 def _inlined(module: str) -> str:
-    """A module as part of one script, because a file:// page loads none: what it imports stands above it."""
+    """A module as part of one script, after those that it imports, because a file:// page loads no modules."""
     without_imports = re.sub(r"^import .*?;\n", "", module, flags=re.MULTILINE | re.DOTALL)
     return re.sub(r"^export ", "", without_imports, flags=re.MULTILINE)
 

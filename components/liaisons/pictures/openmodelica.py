@@ -1,22 +1,21 @@
 """A motion for OpenModelica's editor: ``NAME_visual.xml`` beside ``NAME_res.csv``, which its animation window opens.
 
-The elements are those that OMEdit reads, in its ``Animation/Visualization.cpp``; a number stands in ``exp``, and what
-moves names a column of the table in ``cref``.  Its cylinders and springs begin at ``r`` and go along ``lengthDir``,
-spheres and boxes are pushed along it by half their length, its y axis is up, and it has no trails.
+The elements are those of OMEdit's ``Animation/Visualization.cpp``: ``exp`` has a number, ``cref`` the name of a column
+of the table.  Cylinders and springs start at ``r`` and go along ``lengthDir``, spheres and boxes are shifted along it
+by half their length, y is up, and there are no trails.
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liaisons.pictures.frames import Frames, Moving
-from liaisons.pictures.stage import BALL, COLOURS, ROD, SPRING, WIRE, Stage
+from liaisons.pictures.frames import Frames
+from liaisons.pictures.stage import COLOURS, SIZES, Stage
 
 _UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _IDENTITY = np.eye(3).ravel()
@@ -29,20 +28,21 @@ Attributes = Mapping[str, object]
 def visual(shown: Frames) -> tuple[bytes, bytes]:
     """The description of the shapes, and the table of what moves."""
     root, columns = ElementTree.Element("visualization"), {"time": shown.time}
-    for i, (kind, what, attributes) in enumerate(_bodies(shown), 1):
+    for i, (kind, body_type, attributes) in enumerate(_bodies(shown), 1):
         body = ElementTree.SubElement(root, "shape")
         ElementTree.SubElement(body, "ident").text = f"{kind}{i}"
-        ElementTree.SubElement(body, "type").text = what
+        ElementTree.SubElement(body, "type").text = body_type
         colour = list(bytes.fromhex(COLOURS[kind][1:]))
         usual = {"T": _IDENTITY, "r_shape": np.zeros(3), "lengthDir": _ALONG, "widthDir": _ACROSS, "extra": 0.0}
-        for name, given in (usual | {"color": colour, "specCoeff": 0.7} | dict(attributes)).items():
+        for name, value in (usual | {"color": colour, "specCoeff": 0.7} | dict(attributes)).items():
             element = ElementTree.SubElement(body, name)
-            values = np.asarray(given, dtype=float)
+            values = np.asarray(value, dtype=float)
             table = values if values.ndim == 2 else np.broadcast_to(values, (len(shown.time), values.size))
             for k, column in enumerate(table.T):
                 if np.ptp(column):
-                    columns[f"{kind}{i}_{name}_{k}"] = column
-                    ElementTree.SubElement(element, "cref").text = f"{kind}{i}_{name}_{k}"
+                    reference = f"{kind}{i}_{name}_{k}"
+                    columns[reference] = column
+                    ElementTree.SubElement(element, "cref").text = reference
                 else:
                     ElementTree.SubElement(element, "exp").text = repr(float(column[0]))
     ElementTree.indent(root)
@@ -53,36 +53,28 @@ def visual(shown: Frames) -> tuple[bytes, bytes]:
 
 
 def _bodies(shown: Frames) -> Iterator[tuple[str, str, Attributes]]:
-    """Kind of the shape, what OMEdit calls the body, and what that needs."""
+    """Kind, type in OMEdit, and attributes of each body."""
     stage = Stage(shown)
     for shape in shown.shapes:
-        points, extent = shape.points @ _UP.T, stage.extent
-        if shape.kind == "ball":
-            across = 2 * (BALL * extent if shape.size is None else shape.size)
-            yield "ball", "sphere", _centred(points[:, 0], across, across, across)
-        elif shape.kind == "box":
+        points = shape.path @ _UP.T
+        if shape.kind == "box":
             assert shape.axes is not None  # as for all boxes
             assert shape.size is not None
-            turn = (shape.axes @ _UP.T).reshape(-1, 9)
-            yield "box", "box", {**_centred(points[:, 0], *shape.size.T[:, :, None]), "T": turn}
-        elif shape.kind == "rod":
-            yield "rod", "cylinder", _between(points, 2 * (ROD * extent if shape.size is None else shape.size))
+            rotation = (shape.axes @ _UP.T).reshape(-1, 9)
+            yield "box", "box", {**_centred(points[:, 0], *shape.size.T[:, :, None]), "T": rotation}
+        elif shape.kind == "ball":
+            yield "ball", "sphere", _centred(points[:, 0], *3 * [2 * stage.radius(shape)])
         elif shape.kind == "spring":
-            wire = {"height": WIRE * extent, "extra": float(stage.coils(shape))}
-            yield "spring", "spring", {**_between(points, SPRING * extent), **wire}
-        elif shape.kind == "wire":
-            yield from _wire(shape, points, 2 * WIRE * extent)
+            wire = {"height": SIZES["wire"] * stage.extent, "extra": float(stage.coils(shape))}
+            yield "spring", "spring", {**_between(points, stage.radius(shape)), **wire}
+        elif shape.kind != "trail":
+            for k in range(points.shape[1] - 1):
+                yield shape.kind, "cylinder", _between(points[:, k:], 2 * stage.radius(shape))
 
 
-def _wire(shape: Moving, points: NDArray, across: float) -> Iterator[tuple[str, str, Attributes]]:
-    places = [*range(points.shape[1]), *([0] if shape.closed else [])]
-    return (("wire", "cylinder", _between(points[:, [a, b]], across)) for a, b in pairwise(places))
-
-
-def _centred(place: NDArray, *sizes: NDArray | float) -> Attributes:
-    length, width, height = sizes
-    back = -0.5 * np.asarray(length) * np.array(_ALONG)
-    return {"r": place, "r_shape": back, "length": length, "width": width, "height": height}
+def _centred(centre: NDArray, length: NDArray, width: NDArray, height: NDArray) -> Attributes:
+    start = -0.5 * length * np.array(_ALONG)
+    return {"r": centre, "r_shape": start, "length": length, "width": width, "height": height}
 
 
 def _between(ends: NDArray, across: NDArray | float) -> Attributes:

@@ -1,4 +1,4 @@
-"""What is seen of a frame, as polygons, what lies behind first."""
+"""The polygons of a frame, sorted by depth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from liaisons.pictures.camera import Camera, facing
 from liaisons.pictures.frames import RATE, Frames, Moving
 
 _TRAIL = 3 * RATE  # frames that a trail lasts
-_COILS = 3, 9
+COILS = 3, 9
+"""Least and most of a spring."""
 COLOURS = {
     "rod": "#4b5b6b",
     "wire": "#8593a0",
@@ -22,12 +23,13 @@ COLOURS = {
     "box": "#4f83b5",
     "trail": "#c8532b",
 }
-_LIGHT = np.array([-0.35, -0.6, 0.72])
+LIGHT = (-0.35, -0.6, 0.72)
+"""Direction to the light."""
 _ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 _CIRCLE = np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
 
-# Sizes where none is given, as fractions of the picture's extent.
-ROD, BALL, WIRE, SPRING = 0.011, 0.035, 0.005, 0.03
+SIZES = {"rod": 0.011, "ball": 0.035, "wire": 0.005, "spring": 0.03, "trail": 0.0025}
+"""Default radius of each kind of shape, as a fraction of the extent of the picture."""
 
 
 class Face(NamedTuple):
@@ -40,7 +42,10 @@ class Face(NamedTuple):
 
 @final
 class Stage:
-    """The part of space that is seen, the same from frame to frame, and what is in it."""
+    """Frames and the visible part of space, of one size in all frames.
+
+    :param ghost: a second motion, drawn pale.
+    """
 
     def __init__(self, frames: Frames, ghost: Frames | None = None) -> None:
         self.frames, self.ghost = frames, ghost
@@ -48,55 +53,58 @@ class Stage:
         self.extent = float(np.max(np.linalg.norm(np.ptp(points, axis=1), axis=-1)))
         self.extent = self.extent or float(np.linalg.norm(np.ptp(points, axis=(0, 1)))) or 1.0
         low, high = points.min(axis=1), points.max(axis=1)
-        self.follows = bool(np.linalg.norm(high.max(axis=0) - low.min(axis=0)) > 5 * self.extent)
-        if not self.follows:  # else what wanders off is followed
+        if np.linalg.norm(high.max(axis=0) - low.min(axis=0)) <= 5 * self.extent:  # else a mechanism is followed
             low, high = (np.broadcast_to(edge, high.shape) for edge in (low.min(axis=0), high.max(axis=0)))
         self.middle = (low + high) / 2  # (n, 3)
-        seen = camera.see(points - self.middle[:, None])[..., :2]
-        half = np.max(np.abs(seen), axis=(0, 1))
+        projected = camera.see(points - self.middle[:, None])[..., :2]
+        half = np.max(np.abs(projected), axis=(0, 1))
         if frames.plane is None:  # it may be seen from all sides
             half = np.full(2, np.max(np.linalg.norm(points - self.middle[:, None], axis=-1)))
         self.half = 1.1 * np.maximum(half, 0.3 * np.max(half)) + 0.05 * self.extent
         self.ratio = float(self.half[1] / self.half[0])
 
-    def faces(self, k: int, turn: float = 0.0) -> list[Face]:
+    def faces(self, k: int, angle: float = 0.0) -> list[Face]:
         """Polygons of the frame k, those behind first.
 
-        :param turn: angle [rad] by which the camera has gone round a spatial mechanism.
+        :param angle: rotation of the camera about a spatial mechanism [rad].
         """
-        camera = facing(self.frames.plane, turn)
-        both = ((self.ghost, 0.3), (self.frames, 1.0))
-        found = [f for frames, opacity in both if frames for f in self._faces(frames, k, camera, opacity)]
-        return sorted(found, key=lambda face: face.depth)
+        camera = facing(self.frames.plane, angle)
+        faces = list(self._faces(self.frames, k, camera, 1.0))
+        if self.ghost is not None:
+            faces = [*self._faces(self.ghost, k, camera, 0.3), *faces]
+        return sorted(faces, key=lambda face: face.depth)
 
     def _faces(self, frames: Frames, k: int, camera: Camera, opacity: float) -> Iterator[Face]:
         for shape in frames.shapes:
+            if shape.kind == "box":
+                yield from _box(camera.see(shape.points[k, 0] - self.middle[k]), shape, k, camera, opacity)
+                continue
             first = max(0, k + 1 - _TRAIL) if shape.kind == "trail" else k
-            seen = camera.see(shape.points[first : k + 1] - self.middle[k])
-            radius = shape.size[k, 0] if shape.size is not None else None
-            colour = (*_rgb(shape.kind), opacity)
-            if shape.kind == "rod":
-                yield _line(seen[-1, 0], seen[-1, 1], radius or ROD * self.extent, colour)
-            elif shape.kind == "ball":
-                yield from _ball(seen[-1, 0], radius or BALL * self.extent, colour)
-            elif shape.kind == "box":
-                yield from _box(seen[-1, 0], shape, k, camera, opacity)
-            elif shape.kind == "wire":
-                yield from _lines(seen[-1], WIRE * self.extent, colour, closed=shape.closed)
+            points = camera.see(shape.path[first : k + 1] - self.middle[k])
+            radius, colour = self.radius(shape)[k, 0], (*rgb(shape.kind), opacity)
+            if shape.kind == "ball":
+                yield from _ball(points[-1, 0], radius, colour)
+            elif shape.kind == "trail":
+                yield from _fading(points[:, 0], radius, colour)
             elif shape.kind == "spring":
-                coils = self.coils(shape)
-                zigzag = _zigzag(seen[-1, 0], seen[-1, 1], SPRING * self.extent, coils)
-                yield from _lines(zigzag, WIRE * self.extent, colour)
+                zigzag = _zigzag(points[-1, 0], points[-1, 1], radius, self.coils(shape))
+                yield from _lines(zigzag, SIZES["wire"] * self.extent, colour)
             else:
-                yield from _fading(seen[:, 0], WIRE / 2 * self.extent, colour)
+                yield from _lines(points[-1], radius, colour)
+
+    def radius(self, shape: Moving) -> NDArray:
+        """Radius [m] of a shape that is no box, (n, 1)."""
+        default = np.broadcast_to(SIZES[shape.kind] * self.extent, (len(shape.points), 1))
+        return default if shape.size is None else np.where(shape.size > 0, shape.size, default)
 
     def coils(self, spring: Moving) -> int:
-        """How many a spring has; a short one of a chain has fewer."""
+        """Number of coils of a spring; a short one of a chain has fewer."""
         length = float(np.linalg.norm(spring.points[0, 1] - spring.points[0, 0]))
-        return min(max(round(30 * length / self.extent), _COILS[0]), _COILS[1])
+        return min(max(round(30 * length / self.extent), COILS[0]), COILS[1])
 
 
-def _rgb(kind: str) -> tuple[float, ...]:
+def rgb(kind: str) -> tuple[float, ...]:
+    """Colour of a kind of shape in sRGB, each component from 0 to 1."""
     return tuple(byte / 255 for byte in bytes.fromhex(COLOURS[kind][1:]))
 
 
@@ -107,8 +115,7 @@ def _line(a: NDArray, b: NDArray, radius: float, colour: tuple[float, ...]) -> F
     return Face((a[2] + b[2]) / 2, np.concatenate([a[:2] + end, b[:2] - end]), colour)
 
 
-def _lines(points: NDArray, radius: float, colour: tuple[float, ...], *, closed: bool = False) -> Iterator[Face]:
-    points = np.concatenate([points, points[:1]]) if closed else points
+def _lines(points: NDArray, radius: float, colour: tuple[float, ...]) -> Iterator[Face]:
     return (_line(a, b, radius, colour) for a, b in pairwise(points))
 
 
@@ -123,15 +130,12 @@ def _box(centre: NDArray, shape: Moving, k: int, camera: Camera, opacity: float)
     assert shape.size is not None
     edges = shape.axes[k] * shape.size[k, :, None] / 2
     seen = camera.see(edges)
-    for i in range(3):
-        a, b = seen[(i + 1) % 3], seen[(i + 2) % 3]
-        for side in (1.0, -1.0):
-            if side * seen[i, 2] <= 0:
-                continue
-            face = centre + side * seen[i]
-            light = 0.55 + 0.45 * max(0.0, float(side * shape.axes[k, i] @ _LIGHT))
-            corners = np.array([face + a + b, face + a - b, face - a - b, face - a + b])[:, :2]
-            yield Face(face[2], corners, (*(light * c for c in _rgb("box")), opacity))
+    for i in np.flatnonzero(seen[:, 2]):  # of both faces across an axis, the one towards the eye
+        side = np.sign(seen[i, 2])
+        a, b, face = seen[(i + 1) % 3], seen[(i + 2) % 3], centre + side * seen[i]
+        light = 0.55 + 0.45 * max(0.0, float(side * shape.axes[k, i] @ np.array(LIGHT)))
+        corners = np.array([face + a + b, face + a - b, face - a - b, face - a + b])[:, :2]
+        yield Face(face[2], corners, (*(light * c for c in rgb("box")), opacity))
 
 
 def _zigzag(a: NDArray, b: NDArray, width: float, coils: int) -> NDArray:

@@ -100,8 +100,12 @@ def data_frame(signals: LabelledSignals) -> Any:
     levels = [pandas.Index(axis, name=name) for name, axis in signals.index.items()]
     index = levels[0] if len(levels) == 1 else pandas.MultiIndex.from_product(levels)
     frame = pandas.DataFrame({name: signals[name].ravel() for name in signals.names}, index=index)
-    about = {"title": signals.title, "units": dict(signals.units), "failures": dict(signals.failures)}
-    frame.attrs = {**about, "warnings": list(signals.warnings)}
+    frame.attrs = {
+        "title": signals.title,
+        "units": dict(signals.units),
+        "failures": dict(signals.failures),
+        "warnings": list(signals.warnings),
+    }
     return frame
 
 
@@ -161,9 +165,9 @@ def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]
         yield from ((name, "s" if name == "time" else "", axis) for name, axis in axes.items())
     yield from ((name, signals.units[name], signals[name].ravel()) for name in signals.names)
     if signals.errors is not None:
-        shape = signals.values.shape[1:]
-        for name, errors in zip(signals.names, signals.errors, strict=True):
-            yield f"error of {name}", signals.units[name], np.broadcast_to(errors, shape).ravel()
+        for name in signals.names:
+            errors = np.broadcast_to(signals.error(name), signals.values.shape[1:])
+            yield f"error of {name}", signals.units[name], errors.ravel()
     if signals.coupling_error is not None:
         yield "coupling_error", "", signals.coupling_error
     if "case" in axes:
@@ -172,9 +176,9 @@ def _columns(signals: LabelledSignals) -> Iterator[tuple[str, str, NDArray[Any]]
 
 def _notes(signals: LabelledSignals) -> list[tuple[str, str]]:
     """Metadata of the file, by :data:`_NOTES`."""
-    estimates = [name for name in _ESTIMATES if getattr(signals, name) is not None]
-    notes = [("title", signals.title), *(("warning", text) for text in signals.warnings)]
-    return [*notes, *([("estimates", ", ".join(estimates))] if estimates else [])]
+    estimates = ", ".join(name for name in _ESTIMATES if getattr(signals, name) is not None)
+    notes = [("title", signals.title), *(("warning", text) for text in signals.warnings), ("estimates", estimates)]
+    return notes if estimates else notes[:-1]
 
 
 def _reasons(signals: LabelledSignals, cases: NDArray[Any]) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""From the parameters of a set to start values: names mapped, values transformed, units converted."""
+"""Start values from parameter sets: names mapped, values transformed, units converted."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Number = float | int | bool | str
 
 
 Quantity = tuple[tuple[Number, ...], UnitDefinition | None]
-"""Values of a parameter (several: an array), and the unit that they are in, if it is defined."""
+"""Values of a parameter (several: an array), and their unit, if defined."""
 
 
 def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
-    """The parameters of a set by name, as often as they are there.
+    """Names and values of the parameters of a set, with duplicates.
 
-    :raises SimulationError: for a type that cannot be set here, or a value that is none of its type.
+    :raises SimulationError: for a type that is not supported, or a value of another type.
     """
     defined = units(parameter_set, "ssv:Units")
     return [
@@ -39,7 +39,7 @@ def parameters(parameter_set: Element) -> list[tuple[str, Quantity]]:
 def mapped(
     listed: list[tuple[str, Quantity]], entries: list[Element], *, prefix: str
 ) -> Iterator[tuple[str, Quantity]]:
-    """The parameters under the names of their targets; all of them under their own where there is no mapping."""
+    """The parameters under the names of their targets; without a mapping, under their own."""
     quantities = {f"{prefix}{name}": quantity for name, quantity in listed}
     if not entries:
         yield from quantities.items()
@@ -52,9 +52,9 @@ def mapped(
 
 
 def fitted(owner: str, fmu: Fmu, variable: str, quantity: Quantity) -> object:
-    """The value as the variable takes it, in its unit.
+    """The value in the type and unit of the variable.
 
-    :raises SimulationError: if the units are of different kinds, or there is no such whole number.
+    :raises SimulationError: for units of different dimensions, or an unknown item of an enumeration.
     """
     entry = fmu.variables.entry(variable)
     like, (values, unit) = entry.like, quantity
@@ -80,7 +80,7 @@ def _values(name: str, element: Element) -> tuple[Number, ...]:
             return tuple({"true": True, "1": True, "false": False, "0": False}[word] for word in text.split())
     except (KeyError, ValueError):
         raise SimulationError(f"parameter {name} = {text!r}: that is no {kind}") from None
-    if kind in {"String", "Enumeration"}:  # of an enumeration, the name of an item of the variable's type
+    if kind in {"String", "Enumeration"}:  # of an enumeration, the name of an item
         return (text,)
     raise SimulationError(f"parameter {name} is of type {kind}, which cannot be set here; give a number instead")
 
@@ -92,7 +92,7 @@ def _item(label: str, value: Number, items: Mapping[str, int]) -> Number:
 
 
 def _items(fmu: Fmu, variable: str) -> dict[str, int]:
-    """The items of a variable's enumeration."""
+    """Values of the items of a variable's enumeration type, by name."""
     with Archive(fmu.path) as archive, archive.open("modelDescription.xml") as file:
         root = tree(file)
     typed = [*root.iterfind("ModelVariables/Enumeration"), *root.iterfind("ModelVariables/ScalarVariable")]

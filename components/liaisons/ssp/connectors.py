@@ -12,21 +12,19 @@ from liaisons.cosim.description.model_description import BASE_UNITS, UnitDefinit
 from liaisons.cosim.description.variables import Entry, Scalar
 from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.ssp.xml import tag
 
 Form = Literal["portable", "full"]
 
 Units = Mapping[str, UnitDefinition]
 
-VariableReference = tuple[str, str]
-"""Component and connector."""
-
-_PORTABLE = {"Enumeration": "Integer"}  # an enumeration of SSP needs the names of its values, which masters do not take
-_FULL = {"Real": "Float64", "Integer": "Int32"}  # what FMI 2.0 has; FMI 3.0 and SSP 2.0 call types alike
+_PORTABLE = {"Enumeration": "Integer"}  # SSP enumerations need names of items, which masters refuse
+_FULL = {"Real": "Float64", "Integer": "Int32"}  # of FMI 2.0; FMI 3.0 and SSP 2.0 have the same names
 
 
 def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
-    """The connector that a variable belongs to, a scalar or an array of FMI 3.0, and its index there; none if whole."""
+    """The connector of a variable, a scalar or an FMI 3.0 array, and the index in it; () for all of it."""
     array = part.fmu.variables.whole(variable)
     if array is None:
         return part.fmu.variables[variable], ()
@@ -37,7 +35,7 @@ def connector(part: SystemComponent, variable: str) -> tuple[Entry, Shape]:
 def inner(
     part: SystemComponent, connections: Iterable[Connection], shown: Iterable[VariableReference]
 ) -> dict[str, Entry]:
-    """What a component needs: what is connected inside, and what the system shows."""
+    """Connectors of a component: those connected inside, and those exposed by the system."""
     ends = (end for connection in connections for end in (connection.source, connection.target))
     names = [end.name for end in ends if end.part.name == part.name] + [
         name for owner, name in shown if owner == part.name
@@ -47,7 +45,7 @@ def inner(
 
 
 def outer(parts: Iterable[SystemComponent], connections: Collection[Connection]) -> dict[VariableReference, Entry]:
-    """What the system shows: outputs, and inputs that nothing inside feeds; no lists of thousands of scalars."""
+    """Connectors of the system: outputs, and inputs without a source inside; no lists of thousands of scalars."""
     targets = (connection.target for connection in connections)
     fed = {(target.part.name, connector(target.part, target.name)[0].like.name) for target in targets}
     return {
@@ -63,7 +61,7 @@ def outer(parts: Iterable[SystemComponent], connections: Collection[Connection])
 
 
 def add_connectors(parent: Element, connectors: Mapping[str, Entry], units: Units, form: Form) -> None:
-    """Add the connectors of an element, by their names, as its first child."""
+    """Add the connectors of an element as its first child."""
     if not connectors:
         return
     group = SubElement(parent, tag("ssd:Connectors"))
@@ -89,7 +87,7 @@ def add_type(parent: Element, prefix: str, variable: Scalar, units: Units, form:
 
 
 def units_of(parts: Iterable[SystemComponent]) -> dict[str, UnitDefinition]:
-    """The units that components define; one that two of them define differently is left out."""
+    """The units of components, without those that two of them define differently."""
     definitions: dict[str, UnitDefinition] = {}
     contradictory: set[str] = set()
     for part in parts:
@@ -100,7 +98,7 @@ def units_of(parts: Iterable[SystemComponent]) -> dict[str, UnitDefinition]:
 
 
 def add_units(parent: Element, name: str, units: Units) -> None:
-    """Add a list of definitions under this name."""
+    """Add an element of this name with unit definitions."""
     if not units:
         return
     group = SubElement(parent, tag(name))

@@ -1,4 +1,4 @@
-"""A page about a system, for the archive: components with their start values, connections, experiment."""
+"""HTML documentation of a system in its archive: components with start values, connections, experiment."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ table {{ border-collapse: collapse; }} td, th {{ border: 1px solid #aaa; padding
 def page(
     name: str, parts: Iterable[SystemComponent], connections: Iterable[Connection], experiment: DefaultExperiment
 ) -> str:
-    """The page as HTML."""
+    """The HTML page."""
     times = [f"starts at t = {experiment.start_time:g} s"]
     if experiment.stop_time is not None:
         times.append(f"stops at t = {experiment.stop_time:g} s")

@@ -1,12 +1,12 @@
-"""Start values inside FMUs, for importers that pass over parameter sets.
+"""Start values inside FMUs, for importers that ignore parameter sets.
 
-An FMU of ours looks for ``resources/starts.txt`` when it is instantiated or reset.  A line ``KIND REFERENCE COUNT BITS
-... NAME`` there stands for a variable: KIND is ``r`` for reals and ``i`` for integers, BITS are those of its numbers in
-hexadecimal digits, which no locale reads differently; or, KIND is ``t``, for a table that replaces the one in its
-parameters, column after column; or ``z``: a prescribed coordinate that must not be 0 keeps its start value where an
-importer sets 0 before the first step.  A copy with that file, and with the same values in its model
-description, starts there by itself; its binaries stay as they are.  It has a GUID of its own, since some importers take
-FMUs of one GUID for one.  An FMU of another make cannot be changed so: its start values are in the parameter set only.
+An FMU of liaisons reads ``resources/starts.txt`` when it is instantiated or reset.  A line ``KIND REFERENCE COUNT BITS
+... NAME`` there is a variable: KIND is ``r`` for reals and ``i`` for integers, BITS are those of its numbers in
+hexadecimal digits, which do not depend on the locale.  KIND ``t`` is a table that replaces that of its parameters,
+column after column; with ``z``, a prescribed coordinate that must not be 0 keeps its start value if an importer sets 0
+before the first step.  A copy of the FMU with that file, and with the same values in its model description, has these
+start values with the same binaries.  It has a GUID of its own, since some importers take FMUs of one GUID for one.  A
+foreign FMU cannot be changed so: its start values are in the parameter set only.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _DESCRIPTION = "modelDescription.xml"
 
 
 def takes_starts(part: SystemComponent) -> bool:
-    """Whether the FMU's library, or the Python module that stands for it, reads the file."""
+    """Whether the FMU's library, or its Python module, reads the file."""
     return _has(part, _MARK)
 
 
 def ignores_zeros(part: SystemComponent) -> bool:
-    """Whether it also knows a line of kind ``z``."""
+    """Whether it supports lines of kind ``z``."""
     return _has(part, _ZEROS)
 
 
@@ -50,7 +50,7 @@ def _has(part: SystemComponent, mark: bytes) -> bool:
 
 
 def baked(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
-    """The FMU with other start values: those that the component has in the system.
+    """The FMU with the start values of a component.
 
     :param ignore_zeros: prescribed coordinates that must not be 0 keep their start values where an importer sets 0
         before the first step.
@@ -61,10 +61,10 @@ def baked(part: SystemComponent, *, ignore_zeros: bool = False) -> bytes:
 
 
 def with_table(path: Path, table: NDArray[np.float64]) -> bytes:
-    """An FMU that takes a table, with this one.
+    """The FMU with another table.
 
-    :param table: columns, (columns, rows).
-    :raises SimulationError: if it is one in Python, which takes none.
+    :param table: shape (columns, rows).
+    :raises SimulationError: if the FMU is of the Python back end.
     """
     with ZipFile(path) as archive:
         if _PYTHON in archive.namelist():
@@ -73,7 +73,7 @@ def with_table(path: Path, table: NDArray[np.float64]) -> bytes:
 
 
 def has_table(path: Path) -> bool:
-    """Whether the motion of an FMU is that of a table in its resources."""
+    """Whether an FMU has an embedded table."""
     with ZipFile(path) as archive:
         return _STARTS in archive.namelist() and archive.read(_STARTS).startswith(b"t ")
 
@@ -82,7 +82,7 @@ def _copy(path: Path, lines: Iterable[str], values: Mapping[str, Value]) -> byte
     target = io.BytesIO()
     with ZipFile(path) as old, ZipFile(target, "w") as new:
         before = old.read(_STARTS).decode() if _STARTS in old.namelist() else ""
-        starts = before + "".join(lines)  # the last of two lines counts
+        starts = before + "".join(lines)  # the last of two lines wins
         for item in old.infolist():
             if item.filename != _STARTS:
                 data = old.read(item)
@@ -103,7 +103,7 @@ def _bits(form: str, numbers: Iterable[object]) -> str:
 
 
 def _described(description: bytes, values: Mapping[str, Value], starts: str) -> bytes:
-    """The model description with these start values, and a GUID that the library takes for its own."""
+    """The model description with these start values, and a GUID that the library accepts."""
     root = ElementTree.fromstring(description)
     name = "guid" if "guid" in root.attrib else "instantiationToken"
     # a minus, which a URI takes as it is: libcosim makes a directory of the GUID and does not encode it again

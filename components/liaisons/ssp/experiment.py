@@ -1,4 +1,4 @@
-"""The default experiment of a system, with a step size, which SSP leaves to annotations."""
+"""The default experiment of a system; its step size is in annotations."""
 
 from __future__ import annotations
 

@@ -12,13 +12,13 @@ from liaisons.ssp.connectors import Form, Units, add_sizes, add_type, add_units
 from liaisons.ssp.xml import document, tag
 
 Listed = tuple[str, SystemComponent, str]
-"""Its name in the set, and the component and variable that it is for."""
+"""Name of a parameter, its component and variable."""
 
-_INITIAL = "initialValues"  # the set that OSP's masters look for
+_INITIAL = "initialValues"  # the set that OSP's masters read
 
 
 def start(part: SystemComponent, name: str) -> Value:
-    """The start value of a variable, an element or a whole array that has one."""
+    """The start value of a variable, an element or an array."""
     if name in part.starts:
         return part.starts[name]
     base, index = split(name)
@@ -29,7 +29,7 @@ def start(part: SystemComponent, name: str) -> Value:
 
 
 def scalars(part: SystemComponent) -> list[str]:
-    """Names that have start values: elements of FMI 2.0's arrays one by one, arrays of FMI 3.0 as a whole."""
+    """Names of variables with start values: FMI 2.0 arrays by elements, FMI 3.0 arrays as a whole."""
     names: list[str] = []
     for name in part.starts:
         names += [name] if part.fmu.variables.whole(name) else part.fmu.elements(name)
@@ -37,7 +37,7 @@ def scalars(part: SystemComponent) -> list[str]:
 
 
 def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
-    """The file of a parameter set."""
+    """A parameter set file (SSV)."""
     root = Element(tag("ssv:ParameterSet"), version="1.0" if form == "portable" else "2.0", name=_INITIAL)
     group = SubElement(root, tag("ssv:Parameters"))
     used: dict[str, None] = {}
@@ -53,7 +53,7 @@ def parameter_set(listed: Iterable[Listed], units: Units, form: Form) -> bytes:
 
 
 def mapping(listed: Iterable[Listed]) -> bytes:
-    """The file that maps the parameters of a set to the variables of a system's components."""
+    """A mapping file (SSM) from the parameters of a set to variables of components."""
     root = Element(tag("ssm:ParameterMapping"), version="2.0")
     for name, part, variable in listed:
         SubElement(root, tag("ssm:MappingEntry"), source=name, target=f"{part.name}.{variable}")
@@ -68,7 +68,7 @@ def bind(element: Element, values: str, names: str | None = None) -> None:
 
 
 def text(value: Value) -> str:
-    """A start value as it stands in XML."""
+    """A start value as XML text."""
     if isinstance(value, tuple):
         return " ".join(map(text, value))
     if isinstance(value, bool):

@@ -1,6 +1,6 @@
-"""An archive as a system: flat or nested, of any make, with parameter sets inline and beside, mappings, units.
+"""SSP archives as systems: flat or nested, of any tool, with inline and external parameter sets, mappings, units.
 
-Not by ``pyssp_standard``, which reads of connections neither indices nor transformations, and no signal dictionaries.
+``pyssp_standard`` reads neither indices and transformations of connections nor signal dictionaries.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ S = TypeVar("S", bound=System)
 def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object] | None = None) -> S:
     """Read an archive; its FMUs are unpacked into a directory that lives as long as the system.
 
-    :param make: makes a system of a name.
-    :param starts: start values that count more than those of the archive, by ``"component.variable"``.
-    :returns: the system, its experiment that of the archive.
-    :raises SimulationError: if the archive is missing, damaged, of another version, lacks a file, or has something
-        that cannot be simulated here; one line that names it.
+    :param make: creates a system of a name.
+    :param starts: start values that override those of the archive, by ``"component.variable"``.
+    :returns: the system, with the default experiment of the archive.
+    :raises SimulationError: if the archive is missing, damaged, of another version, lacks a file, or has elements
+        that cannot be simulated here.
     :raises ConnectError: if a connection does not fit.
     """
     file = as_path("archive", file)
@@ -63,9 +63,9 @@ def read(file: Path | str, make: Callable[[str], S], starts: Mapping[str, object
 
 
 def _name_of(archive: Archive, source: str, owner: str) -> str:
-    """The file of the archive that a relative URI names.
+    """Name of a file in the archive from a relative URI.
 
-    :param owner: what names it, for messages.
+    :param owner: of the URI, for messages.
     """
     if ":" in source or source.startswith("/") or ".." in PurePosixPath(unquote(source)).parts:
         raise SimulationError(f"{owner} lies at {source!r}, outside the archive; put it inside")
@@ -98,7 +98,7 @@ def _xml(archive: Archive, source: str, owner: str, root: str) -> Element:
 
 
 def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: Mapping[str, object]) -> S:
-    if STRUCTURE not in archive.names:  # half an archive can end in a whole one, that of an FMU inside
+    if STRUCTURE not in archive.names:  # a truncated archive can end in the whole archive of an FMU
         raise SimulationError(f"has no {STRUCTURE} inside, so it is no SSP archive, or a truncated one; copy it again")
     root = _xml(archive, STRUCTURE, "the system structure", "ssd:SystemStructureDescription")
     if root.get("version") not in _VERSIONS:
@@ -126,7 +126,7 @@ def _read(archive: Archive, directory: Path, make: Callable[[str], S], further: 
 
 
 def _name(place: VariableReference) -> str:
-    return "_".join(place).replace(".", "_")  # names of components have no dots here
+    return "_".join(place).replace(".", "_")  # names of components have no dots
 
 
 def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[VariableReference, Fmu]:
@@ -139,7 +139,7 @@ def _unpacked(archive: Archive, structure: Structure, directory: Path) -> dict[V
             archive.copy(name, path)
             try:
                 fmus[source] = read_fmu(path)
-            except SimulationError as error:  # it names a file that nobody has seen
+            except SimulationError as error:  # it names a temporary file
                 raise SimulationError(str(error).replace(str(path), name)) from error
             size += fmus[source].unpacked
             if size > unpacked_limit():
@@ -159,7 +159,7 @@ def _starts(
             for component, variable in meant:
                 fmu = fmus[component]
                 if variable in fmu.arrays or variable in fmu.variables:
-                    starts[component].pop(variable, None)  # what is named later counts
+                    starts[component].pop(variable, None)  # later values override
                     starts[component][variable] = fitted(_name(component), fmu, variable, quantity)
                 else:
                     logger.warning("%s: %s; the parameter is ignored", archive.path, fmu.unknown(variable))
@@ -209,7 +209,7 @@ def _unit(port: Port) -> UnitDefinition | None:
 
 
 def _ends(node: Pin, parts: dict[VariableReference, SystemComponent]) -> list[Port]:
-    """The scalars that a connector or an element of it stands for."""
+    """The scalars of a connector or of one element of it."""
     name = f"{node.connector}[{','.join(map(str, node.indices))}]" if node.indices else node.connector
     return parts[node.element][name].elements()
 

@@ -1,4 +1,4 @@
-"""What a system structure says, nested systems and signal dictionaries dissolved: FMUs, links, bindings."""
+"""System structures with flattened nested systems and signal dictionaries: FMUs, connections, bindings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from liaisons.errors import ConnectError, SimulationError, suggestion
 from liaisons.ssp.xml import path, tag, units
 
 Path = tuple[str, ...]
-"""Names of elements from the outermost system, which is (), inwards."""
+"""Names of nested elements; () is the root system."""
 
 _IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
 _FMU = "application/x-fmu-sharedlibrary"
@@ -23,7 +23,7 @@ _MOST_COMPONENTS, _LONGEST_WAY = 10_000, 1000  # beyond that reading would take 
 
 
 class Pin(NamedTuple):
-    """A connector of an element; indices pick one element of an array."""
+    """A connector of an element, or one element of it if it is an array."""
 
     element: Path
     connector: str
@@ -34,10 +34,10 @@ class Pin(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """A connection as it is written, in the direction in which values go.
+    """A connection of the file, in the direction of signal flow.
 
-    :param conversion: what is written with it, after the conversion of units.
-    :param as_is: units are not converted.
+    :param conversion: its linear transformation, after the conversion of units.
+    :param as_is: ``suppressUnitConversion``.
     """
 
     start: Pin
@@ -52,11 +52,11 @@ class Edge(NamedTuple):
 @final
 @dataclass(frozen=True)
 class Structure:
-    """A system without its nesting.
+    """A flattened system.
 
-    :param sources: component -> where its FMU lies in the archive.
-    :param bindings: parameter bindings of components and systems, those that count more behind the others.
-    :param shown: connectors of systems, with their units if these are said.
+    :param sources: component -> path of its FMU in the archive.
+    :param bindings: parameter bindings of components and systems, in ascending priority.
+    :param shown: connectors of systems, with their units if specified.
     """
 
     name: str
@@ -66,9 +66,9 @@ class Structure:
     shown: dict[tuple[Path, str], UnitDefinition | None] = field(default_factory=dict)
 
     def connections(self) -> Iterator[list[Edge]]:
-        """The ways from component to component, whatever lies between.
+        """Chains of connections from component to component through connectors of systems.
 
-        :raises SimulationError: if an input has several sources, or connections go round without a component.
+        :raises SimulationError: if an input has several sources, or connections form a cycle without a component.
         """
         into: dict[tuple[Path, str], list[Edge]] = {}
         for edge in self.edges:
@@ -80,7 +80,7 @@ class Structure:
                     yield chain
 
     def _way(self, last: Edge, into: dict[tuple[Path, str], list[Edge]]) -> list[Edge] | None:
-        """From the output of a component to the end of an edge; None if nothing is connected with its start."""
+        """The chain from the output of a component to the end of an edge; None if its start is not connected."""
         chain, node = [last], last.start
         seen = {node}
         while node.element not in self.sources:
@@ -102,10 +102,10 @@ class Structure:
         return chain[::-1]
 
     def conversion(self, chain: list[Edge], unit: UnitDefinition | None, last: UnitDefinition | None) -> Conversion:
-        """From the output at the begin of a way to the input at its end.
+        """Conversion from the output at the start of a chain to the input at its end.
 
-        :param unit: of the output; ``last`` of the input; None if it is not defined.
-        :raises ConnectError: if units on the way are of different kinds.
+        :param unit: of the output; ``last`` of the input; None if undefined.
+        :raises ConnectError: if units in the chain have different dimensions.
         """
         total = SAME
         for edge in chain:
@@ -119,7 +119,7 @@ class Structure:
         return total
 
     def meant(self, system: Path, name: str) -> list[tuple[Path, str]]:
-        """Components and variables that a parameter of an element stands for; none if it fits nothing."""
+        """Components and variables that a parameter of an element sets; empty if there are none."""
         variables: dict[tuple[Path, str], None] = {}
         seen: set[tuple[Path, str]] = set()
         waiting = [(system, name)]
@@ -141,9 +141,9 @@ class Structure:
         return list(variables)
 
     def _inside(self, system: Path, name: str) -> list[tuple[Path, str]]:
-        """The element of a system that a name with a dot begins with, and the rest of the name."""
+        """The element of a system that is the prefix of a dotted name, and the rest of the name."""
         dot = len(name)
-        while (dot := name.rfind(".", 0, dot)) > 0:  # the longest name of an element counts
+        while (dot := name.rfind(".", 0, dot)) > 0:  # the longest name of an element wins
             child = (*system, name[:dot])
             if child in self._parents:
                 return [(child, name[dot + 1 :])]
@@ -151,7 +151,7 @@ class Structure:
 
     @cached_property
     def _shows(self) -> Mapping[tuple[Path, str], list[Edge]]:
-        """What the connectors of systems are connected with."""
+        """Connections from the connectors of systems."""
         edges_from: dict[tuple[Path, str], list[Edge]] = {connector: [] for connector in self.shown}
         for edge in self.edges:
             edges_from.get((edge.start.element, edge.start.connector), []).append(edge)
@@ -159,14 +159,14 @@ class Structure:
 
     @cached_property
     def _parents(self) -> set[Path]:
-        """The components, and the systems around them."""
+        """The components, and the systems that contain them."""
         return {component[:depth] for component in self.sources for depth in range(1, len(component) + 1)}
 
 
 def read_structure(root: Element) -> Structure:
     """Read a system structure description.
 
-    :raises SimulationError: for what cannot be simulated here, by its name.
+    :raises SimulationError: for elements that cannot be simulated here.
     """
     system = root.find(tag("ssd:System"))
     if system is None:
@@ -174,16 +174,16 @@ def read_structure(root: Element) -> Structure:
     structure = Structure(root.get("name") or system.get("name") or "system")
     reader = _Reader(structure, units(root, "ssd:Units"))
     reader.read(system, (), {})
-    structure.bindings.sort(key=lambda binding: -len(binding[0]))  # what is bound further out counts more
+    structure.bindings.sort(key=lambda binding: -len(binding[0]))  # outer bindings have priority
     return structure
 
 
 @final
 @dataclass(frozen=True)
 class _Reader:
-    """Puts systems into a structure.
+    """Collects nested systems in a structure.
 
-    :param kinds: of connectors, where these are said.
+    :param kinds: of connectors, if specified.
     """
 
     structure: Structure
@@ -191,7 +191,7 @@ class _Reader:
     kinds: dict[tuple[Path, str], str] = field(default_factory=dict)
 
     def read(self, system: Element, parent: Path, dictionaries: dict[str, Path]) -> None:
-        """A system and those in it."""
+        """Add a system and its nested systems."""
         structure = self.structure
         structure.bindings.extend((parent, binding) for binding in _bindings(system))
         structure.shown.update(
@@ -222,7 +222,7 @@ class _Reader:
             structure.edges.append(self._edge(connection, parent, inside))
 
     def _connectors(self, element: Element, element_path: Path) -> list[tuple[str, str]]:
-        """Names and units of connectors, whose kinds are noted."""
+        """Names and units of connectors; their kinds are stored."""
         units_by_name = []
         for connector in element.iterfind(path("ssd:Connectors", "ssd:Connector")):
             name = _required(connector, "name")
@@ -246,7 +246,7 @@ class _Reader:
         return Edge(start, end, conversion, connection.get("suppressUnitConversion") in {"true", "1"})
 
     def _gives(self, pin: Pin, parent: Path) -> bool | None:
-        """Whether values come out of a connector, seen from inside the system; None if nothing says so."""
+        """Whether a connector is a source, seen from inside the system; None if unspecified."""
         kind = self.kinds.get((pin.element, pin.connector))
         if kind not in {*_INWARDS, *_OUTWARDS}:
             return None

@@ -1,9 +1,9 @@
-"""A system as an archive.
+"""Systems as SSP archives.
 
-*Portable* (SSP 1.0) is for every importer that there is: flat, connections from element to element, ``Real``, a
-parameter set a component, and, where the FMU can take them, the start values inside the FMU, too, since some importers
-pass over parameter sets. Its FMUs extrapolate their inputs, since others do not step the sources first. *Full* (SSP
-2.0) says everything that SSP can say: connectors of the system, ``Float64``, arrays, one parameter set with a mapping,
+*Portable* (SSP 1.0) is for every importer: flat, connections from element to element, ``Real``, a
+parameter set a component, and, if the FMU supports it, embedded start values, since some importers ignore parameter
+sets. Its FMUs extrapolate their inputs, since other masters do not step the sources first. *Full* (SSP 2.0) has
+everything that SSP can express: connectors of the system, ``Float64``, arrays, one parameter set with a mapping,
 documentation. Both have units.
 """
 
@@ -24,12 +24,12 @@ from liaisons.cosim.description.model_description import SAME
 from liaisons.cosim.description.variables import Entry
 from liaisons.cosim.structure.components import INPUT_RECONSTRUCTION, Port, SystemComponent
 from liaisons.cosim.structure.connections import Connection
+from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.errors import SimulationError
 from liaisons.files import replacing
 from liaisons.ssp.connectors import (
     Form,
     Units,
-    VariableReference,
     add_connectors,
     add_units,
     connector,
@@ -59,14 +59,14 @@ def write(
 ) -> None:
     """Write a system as an archive with its FMUs; it appears when it is complete.
 
-    What is not given of the default experiment is that of the last run, else the longest time and the shortest
-    step of the FMUs' own experiments.
+    The default experiment is that of the last run unless given, else the longest time and the shortest step of
+    the FMUs' default experiments.
 
-    :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all that there is to say).
-    :param start_time: begin of the default experiment [s].
+    :param form: ``"portable"`` (SSP 1.0, for every importer) or ``"full"`` (SSP 2.0, all features).
+    :param start_time: start of the default experiment [s].
     :param stop_time: its end [s].
-    :param step_size: its communication step [s], for importers that look for one.
-    :raises SimulationError: if the system is empty, cannot be written in this form, or not to this path.
+    :param step_size: its communication step [s], an annotation that some importers read.
+    :raises SimulationError: if the system is empty, has what this form cannot express, or the file cannot be written.
     """
     one_of("form", form, get_args(Form))
     path, name, connections = as_path("archive", path), system.name, system.connections
@@ -103,14 +103,14 @@ def write(
 
 
 def _identifier(name: str) -> str:
-    """The name with an underscore for what some importers do not take."""
+    """The name with underscores for characters that some importers refuse."""
     return re.sub(r"^(?=\d)|\W", "_", name, flags=re.ASCII) or "_"
 
 
 def _identifiers(names: Iterable[str]) -> dict[str, str]:
-    """An identifier for each name, with a number where two names would have one."""
+    """A unique identifier for each name."""
     identifiers: dict[str, str] = {}
-    for name in sorted(names, key=lambda name: name != _identifier(name)):  # what is one stays
+    for name in sorted(names, key=lambda name: name != _identifier(name)):  # identifiers stay
         free, number = _identifier(name), 1
         while free in identifiers.values():
             number += 1
@@ -120,12 +120,12 @@ def _identifiers(names: Iterable[str]) -> dict[str, str]:
 
 
 def _moved(port: Port, parts: Mapping[str, SystemComponent], names: Mapping[str, str]) -> Port:
-    """The same port, of the part that is written."""
+    """The port of the component that is written."""
     return Port(parts[names[port.part.name]], port.name)
 
 
 def _without_interpolation(part: SystemComponent) -> SystemComponent:
-    """The same, extrapolating its inputs: other masters let all FMUs step at once, so that no input comes in time."""
+    """A copy that extrapolates its inputs: other masters step all FMUs at once, without inputs at the end."""
     if not part.approximation.interpolates:
         return part
     return replace(part, starts={name: v for name, v in part.starts.items() if name != INPUT_RECONSTRUCTION})
@@ -135,7 +135,7 @@ def _add_portable(
     system: Element, parts: Collection[SystemComponent], connections: Collection[Connection], units: Units, files: Files
 ) -> None:
     elements = SubElement(system, tag("ssd:Elements"))
-    # All outputs, since some importers record connectors only; no free inputs, since these would set them to 0.
+    # All outputs, since some importers record connectors only; no unconnected inputs, since some set them to 0.
     shown = [
         p for p, entry in outer(parts, connections).items() if entry.like.causality == "output" and not entry.shape
     ]
@@ -153,7 +153,7 @@ def _add_portable(
 
 
 def _fed_from_zero(part: SystemComponent, connections: Iterable[Connection]) -> bool:
-    """Whether an input is connected whose start value is not 0: some importers set it to 0 before the first step."""
+    """Whether a connected input has a start value other than 0: some importers set it to 0 before the first step."""
     fed = (connection.target for connection in connections)
     starts = (end.variable.start for end in fed if end.part.name == part.name and end.variable.type == "Real")
     return any(start is not None and float(start) != 0 for start in starts)
@@ -183,7 +183,7 @@ def _add_component(elements: Element, name: str, source: str) -> Element:
 def _add_connections(
     system: Element, connections: Iterable[Connection], shown: Mapping[VariableReference, Entry]
 ) -> None:
-    """Those between components, arrays of FMI 3.0 element by element, and those with the system's connectors."""
+    """Add connections between components, FMI 3.0 arrays element by element, and with the system's connectors."""
     group = SubElement(system, tag("ssd:Connections"))
     for connection in connections:
         attributes: dict[str, str] = {}
@@ -194,7 +194,7 @@ def _add_connections(
                 attributes[f"{role}Indices"] = " ".join(map(str, index))
         if connection.conversion == SAME:
             SubElement(group, tag("ssd:Connection"), attributes)
-        else:  # of units, too: there are importers that know transformations only
+        else:  # of units, too: some importers support transformations only
             element = SubElement(group, tag("ssd:Connection"), {**attributes, "suppressUnitConversion": "true"})
             numbers = {name: repr(number) for name, number in connection.conversion._asdict().items()}
             SubElement(element, tag("ssc:LinearTransformation"), numbers)
@@ -210,14 +210,14 @@ def _add_connections(
 
 
 def _add_fmu(files: Files, part: SystemComponent) -> str:
-    """The FMU itself; components of one file share it."""
+    """Add the FMU file, once for all components of it."""
     path = part.fmu.path
     known = next((name for name, content in files.items() if content == path), None)
     return known or _add_file(files, path.name, path)
 
 
 def _add_file(files: Files, name: str, content: bytes | Path) -> str:
-    """Put a file among the resources, under a name that is safe in a URI and not taken."""
+    """Add a resource under a unique name that is safe in a URI."""
     stem, dot, suffix = re.sub(r"[^\w.\-]", "_", name, flags=re.ASCII).rpartition(".")
     number, free = 1, f"resources/{stem}{dot}{suffix}"
     while free in files:

@@ -1,4 +1,4 @@
-"""Names in the files of an archive; SSP 2.0 kept the namespaces of 1.0."""
+"""XML names in SSP files; SSP 2.0 has the namespaces of 1.0."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from liaisons.cosim.description.model_description import UnitDefinition
 STRUCTURE = "SystemStructure.ssd"
 
 _NAMESPACES = {
-    # Some readers look for these very prefixes.
+    # Some importers expect these prefixes.
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
@@ -32,18 +32,18 @@ def tag(name: str) -> str:
 
 
 def path(*names: str) -> str:
-    """A way down from an element, for its ``find`` methods."""
+    """A path of child elements, for ``find`` methods."""
     return "/".join(map(tag, names))
 
 
 def document(root: Element) -> bytes:
-    """The file."""
+    """The XML file of an element."""
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
 def units(root: Element, group: str) -> Mapping[str, UnitDefinition]:
-    """The units that a file defines.
+    """Definitions of units by name.
 
     :param group: the element that lists them.
     """
@@ -56,7 +56,7 @@ def units(root: Element, group: str) -> Mapping[str, UnitDefinition]:
 
 
 def declared(text: bytes) -> tuple[bytes, list[str]]:
-    """A file with declarations of the prefixes that it uses without any, and these prefixes."""
+    """A file with added declarations of its undeclared prefixes, and these prefixes."""
     used = {*re.findall(rb"</?([A-Za-z_][\w.-]*):", text), *re.findall(rb"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=", text)}
     missing = sorted(used - {b"xml", b"xmlns", *re.findall(rb"xmlns:([\w.-]+)\s*=", text)})
     names = [prefix.decode() for prefix in missing]

@@ -31,7 +31,7 @@ Distribution: TypeAlias = Quantiles | tuple[float, float]
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class Cases(Mapping[str, NDArray[np.float64]]):
-    """Name of what is varied -> its value in each case, shape (count,).
+    """Name of a parameter or input -> its value in each case, shape (count,).
 
     :param columns: all of one length.
     """
@@ -50,12 +50,11 @@ class Cases(Mapping[str, NDArray[np.float64]]):
         """
         if isinstance(columns, Cases):
             return columns
-        found = _columns(columns)
-        counts = {name: len(column) for name, column in found.items()}
-        if len(set(counts.values())) > 1:
-            said = ", ".join(f"{name} {count}" for name, count in counts.items())
-            raise SweepError(f"columns of different lengths: {said}; give one value a case, or use grid()")
-        return cls(found)
+        arrays = _columns(columns)
+        if len(set(map(len, arrays.values()))) > 1:
+            lengths = ", ".join(f"{name} {len(column)}" for name, column in arrays.items())
+            raise SweepError(f"columns of different lengths: {lengths}; give one value a case, or use grid()")
+        return cls(arrays)
 
     @property
     def count(self) -> int:
@@ -80,7 +79,7 @@ class Cases(Mapping[str, NDArray[np.float64]]):
 
 
 def grid(over: Mapping[str, ArrayLike]) -> Cases:
-    """Every value of each with every value of the others; the last name runs fastest.
+    """All combinations of values; the last name varies fastest.
 
     ``column.reshape(len(a), len(b))`` is the column of a result on the grid.
 
@@ -97,7 +96,7 @@ def sample(count: int, over: Mapping[str, Distribution], *, seed: int, latin_hyp
 
     :param over: name -> ``(low, high)``, or a distribution of ``scipy.stats``.
     :param latin_hypercube: spread the values of each name evenly over its quantiles.
-    :raises SweepError: for a count or seed that will not do, nothing to vary, or no distribution.
+    :raises SweepError: for an invalid count or seed, nothing to vary, or no distribution.
     """
     whole("sample: count", count, SweepError)
     _check_count("sample", int(count))

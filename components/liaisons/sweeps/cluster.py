@@ -1,4 +1,4 @@
-"""Cases on the machines of a Dask cluster; the FMUs travel with them."""
+"""Cases on the machines of a Dask cluster, to which the FMUs are copied."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ Client = Any
 """A ``distributed.Client``; the package is an extra."""
 
 _PATIENCE = "10s"  # for a scheduler to answer
-_PAUSE = 0.2  # [s] between two looks at the workers, once there is one that can do nothing
-_mine: dict[tuple[str, int], tuple[Pool, ExitStack]] = {}  # of a worker: sweep and thread -> process, and its folder
+_PAUSE = 0.2  # [s] between two requests for the list of workers, once one of them has failed
+_pools: dict[tuple[str, int], tuple[Pool, ExitStack]] = {}  # on a worker: sweep and thread -> process, and its folder
 
 
 @final
 @dataclass(frozen=True)
 class _Unable:
-    """What a worker says that cannot even begin, its disk being full or the like."""
+    """Answer of a worker that cannot start, its disk being full or the like."""
 
     worker: str
     reason: str
 
 
-def simulate(
-    study: Study, cases: Iterable[int], client: Client, deliver: Deliver, *, time_limit: float | None = None
+def simulate_on_cluster(
+    study: Study, cases: Iterable[int], client: Client, deliver: Deliver, time_limit: float | None
 ) -> None:
-    """Simulate cases on the workers of a cluster, each of whose threads has a process for it.
+    """Simulate cases on the workers of a cluster, with a process for each of their threads.
 
-    What a worker had when it died, Dask gives to another one; a case over which several have died is a failure.  What a
-    worker cannot begin is for the others.
+    Dask gives the cases of a worker that died to another one; a case over which several have died is a failure.
+    Cases of a worker that cannot start are given to the others.
 
     :param client: a ``distributed.Client``.
-    :param deliver: takes what is finished, in whatever order.
+    :param deliver: takes outcomes, in any order.
     :param time_limit: of a case [s].
     :raises SweepError: if the cluster goes away.
     """
-    key = uuid4().hex  # of this run: workers keep nothing for the next one
+    key = uuid4().hex  # of this run
     shipment = client.scatter((key, study, study.files()), broadcast=True, hash=False)
     remaining = list(cases)
     size = max(1, min(256, len(remaining) // (8 * max(1, sum(client.nthreads().values())))))
@@ -58,14 +58,14 @@ def simulate(
         _Sweep(client, (shipment, time_limit), deliver).run(chunks)
     finally:
         with suppress(Exception):  # a cluster that is gone has ended them by itself
-            client.run(_end, key)
+            client.run(_close, key)
 
 
 @final
 class _Sweep:
-    """What is under way.
+    """The futures of a sweep.
 
-    :param task: what workers need to know beside the cases.
+    :param task: arguments of :func:`_simulate` but the cases.
     """
 
     def __init__(self, client: Client, task: tuple[Any, float | None], deliver: Deliver) -> None:
@@ -93,15 +93,15 @@ class _Sweep:
 
     def _take(self, future: Any, cases: list[int]) -> None:
         if future.status == "finished":
-            found: dict[int, Outcome] | _Unable = future.result()
-            if not isinstance(found, _Unable):
-                self._deliver(found)
+            answer: dict[int, Outcome] | _Unable = future.result()
+            if not isinstance(answer, _Unable):
+                self._deliver(answer)
                 return
-            self._unable.add(found.worker)
+            self._unable.add(answer.worker)
             if self._able():
                 self._submit(cases)
             else:
-                reason = f"the Dask worker {found.worker} cannot begin: {found.reason}"
+                reason = f"the Dask worker {answer.worker} cannot begin: {answer.reason}"
                 self._deliver(dict.fromkeys(cases, Failure(reason, refused=False)))
         elif future.status == "cancelled":
             raise SweepError("the Dask cluster has cancelled the sweep; is its scheduler still there?")
@@ -113,9 +113,9 @@ class _Sweep:
                 self._submit([case])
 
     def _rescue(self) -> None:
-        """What waits for workers that are gone is for those that are there."""
-        here = set(self._client.nthreads())
-        lost = {future: cases for future, (cases, where) in self._chunks.items() if where and not where & here}
+        """Give the cases of lost workers to others."""
+        alive = set(self._client.nthreads())
+        lost = {future: cases for future, (cases, where) in self._chunks.items() if where and not where & alive}
         for future, cases in lost.items():
             del self._chunks[future]
             future.cancel()
@@ -133,9 +133,9 @@ class _Sweep:
 
 @contextmanager
 def connected(client: Client | str) -> Iterator[Client]:
-    """A client of the scheduler at an address; a client itself is handed on, and left open.
+    """A client of the scheduler at an address; a client itself is left open.
 
-    :raises SweepError: if ``distributed`` is not installed, or nobody answers.
+    :raises SweepError: if ``distributed`` is not installed, or no scheduler answers.
     """
     if not isinstance(client, str):
         if not hasattr(client, "scatter"):
@@ -162,39 +162,37 @@ def connected(client: Client | str) -> Iterator[Client]:
 def _simulate(
     task: tuple[tuple[str, Study, Mapping[Path, bytes]], float | None], cases: Sequence[int]
 ) -> dict[int, Outcome] | _Unable:
-    """On a worker: the process of its thread is kept for the next cases of the same sweep."""
+    """On a worker: simulate cases in the process of this thread, which stays for the next ones."""
     (key, study, files), time_limit = task
     try:
-        if (key, get_ident()) not in _mine:
-            _begin(key, study, files, time_limit)
-        pool, _ = _mine[key, get_ident()]
-        found: dict[int, Outcome] = {}
-        pool.run(cases, found.update)
-        return found
+        if (key, get_ident()) not in _pools:
+            _start(key, study, files, time_limit)
+        pool, _ = _pools[key, get_ident()]
+        outcomes: dict[int, Outcome] = {}
+        pool.run(cases, outcomes.update)
+        return outcomes
     except Exception as error:  # noqa: BLE001 - whatever it is, another worker may do it
         from distributed import get_worker
 
         return _Unable(get_worker().address, failure(error).reason)
 
 
-def _begin(key: str, study: Study, files: Mapping[Path, bytes], time_limit: float | None) -> None:
+def _start(key: str, study: Study, files: Mapping[Path, bytes], time_limit: float | None) -> None:
     from cloudpickle import dumps  # comes with Dask; functions of scripts go by value
 
-    for place in [place for place in _mine if place[1] == get_ident()]:  # of a sweep that could not say that it ended
-        _mine.pop(place)[1].close()
+    _close(thread=get_ident())  # of a sweep that was lost
     with ExitStack() as stack:
         folder = stack.enter_context(passing_folder())
-        here = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
+        paths = {path: folder / f"{number}-{path.name}" for number, path in enumerate(files)}
         for path, content in files.items():
-            here[path].write_bytes(content)
-        moved = study.moved(here)
+            paths[path].write_bytes(content)
+        moved = study.moved(paths)
         pool = Pool(dumps((moved, extracted(moved.fmus(), folder), str(folder))), folder, 1, time_limit)
         stack.callback(pool.close, 0.0)  # the worker's own loop waits for it
-        _mine[key, get_ident()] = pool, stack.pop_all()
+        _pools[key, get_ident()] = pool, stack.pop_all()
 
 
-def _end(key: str) -> None:
-    """On a worker: the sweep is done, or given up."""
-    for place in [place for place in _mine if place[0] == key]:
-        _, stack = _mine.pop(place)
-        stack.close()
+def _close(key: str = "", thread: int = 0) -> None:
+    """On a worker: end the processes of a sweep or of a thread."""
+    for owner in [owner for owner in _pools if key == owner[0] or thread == owner[1]]:
+        _pools.pop(owner)[1].close()

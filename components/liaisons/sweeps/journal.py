@@ -1,7 +1,8 @@
-"""What is done of a sweep, in a file that is only appended to: whoever is interrupted goes on from there.
+"""Journals: files to which a sweep appends its finished cases, to go on from there after an interruption.
 
-The first line says which sweep it is, every other one is a case, as JSON with a checksum.  What is half written when
-the machine stops, is dropped and done again.  One process has the file at a time.
+The first line identifies the sweep, every other one is a case, as JSON with a checksum.  A line that was not completed
+is dropped, and its case simulated again.  The file itself is locked for one process at a time: a library's lock needs a
+second file, which would stay.
 """
 
 from __future__ import annotations
@@ -19,24 +20,24 @@ from pathlib import Path
 from typing import Any, final
 
 from liaisons.errors import JournalError, SweepError
-from liaisons.sweeps.outcome import Failure, Kept, Outcome
+from liaisons.sweeps.outcome import Completed, Failure, Outcome
 
 _logger = logging.getLogger("liaisons.sweeps")
 
 _CHECK = re.compile(rb', "check": "([0-9a-f]{8})"}$')
-_PATIENCE = 1.0  # [s] for processes of a sweep that was killed: they inherit its lock, and end with it
-_FAR = 2**31 - 1  # the byte that is locked on Windows, where nobody could read it any more
+_PATIENCE = 1.0  # [s] for the end of processes of a killed sweep, which have inherited its lock
+_FAR = 2**31 - 1  # the byte that is locked on Windows, where a locked byte cannot be read
 
 
 @final
 class Journal:
-    """A context manager that opens the file for appending; it is created if need be.
+    """A context manager of the file, which is created if it does not exist.
 
     :param key: :meth:`liaisons.sweeps.study.Study.key` of the sweep.
     :param cases: number of cases.
-    :param columns: so many numbers are kept of a case.
-    :param retry: what the model has refused is to be done again, too.
-    :ivar done: the cases in it that are not to be done again.
+    :param columns: number of measures of a case.
+    :param retry: simulate again what the model has refused, too.
+    :ivar done: cases that are not simulated again.
     :raises JournalError: if it belongs to another sweep, is in use by one, or is no journal.
     :raises SweepError: if it cannot be read or written.
     """
@@ -49,14 +50,14 @@ class Journal:
             try:
                 self._file: BufferedRandom = stack.enter_context(path.open("a+b"))
                 self._lock()
-                found = self._read(key)
+                outcomes = self._read(key)
             except OSError as error:
                 words = f"cannot be used as a journal: {error.strerror or error}; choose another path"
                 raise SweepError(f"{path}: {words}") from None
             stack.pop_all()
         self.done = {
             case: outcome
-            for case, outcome in found.items()
+            for case, outcome in outcomes.items()
             if not isinstance(outcome, Failure) or (outcome.refused and not retry)
         }
 
@@ -68,7 +69,7 @@ class Journal:
             self._file.close()
 
     def add(self, outcomes: Mapping[int, Outcome]) -> None:
-        """Write down cases.
+        """Append cases.
 
         :raises SweepError: if the file takes no more.
         """
@@ -86,18 +87,18 @@ class Journal:
 
     def _lock(self) -> None:
         end = time.monotonic() + _PATIENCE
-        while not _taken(self._file):
+        while not _locked(self._file):
             if time.monotonic() > end:
                 raise JournalError(f"{self._path} is in use by another sweep; let that end, or choose another file")
             time.sleep(0.05)
 
     def _read(self, key: str) -> dict[int, Outcome]:
-        """What is in the file, which ends with a whole line then."""
+        """Outcomes in the file, whose incomplete last line is removed."""
         self._file.seek(0)
         *lines, rest = self._file.read().split(b"\n")
         header = _line({"liaisons sweep": key}, 0)
         if lines:
-            self._check(lines[0], key)
+            self._check_header(lines[0], key)
         elif not header.startswith(rest):
             raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
         outcomes: dict[int, Outcome] = {}
@@ -107,7 +108,7 @@ class Journal:
             if content is None:
                 damaged.append(number)
             else:
-                outcomes.update([self._taken_from(content, number)])
+                outcomes.update([self._parsed(content, number)])
         if damaged:
             shown = ", ".join(map(str, damaged[:5])) + (f" and {len(damaged) - 5} more" if len(damaged) > 5 else "")
             _logger.warning("%s: damaged lines are left out, and their cases done again: %s", self._path, shown)
@@ -116,7 +117,7 @@ class Journal:
             self._write(header)
         return outcomes
 
-    def _check(self, line: bytes, key: str) -> None:
+    def _check_header(self, line: bytes, key: str) -> None:
         if not line.startswith(b'{"liaisons sweep": '):
             raise JournalError(f"{self._path} is no journal of a sweep; choose another file")
         content = _checked(line, 0)
@@ -131,12 +132,12 @@ class Journal:
                 "choose another file, or delete it"
             )
 
-    def _taken_from(self, content: Any, number: int) -> tuple[int, Outcome]:
+    def _parsed(self, content: Any, number: int) -> tuple[int, Outcome]:
         match content:
             case {"case": int(case), **outcome} if 0 <= case < self._cases:
                 match outcome:
                     case {"values": [*values]} if len(values) == self._columns and {*map(type, values)} <= {float}:
-                        return case, Kept(tuple(values), tuple(map(str, outcome.get("warnings", []))))
+                        return case, Completed(tuple(values), tuple(map(str, outcome.get("warnings", []))))
                     case {"failure": str(reason)}:
                         return case, Failure(reason, refused=True)
                     case {"unfinished": str(reason)}:
@@ -160,7 +161,7 @@ def _line(content: dict[str, object], seed: int) -> bytes:
 
 
 def _checked(line: bytes, seed: int) -> Any:
-    """What a line says; None if its checksum does not hold."""
+    """Content of a line; None if its checksum is wrong."""
     check = _CHECK.search(line)
     text = line[: check.start()] + b"}" if check else b""
     if check is None or zlib.crc32(text, seed) != int(check[1], 16):
@@ -171,8 +172,8 @@ def _checked(line: bytes, seed: int) -> Any:
         return None
 
 
-def _taken(file: BufferedRandom) -> bool:
-    """Whether the file is ours now, until it is closed or this process dies."""
+def _locked(file: BufferedRandom) -> bool:
+    """Lock a file until it is closed or this process ends; whether that succeeded."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -189,5 +190,5 @@ def _taken(file: BufferedRandom) -> bool:
     except BlockingIOError:
         return False
     except OSError:
-        pass  # a file system that knows no locks
+        pass  # a file system without locks
     return True

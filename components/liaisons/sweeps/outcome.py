@@ -1,4 +1,4 @@
-"""What becomes of a case, and which failures are worth another try."""
+"""Outcome of a case, and which failures are tried again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from liaisons.errors import LiaisonsError, RefusedError
 @final
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why nothing was kept of a case.
+    """Why a case has no measures.
 
     :param reason: one line.
     :param refused: by the model itself, which would do it again; else by the machine, or a function of the user.
@@ -23,34 +23,34 @@ class Failure:
 
 @final
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """What was kept of a case: its numbers, in the order of their names, and what was warned of meanwhile."""
+class Completed:
+    """Measures of a case, in the order of their names, and its warnings."""
 
     values: tuple[float, ...]
     warnings: tuple[str, ...] = ()
 
 
-Outcome: TypeAlias = Kept | Failure
-"""What was kept of a case, or why it failed."""
+Outcome: TypeAlias = Completed | Failure
+"""Measures of a case, or why it failed."""
 
 LIVES = 2
-"""So many processes may die over one case before it is given up, until the next start."""
+"""Number of processes that may die over one case before it is a failure."""
 
 
 def died(code: int | None) -> Failure:
-    """Of a case over which as many processes have died as may, the last one with this exit code."""
+    """Failure of a case over which too many processes have died, the last one with this exit code."""
     return Failure(f"the process that simulated it died, {LIVES} times (exit code {code})", refused=False)
 
 
 def too_long(time_limit: float) -> Failure:
-    """Of a case whose process was ended for that."""
+    """Failure of a case that exceeded the time limit."""
     return Failure(f"took longer than the time limit of {time_limit:g} s", refused=False)
 
 
 def failure(error: Exception) -> Failure:
-    """A refusal is what an FMU says by Discard or Error, or an iteration that does not converge; nothing else is.
+    """Failure for an error: refused after Discard or Error of an FMU, or an iteration that does not converge.
 
-    Fatal is not: an FMU that is beyond repair may have run out of memory.
+    Fatal is no refusal: the FMU may have run out of memory.
     """
     words = str(error) if isinstance(error, LiaisonsError) else f"{type(error).__name__}: {error}"
     cause: BaseException | None = error

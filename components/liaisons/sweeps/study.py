@@ -1,4 +1,4 @@
-"""A sweep as it goes to the processes that do it: everything but the cases that are done already."""
+"""The description of a sweep that processes and machines receive."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import start_values
@@ -14,16 +14,16 @@ from liaisons.cosim.structure.components import SystemComponent
 from liaisons.cosim.structure.schedule import VariableReference
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.sweeps.cases import Cases
-from liaisons.sweeps.kept import Measure, identity
+from liaisons.sweeps.measures import Measure, identity
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A simulation, and the cases of it.
+    """A simulation and its cases.
 
-    :param varied: name of what is varied -> variable.
-    :param keep: name of what is kept of a case -> what it is.
+    :param varied: column of the cases -> variable.
+    :param keep: column of the result -> measure.
     """
 
     simulation: Simulation
@@ -36,25 +36,25 @@ class Study:
 
         :raises SimulationError: if a value does not fit.
         """
-        given: dict[str, dict[str, object]] = {name: {} for name in self.simulation.parts}
+        starts: dict[str, dict[str, Any]] = {name: dict(part.starts) for name, part in self.simulation.parts.items()}
         for name, value in self.cases.case(case).items():
             owner, variable = self.varied[name]
-            given[owner][variable] = self._converted(owner, variable, value)
+            starts[owner][variable] = self._converted(owner, variable, value)
         return {
-            name: replace(part, starts=start_values(name, part.fmu, {**part.starts, **given[name]}))
+            name: replace(part, starts=start_values(name, part.fmu, starts[name]))
             for name, part in self.simulation.parts.items()
         }
 
     def fmus(self) -> list[Fmu]:
-        """Of all parts."""
+        """FMUs of all components."""
         return [part.fmu for part in self.simulation.parts.values()]
 
     def files(self) -> dict[Path, bytes]:
-        """The FMUs."""
-        return {path: path.read_bytes() for path in {part.fmu.path for part in self.simulation.parts.values()}}
+        """Contents of the FMUs by path."""
+        return {path: path.read_bytes() for path in {fmu.path for fmu in self.fmus()}}
 
     def moved(self, paths: Mapping[Path, Path]) -> Study:
-        """The same with its FMUs elsewhere."""
+        """The study with other paths of its FMUs."""
         parts = {
             name: replace(part, fmu=replace(part.fmu, path=paths[part.fmu.path]))
             for name, part in self.simulation.parts.items()
@@ -62,7 +62,7 @@ class Study:
         return replace(self, simulation=replace(self.simulation, parts=parts))
 
     def key(self) -> str:
-        """Hash of all that the outcomes depend on: what the FMUs contain, their guids among it, and the settings."""
+        """Hash of all that the outcomes depend on: contents of the FMUs, with their GUIDs, and settings."""
         digest = hashlib.sha256()
 
         def add(*parts: object) -> None:
@@ -83,7 +83,7 @@ class Study:
         return digest.hexdigest()
 
     def _converted(self, owner: str, variable: str, value: float) -> object:
-        """A number as the type of its variable; what does not fit is left to the one who checks start values."""
+        """A number in the type of its variable if it fits; the check of start values refuses others."""
         kind = self.simulation.parts[owner].fmu.variables[variable].type
         if kind in {"Integer", "Enumeration"} and value.is_integer():
             return int(value)

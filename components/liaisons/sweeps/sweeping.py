@@ -1,4 +1,4 @@
-"""The sweep: arguments are checked, cases are simulated, a result comes of it."""
+"""Sweeps: many cases of one FMU or system, simulated in parallel."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from liaisons.results import Result
 from liaisons.sweeps import cluster
 from liaisons.sweeps.cases import Cases
 from liaisons.sweeps.journal import Journal
-from liaisons.sweeps.kept import Measure, measures, split
-from liaisons.sweeps.outcome import Failure, Kept, Outcome
+from liaisons.sweeps.measures import Measure, measures, split
+from liaisons.sweeps.outcome import Completed, Failure, Outcome
 from liaisons.sweeps.study import Study
-from liaisons.sweeps.workers import simulate as simulate_here
+from liaisons.sweeps.workers import simulate_locally
 
 
 def sweep(
@@ -59,10 +59,9 @@ def sweep(
         table = sweep("Pendulum", grid({"theta_0": np.linspace(0.1, 3, 50), "length": [0.5, 1.0]}),
                       keep=["theta", "theta:max"], stop_time=10.0)
 
-    A case gives the same numbers, bit by bit, whatever ran before it and wherever it runs, as far as the FMU itself
-    does.  A case that fails is recorded and the others go on: for good if the model has refused it; what the machine
-    has not finished (no memory, a full disk, a process that was killed, the time limit) is tried again at the next
-    start with the same journal.
+    A case gives the same numbers, bit by bit, in any order and on any machine, as far as the FMU itself does.  A case
+    that fails is recorded and the others go on.  A failure of the model is final; a failure of the machine (no memory,
+    a full disk, a process that was killed, the time limit) is tried again at the next start with the same journal.
 
     FMUs and functions in ``keep`` are code that runs here, and on the workers of a cluster; whoever can reach a Dask
     scheduler can run code there, too.  Take them from people you trust.
@@ -76,17 +75,17 @@ def sweep(
     :param stop_time: end [s]; this and the next four as in :func:`liaisons.simulate`.
     :param coupling: as in :meth:`liaisons.System.simulate`.
     :param start_values: start values that all cases have in common.
-    :param record: signals that functions in ``keep`` can see; outputs and inputs if None.
+    :param record: signals that functions in ``keep`` can read; outputs and inputs if None.
     :param journal: a file that finished cases are written to; those in it already are not simulated again.
     :param retry: simulate again what the model has refused, too.
     :param time_limit: longest time that a case may take [s], the loading of its FMUs included; what takes longer is
-        ended and counts as not finished.  There is none by default: nobody but you knows how long a case may take.
+        ended and counts as not finished.  There is none by default.
     :param workers: number of processes; one a core if None.
     :param client: a ``distributed.Client``, or the address of its scheduler, in place of processes.
     :param progress: show a progress bar on stderr.
     :raises SimulationError: for an unknown name, with the nearest match, or a value that cannot be set.
-    :raises SweepError: if nothing is varied or kept, a setting will not do, or a scheduler does not answer.
-    :raises JournalError: if the journal belongs to another sweep, is in use by one, or has a line that cannot be of it.
+    :raises SweepError: if nothing is varied or kept, a setting is invalid, or a scheduler does not answer.
+    :raises JournalError: if the journal belongs to another sweep, is in use by one, or has a line of another sweep.
     """
     _check_settings(workers, client, time_limit, retry=retry, journal=journal)
     study = _study(
@@ -106,23 +105,23 @@ def sweep(
     )
     shape = study.cases.count, len(study.keep)
     book = nullcontext() if journal is None else Journal(as_path("journal", journal), study.key(), *shape, retry=retry)
-    with book as written:
-        outcomes: dict[int, Outcome] = {} if written is None else dict(written.done)
-        todo = [case for case in range(study.cases.count) if case not in outcomes]
-        title = study.simulation.title if progress and todo else ""
+    with book as opened:
+        outcomes: dict[int, Outcome] = {} if opened is None else dict(opened.done)
+        remaining = [case for case in range(study.cases.count) if case not in outcomes]
+        title = study.simulation.title if progress and remaining else ""
         with progress_bar(title, "{:.0f} of {:.0f} cases", len(outcomes), study.cases.count) as show:
 
-            def deliver(found: Mapping[int, Outcome]) -> None:
-                outcomes.update(found)
-                if written is not None:
-                    written.add(found)
+            def deliver(finished: Mapping[int, Outcome]) -> None:
+                outcomes.update(finished)
+                if opened is not None:
+                    opened.add(finished)
                 show(len(outcomes))
 
-            if todo and client is None:
-                simulate_here(study, todo, workers or os.cpu_count() or 1, deliver, time_limit=time_limit)
-            elif todo:
-                with cluster.connected(client) as opened:
-                    cluster.simulate(study, todo, opened, deliver, time_limit=time_limit)
+            if remaining and client is None:
+                simulate_locally(study, remaining, workers or os.cpu_count() or 1, deliver, time_limit)
+            elif remaining:
+                with cluster.connected(client) as connection:
+                    cluster.simulate_on_cluster(study, remaining, connection, deliver, time_limit)
     return _result(study, outcomes)
 
 
@@ -155,10 +154,10 @@ def _study(
         raise SweepError(f"{subject.name}: start_values are for a single FMU; give them to add()")
     else:
         title, parts, connections = subject.name, subject.filled(), subject.connections
-    kept = [split(measure)[0] for measure in keep.values() if isinstance(measure, str)]
-    if settings.record is None and len(kept) == len(keep):  # else a function wants to see everything
+    signals = [split(measure)[0] for measure in keep.values() if isinstance(measure, str)]
+    if settings.record is None and len(signals) == len(keep):  # else functions can read all outputs and inputs
         settings = replace(settings, record=())
-    simulation = checked(title, parts, connections, settings, single=single, also=kept)
+    simulation = checked(title, parts, connections, settings, single=single, also=signals)
 
     def scalar(name: str) -> VariableReference:
         owner, variable = owned(title, parts, "the sweep of", name, single=single)
@@ -166,12 +165,12 @@ def _study(
             raise SimulationError(f"{owner}: {parts[owner].fmu.unknown(variable)}")
         return owner, variable
 
-    for name in kept:
+    for name in signals:
         owner, variable = scalar(name)
         if parts[owner].fmu.variables[variable].type == "String":
             raise SweepError(f"keep {name!r}: a sweep keeps numbers, and this is a string")
     study = Study(simulation, {name: scalar(name) for name in cases}, cases, keep)
-    study.starts(0)  # names that cannot be set are found before anything is simulated
+    study.starts(0)  # refuses names that cannot be set before anything is simulated
     return study
 
 
@@ -185,8 +184,8 @@ def _check_names(cases: Cases, keep: Mapping[str, Measure], starts: Mapping[str,
 
 def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
     done = {case: outcome for case, outcome in sorted(outcomes.items()) if not isinstance(outcome, Failure)}
-    kept = np.full((len(study.keep), study.cases.count), np.nan)
-    kept[:, list(done)] = np.reshape([outcome.values for outcome in done.values()], (-1, len(study.keep))).T
+    measured = np.full((len(study.keep), study.cases.count), np.nan)
+    measured[:, list(done)] = np.reshape([outcome.values for outcome in done.values()], (-1, len(study.keep))).T
     parts = study.simulation.parts
     units = {name: parts[owner].fmu.variables[variable].unit for name, (owner, variable) in study.varied.items()}
     for name, measure in study.keep.items():
@@ -196,7 +195,7 @@ def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
         study.simulation.title,
         np.empty(0),
         (*study.cases, *study.keep),
-        np.vstack([*study.cases.values(), kept]),
+        np.vstack([*study.cases.values(), measured]),
         units,
         failures={case: failure.reason for case, failure in failures.items()},
         unfinished=tuple(sorted(case for case, failure in failures.items() if not failure.refused)),
@@ -204,13 +203,13 @@ def _result(study: Study, outcomes: Mapping[int, Outcome]) -> Result:
     )
 
 
-def _warned(done: Mapping[int, Kept]) -> tuple[str, ...]:
-    """What cases were warned of, with their numbers; how many they are and the first text is logged."""
-    found = Warnings()
+def _warned(done: Mapping[int, Completed]) -> tuple[str, ...]:
+    """Warnings of cases, with their numbers; the number of these cases and the first text are logged."""
+    collected = Warnings()
     for case, outcome in done.items():
         for text in outcome.warnings:
-            found.add(f"case {case}: {text}")
-    if found.texts:
+            collected.add(f"case {case}: {text}")
+    if collected.texts:
         count = sum(1 for outcome in done.values() if outcome.warnings)
-        logger.warning("%d %s warned of: %s", count, "cases were" if count > 1 else "case was", found.texts[0])
-    return found.texts
+        logger.warning("%d %s warned of: %s", count, "cases were" if count > 1 else "case was", collected.texts[0])
+    return collected.texts

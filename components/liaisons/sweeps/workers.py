@@ -1,4 +1,8 @@
-"""Cases on all cores of this machine: processes that are given a few cases at a time, and replaced when they die."""
+"""A pool of processes that simulate cases; those that crash or take too long are replaced.
+
+Pools in libraries report a whole portion of cases at a time, and lose it with the process; ours reports case by case,
+and runs in the daemons of Dask, too.
+"""
 
 from __future__ import annotations
 
@@ -39,26 +43,27 @@ Deliver = Callable[[Mapping[int, Outcome]], None]
 
 _logger = logging.getLogger("liaisons.sweeps")
 
-_FLUSH = 0.1  # [s] a worker reports as often as this, so that little is lost with it
+_FLUSH = 0.1  # [s] between two reports of a worker
 _PATIENCE = 5.0  # [s] for a worker to release its FMUs
-_MOST = 256  # cases that a process is given at a time
+_MOST = 256  # cases of one portion
 _SERVE = "import sys; from liaisons.sweeps.workers import serve; serve(int(sys.argv[1]), sys.argv[2])"
-_LONG = 60.0  # [s] after which one is told that a case still runs
+_LONG = 60.0  # [s] after which a warning says that a case still runs
 
 
-def simulate(study: Study, cases: Iterable[int], count: int, deliver: Deliver, time_limit: float | None = None) -> None:
-    """Simulate cases in processes of their own.
+def simulate_locally(
+    study: Study, cases: Iterable[int], count: int, deliver: Deliver, time_limit: float | None
+) -> None:
+    """Simulate cases in processes of this machine.
 
-    A process that dies, by a crash of an FMU or by the hand of the user, is replaced, and what it had not reported is
-    done again, case by case, with isolated FMUs; a case over which two processes have died is a failure, and so is one
-    that takes too long.
+    A process that crashes or is killed is replaced, and the cases it had not reported are simulated again, one by one,
+    with isolated FMUs; a case over which two processes have died is a failure, and so is one that takes too long.
 
     :param count: number of processes.
-    :param deliver: takes what is finished, in whatever order.
+    :param deliver: takes outcomes, in any order.
     :param time_limit: of a case [s].
     """
     for library in (compiled.steps, isolated.library):
-        library()  # before there are processes, each of which would compile it
+        library()  # else each process would compile it
     with passing_folder() as folder:
         task: Task | bytes = study, extracted(study.fmus(), folder), str(folder)
         if sys.platform != "linux":  # elsewhere a fork is not safe
@@ -76,30 +81,30 @@ def simulate(study: Study, cases: Iterable[int], count: int, deliver: Deliver, t
 class _Worker:
     """A process, the pipe to it, and the cases that it has not reported yet.
 
-    :param task: a process is forked for it, which has functions that need not be importable; what is pickled goes to a
-        fresh interpreter, which a Dask worker may start, too: a daemon may have no children of multiprocessing's.
-    :ivar at: when the case that it is at was begun, on the monotonic clock [s], infinite for none; and which one it is.
+    :param task: for a fork, whose functions need not be importable; pickled, for a new interpreter, which a Dask worker
+        can start, too: its daemons may have no children of multiprocessing.
+    :ivar current: start of the current case on the monotonic clock [s], infinite for none, and its number.
     """
 
     def __init__(self, task: Task | bytes, folder: Path) -> None:
         self.cases: list[int] = []
-        place = folder / f"{uuid4().hex}.at"
-        self.at = np.memmap(place, float, "w+", shape=(2,))
-        self.at[:] = math.inf, 0.0
-        self.process, self.pipe = _interpreter(task, place) if isinstance(task, bytes) else _forked(task, self.at)
+        file = folder / f"{uuid4().hex}.current"
+        self.current = np.memmap(file, float, "w+", shape=(2,))
+        self.current[:] = math.inf, 0.0
+        self.process, self.pipe = _interpreter(task, file) if isinstance(task, bytes) else _forked(task, self.current)
 
-    def give(self, cases: list[int], *, suspect: bool = False) -> None:
-        """What to do next; none: it may release its FMUs, and end."""
+    def send(self, cases: list[int], *, suspect: bool = False) -> None:
+        """Send the next cases; none: release the FMUs, and end."""
         self.cases = cases
-        with suppress(OSError):  # it has just died; its end of the pipe will tell
+        with suppress(OSError):  # it has just died, which its pipe reports
             self.pipe.send((cases, suspect))
 
-    def since(self) -> float:
-        """How long it has been at its case [s]."""
-        return max(0.0, time.monotonic() - self.at[0])
+    def elapsed(self) -> float:
+        """Time since the start of its current case [s]."""
+        return max(0.0, time.monotonic() - self.current[0])
 
     def end(self, patience: float) -> int | None:
-        """Wait for the end of the process, but not for ever [s]; how it ended."""
+        """Exit code of the process, which is killed unless it ends by itself within this time [s]."""
         if isinstance(self.process, BaseProcess):
             self.process.join(patience)
             self.process.kill()
@@ -113,9 +118,9 @@ class _Worker:
 
 @final
 class Pool:
-    """Processes that do cases of one sweep, until it is closed; from another thread, too, where cases are under way.
+    """Processes for the cases of one sweep; ``close`` may be called from another thread.
 
-    :param task: as it goes to them; pickled if they cannot be forked.
+    :param task: pickled if processes cannot be forked.
     :param folder: that of the task.
     :param count: number of processes.
     :param time_limit: of a case [s].
@@ -124,71 +129,71 @@ class Pool:
     def __init__(self, task: Task | bytes, folder: Path, count: int, time_limit: float | None) -> None:
         self._task, self._folder, self._count, self._time_limit = task, folder, count, time_limit
         self._waiting: deque[int] = deque()
-        self._suspects: deque[int] = deque()  # of processes that have died: one by one
+        self._suspects: deque[int] = deque()  # of processes that have died
         self._deaths: dict[int, int] = {}
         self._deliver: Deliver = lambda _: None
-        self._patient = time_limit is None  # nobody has been told yet that a case takes long
+        self._warns = time_limit is None  # of a long case, once
         self._workers: list[_Worker] = []
         self._closed = False
 
     def run(self, cases: Iterable[int], deliver: Deliver) -> None:
-        """Do these cases.
+        """Simulate these cases.
 
         :raises SweepError: if it has been closed, or a process cannot be started.
         """
         self._waiting.extend(cases)
         self._deliver = deliver
         for worker in self._workers:
-            self._go_on(worker)
+            self._send_next(worker)
         while self._waiting and len(self._workers) < self._count:
             self._workers.append(self._started())
         while any(worker.cases for worker in self._workers):
             busy = [worker for worker in self._workers if worker.cases]
-            ready = wait([worker.pipe for worker in busy], self._rest(busy))
+            ready = wait([worker.pipe for worker in busy], self._timeout(busy))
             for worker in busy:
                 if worker.pipe in ready and not self._receive(worker):
-                    self._bury(worker)
+                    self._replace_dead(worker)
                 elif not worker.cases:
-                    self._go_on(worker)
-                elif self._time_limit is not None and worker.since() > self._time_limit:
+                    self._send_next(worker)
+                elif self._time_limit is not None and worker.elapsed() > self._time_limit:
                     self._stop(worker, self._time_limit)
-                elif self._patient and worker.since() > _LONG:
-                    self._patient = False
+                elif self._warns and worker.elapsed() > _LONG:
+                    self._warns = False
                     _logger.warning(
                         "case %d has been running for %.0f s; a time limit (time_limit, --time-limit) would end it",
-                        worker.at[1],
-                        worker.since(),
+                        worker.current[1],
+                        worker.elapsed(),
                     )
 
     def close(self, patience: float = _PATIENCE) -> None:
-        """End the processes, whatever they do, for good; those that do nothing are given time to release FMUs [s]."""
+        """End the processes for good: busy ones are killed, idle ones have this time to release their FMUs [s]."""
         self._closed = True
         for worker in self._workers:
             if worker.cases:
                 worker.process.kill()
             else:
-                worker.give([])
+                worker.send([])
         for worker in self._workers:
             worker.end(patience)
 
     def _started(self) -> _Worker:
-        """A new process, at work before the next one is made."""
+        """A new process with its first cases."""
         if self._closed:
             raise SweepError("the sweep has been ended")
         worker = _Worker(self._task, self._folder)
-        self._go_on(worker)
+        self._send_next(worker)
         return worker
 
-    def _go_on(self, worker: _Worker) -> None:
+    def _send_next(self, worker: _Worker) -> None:
         if self._suspects:
-            worker.give([self._suspects.popleft()], suspect=True)
+            worker.send([self._suspects.popleft()], suspect=True)
         elif self._waiting:
-            # ever smaller portions: few reports, and yet all processes end together
+            # decreasing portions: few reports, and yet all processes end together
             size = min(_MOST, -(-len(self._waiting) // (4 * self._count)))
-            worker.give([self._waiting.popleft() for _ in range(size)])
+            worker.send([self._waiting.popleft() for _ in range(size)])
 
     def _receive(self, worker: _Worker) -> bool:
-        """Take a report; False if the process died before its end."""
+        """Take a report; False if the process has died."""
         try:
             outcomes: dict[int, Outcome] = worker.pipe.recv()
         except (EOFError, OSError):
@@ -197,25 +202,25 @@ class Pool:
         self._deliver(outcomes)
         return True
 
-    def _rest(self, busy: list[_Worker]) -> float | None:
-        """How long to wait until somebody may have taken too long [s]."""
-        limit = self._time_limit or (_LONG if self._patient else None)
-        return None if limit is None else max(0.01, limit - max(worker.since() for worker in busy))
+    def _timeout(self, busy: list[_Worker]) -> float | None:
+        """Time until the first case may take too long [s]."""
+        limit = self._time_limit or (_LONG if self._warns else None)
+        return None if limit is None else max(0.01, limit - max(worker.elapsed() for worker in busy))
 
     def _stop(self, worker: _Worker, limit: float) -> None:
-        """End a process whose case takes too long, unless it has come to the next one meanwhile."""
-        begun = worker.at[0]
+        """End a process; its case is a failure unless it finished meanwhile."""
+        start = worker.current[0]
         worker.end(0.0)
         while worker.pipe.poll() and self._receive(worker):
             pass
-        case = int(worker.at[1])
-        if worker.at[0] == begun and case in worker.cases:
+        case = int(worker.current[1])
+        if worker.current[0] == start and case in worker.cases:
             worker.cases.remove(case)
             self._deliver({case: too_long(limit)})
         self._replace(worker)
 
-    def _bury(self, worker: _Worker) -> None:
-        """Of a process that has died, whose only case may be to blame."""
+    def _replace_dead(self, worker: _Worker) -> None:
+        """Replace a process that has died; if it had one case, that may be the cause."""
         code = worker.end(_PATIENCE)
         if len(worker.cases) == 1:
             (case,) = worker.cases
@@ -231,22 +236,22 @@ class Pool:
         self._workers[self._workers.index(worker)] = self._started()
 
 
-def _forked(task: Task, at: NDArray[np.float64]) -> tuple[BaseProcess, Connection]:
+def _forked(task: Task, current: NDArray[np.float64]) -> tuple[BaseProcess, Connection]:
     context = multiprocessing.get_context("fork")
     pipe, far = context.Pipe()
-    process = context.Process(target=_work, args=(far, at, task, os.getpid()), daemon=True)
+    process = context.Process(target=_work, args=(far, current, task, os.getpid()), daemon=True)
     with warnings.catch_warnings():
-        # Python 3.12 warns of forks beside threads; ours touch nothing that those could hold locked.
+        # Python 3.12 warns of forks beside threads; ours use no locks of those.
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
     far.close()
     return process, pipe
 
 
-def _interpreter(task: bytes, at: Path) -> tuple[subprocess.Popen[bytes], Connection]:
+def _interpreter(task: bytes, current: Path) -> tuple[subprocess.Popen[bytes], Connection]:
     key = secrets.token_bytes()
     process = subprocess.Popen(
-        [sys.executable, "-c", _SERVE, str(os.getpid()), str(at)],
+        [sys.executable, "-c", _SERVE, str(os.getpid()), str(current)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
@@ -262,11 +267,11 @@ def _interpreter(task: bytes, at: Path) -> tuple[subprocess.Popen[bytes], Connec
     return process, Client(("127.0.0.1", int(port)), authkey=key)
 
 
-def serve(parent: int, at: str) -> None:
-    """What such an interpreter does.
+def serve(parent: int, current: str) -> None:
+    """Main function of such an interpreter.
 
     :param parent: its process.
-    :param at: the file in which it says what it is at.
+    :param current: file of the current case.
     """
     die_with_parent(parent)
     key, task = pickle.load(sys.stdin.buffer)
@@ -275,27 +280,26 @@ def serve(parent: int, at: str) -> None:
         os.write(1, f"{port}\n".encode())
         os.dup2(2, 1)  # what an FMU prints is for the log
         pipe = listener.accept()
-    _work(pipe, np.memmap(at, float, "r+", shape=(2,)), pickle.loads(task), parent)
+    _work(pipe, np.memmap(current, float, "r+", shape=(2,)), pickle.loads(task), parent)
 
 
-def _work(pipe: Connection, at: NDArray[np.float64], task: Task, parent: int) -> None:
-    """What a process does: simulate what comes, until nobody is there any more."""
+def _work(pipe: Connection, current: NDArray[np.float64], task: Task, parent: int) -> None:
+    """Simulate cases from a pipe, until an empty list comes or the parent ends."""
     die_with_parent(parent)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the parent's, who ends us
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not what the parent does then, which a fork has inherited
-    gc.freeze()  # what was there before the fork stays; looking through it would copy its memory
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles interrupts
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not the inherited handler of the parent
+    gc.freeze()  # else a collection would copy the memory of the parent
     with session(task) as outcome:
         while True:
             outcomes: dict[int, Outcome] = {}
             reported = time.monotonic()
-            message: tuple[list[int], bool] = pipe.recv()
-            cases, suspect = message
+            cases, suspect = pipe.recv()
             if not cases:
                 return
             for case in cases:
-                at[1], at[0] = case, time.monotonic()
-                outcomes[case] = outcome(case, suspect=suspect)
-                at[0] = math.inf
+                current[1], current[0] = case, time.monotonic()
+                outcomes[case] = outcome(case, suspect)
+                current[0] = math.inf
                 if time.monotonic() - reported > _FLUSH:
                     pipe.send(outcomes)
                     outcomes, reported = {}, time.monotonic()

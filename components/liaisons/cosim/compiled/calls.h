@@ -19,7 +19,7 @@ typedef struct {
     int kind;
     void (*function)(void);
     void *instance;    /* of an FMU; what is coupled; factor and offset, to convert one double */
-    const void *given; /* value references; where to copy from; for a step in FMI 3.0, whether there is no return */
+    const void *source; /* value references; where to copy from; for a step in FMI 3.0, whether there is no return */
     size_t count;      /* of references; of doubles to copy */
     void *values;      /* to get, to set, to copy to; the state; for a step in FMI 3.0, how it Ended */
     size_t size;       /* of values in FMI 3.0; of what is known in derivatives */
@@ -51,36 +51,36 @@ typedef int Coupled(void *system, double time, double size);
 static inline int step_3(const Call *call, double time, double size) {
     Ended *ended = call->values;
     bool event;
-    const int status = ((Step3 *)call->function)(call->instance, time, size, *(const bool *)call->given, &event,
+    const int status = ((Step3 *)call->function)(call->instance, time, size, *(const bool *)call->source, &event,
                                                  &ended->terminate, &ended->early, &ended->last_time);
     return (ended->terminate || ended->early) && status < DISCARD ? DISCARD : status;
 }
 
 static inline int convert(const Call *call) {
-    const double *numbers = call->instance, *given = call->given;
-    *(double *)call->values = numbers[0] * *given + numbers[1];
+    const double *numbers = call->instance, *source = call->source;
+    *(double *)call->values = numbers[0] * *source + numbers[1];
     return OK;
 }
 
 static inline int derive_2(const Call *call) {
     const Known *known = call->more;
-    return ((Derive2 *)call->function)(call->instance, call->given, call->count, known->references, call->size,
+    return ((Derive2 *)call->function)(call->instance, call->source, call->count, known->references, call->size,
                                        known->direction, call->values);
 }
 
 static inline int returned(const Call *call, double time, double size) {
     switch (call->kind) {
-    case COPY: memmove(call->values, call->given, call->count * sizeof(double)); return OK;
+    case COPY: memmove(call->values, call->source, call->count * sizeof(double)); return OK;
     case CONVERT: return convert(call);
-    case TRANSFER_2: return ((Transfer2 *)call->function)(call->instance, call->given, call->count, call->values);
+    case TRANSFER_2: return ((Transfer2 *)call->function)(call->instance, call->source, call->count, call->values);
     case TRANSFER_3:
-        return ((Transfer3 *)call->function)(call->instance, call->given, call->count, call->values, call->size);
+        return ((Transfer3 *)call->function)(call->instance, call->source, call->count, call->values, call->size);
     case STEP_2: return ((Step2 *)call->function)(call->instance, time, size, 1);
     case STEP_3: return step_3(call, time, size);
     case SAVE: return ((State *)call->function)(call->instance, call->values);
     case RESTORE: return ((State *)call->function)(call->instance, *(void **)call->values);
     case ORDERS_2:
-        return ((Orders2 *)call->function)(call->instance, call->given, call->count, call->more, call->values);
+        return ((Orders2 *)call->function)(call->instance, call->source, call->count, call->more, call->values);
     case DERIVE_2: return derive_2(call);
     case PYTHON: return ((Python *)call->function)();
     default: return ((Coupled *)call->function)(call->instance, time, size);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from ctypes import CFUNCTYPE, Structure, c_int, c_size_t, c_void_p, cast
+from ctypes import CFUNCTYPE, Structure, addressof, c_int, c_size_t, c_void_p, cast
 from functools import partial
 from typing import Any, Literal, final
 
@@ -30,7 +30,7 @@ class Record(Structure):
         ("kind", c_int),
         ("function", c_void_p),
         ("instance", c_void_p),
-        ("given", c_void_p),
+        ("source", c_void_p),
         ("count", c_size_t),
         ("values", c_void_p),
         ("size", c_size_t),
@@ -46,7 +46,7 @@ class Call(partial[Any]):
 
     :ivar action: what it does.
     :ivar failure: makes its error; None of what cannot be refused.
-    :ivar kept: what the record points to beside the arguments.
+    :ivar buffers: what the record points to beside the arguments.
     :ivar record: how compiled code makes it, its addresses those of what the call keeps alive; see :meth:`compiled`.
     """
 
@@ -54,31 +54,35 @@ class Call(partial[Any]):
     failure: Failure | None = None
     record: Record | None = None
     raised: BaseException | None = None
-    kept: object = None
+    buffers: object = None
 
-    def of(self, action: Action, failure: Failure) -> Call:
-        """The same, which knows what it does for whom."""
+    def with_failure(self, action: Action, failure: Failure) -> Call:
+        """The same with what it does, and what makes its error."""
         self.action, self.failure = action, failure
         return self
 
     def recorded(
         self,
         kind: int,
+        instance: int | None,
         *,
-        function: Any = None,
-        instance: int | None = None,
-        given: int | None = None,
+        source: Any = None,
         count: int = 0,
-        values: int | None = None,
+        values: Any = None,
         size: int = 0,
-        more: int | None = None,
+        more: Any = None,
     ) -> Call:
         """The same with its record.
 
-        :param function: of a library.
-        :param given: address of what is read; ``values`` of what is written.
+        :param source: address of what is read, or an object of ctypes; ``values`` of what is written.
         """
-        self.record = Record(kind, cast(function, c_void_p).value, instance, given, count, values, size, more)
+        function: Any = self.func
+        address = None if kind in {COPY, CONVERT} else cast(function, c_void_p).value
+        source, values, more = (
+            pointer if pointer is None or isinstance(pointer, int) else addressof(pointer)
+            for pointer in (source, values, more)
+        )
+        self.record = Record(kind, address, instance, source, count, values, size, more)
         return self
 
     def compiled(self) -> Record:

@@ -43,17 +43,18 @@ class Bus:
         self._feeds = feeds
         self._conversions = conversions
         self._connected = _by_component(order, sources)
-        self._others = _by_component(order, [p for p in dict.fromkeys(recorded) if p not in feeds and p not in sources])
+        not_connected = [r for r in dict.fromkeys(recorded) if r not in feeds and r not in sources]
+        self._recorded_only = _by_component(order, not_connected)
         self.inputs = _by_component(order, feeds)
-        places = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
-        self.index = {place: k for k, place in enumerate(places)}
+        references = [p for name in order for p in (*self.outputs(name), *self.inputs[name])]
+        self.index = {reference: k for k, reference in enumerate(references)}
         most = sum((1 + len(self.inputs[name])) * (1 + len(self.outputs(name))) for name in order)
-        most += 2 * len(places)
-        self._store = np.zeros(len(places) + most)  # with room for slopes, derivatives by inputs, integrals
-        self.values = self._store[: len(places)]
+        most += 2 * len(references)
+        self._store = np.zeros(len(references) + most)  # with room for slopes, derivatives by inputs, integrals
+        self.values = self._store[: len(references)]
         self.start, self.size, self.end = c_double(), c_double(), c_double()
 
-    def turn(self, start: float, end: float) -> None:
+    def set_step(self, start: float, end: float) -> None:
         """Turn the clock to the step between two instants [s]."""
         self.start.value, self.size.value, self.end.value = start, end - start, end
 
@@ -84,20 +85,20 @@ class Bus:
 
     def outputs(self, name: str, *, every: bool = True) -> list[VariableReference]:
         """What is read from a component: what feeds something, and ``every`` other thing that is recorded."""
-        return [*self._connected[name], *(self._others[name] if every else ())]
+        return [*self._connected[name], *(self._recorded_only[name] if every else ())]
 
-    def others(self, name: str) -> list[VariableReference]:
+    def recorded_only(self, name: str) -> list[VariableReference]:
         """What is read from a component to be recorded only."""
-        return self._others[name]
+        return self._recorded_only[name]
 
-    def view(self, places: Sequence[VariableReference]) -> NDArray[np.float64]:
+    def view(self, references: Sequence[VariableReference]) -> NDArray[np.float64]:
         """View of places that lie side by side."""
-        first = self.index[places[0]]
-        return self.values[first : first + len(places)]
+        first = self.index[references[0]]
+        return self.values[first : first + len(references)]
 
-    def buffer(self, places: Sequence[VariableReference]) -> Array[c_double]:
+    def buffer(self, references: Sequence[VariableReference]) -> Array[c_double]:
         """The same for foreign functions."""
-        return (c_double * len(places)).from_buffer(self.view(places).data)
+        return (c_double * len(references)).from_buffer(self.view(references).data)
 
     def source(self, input_: VariableReference) -> int | None:
         """Where what feeds an input stands; None if nothing does."""
@@ -114,10 +115,10 @@ class Bus:
         """Calls that copy to inputs what feeds them, neighbours at once, or convert it."""
         runs: list[tuple[int, int, int]] = []
         converted: list[Call] = []
-        for place in inputs:
-            target, source = self.index[place], self.index[self._feeds[place]]
-            if place in self._conversions:
-                converted.append(self._convert(target, source, self._conversions[place]))
+        for reference in inputs:
+            target, source = self.index[reference], self.index[self._feeds[reference]]
+            if reference in self._conversions:
+                converted.append(self._convert(target, source, self._conversions[reference]))
             elif runs and (target, source) == (runs[-1][0] + runs[-1][2], runs[-1][1] + runs[-1][2]):
                 runs[-1] = (*runs[-1][:2], runs[-1][2] + 1)
             else:
@@ -125,24 +126,25 @@ class Bus:
         return [*(self._copy(target, source, count) for target, source, count in runs), *converted]
 
     def _copy(self, target: int, source: int, count: int) -> Call:
-        bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
+        bus = self.values.data
         call = Call(bus[target : target + count].__setitem__, slice(None), bus[source : source + count])
-        return call.recorded(COPY, given=address + source * size, count=count, values=address + target * size)
+        return call.recorded(COPY, None, source=self._address(source), count=count, values=self._address(target))
 
     def _convert(self, target: int, source: int, conversion: Conversion) -> Call:
-        bus, address, size = self.values.data, self.values.ctypes.data, self.values.itemsize
         numbers = (c_double * 2)(*conversion)
-        call = Call(_converted, bus, target, source, conversion, numbers)
-        given, values = address + source * size, address + target * size
-        return call.recorded(CONVERT, given=given, instance=addressof(numbers), values=values)
+        call = Call(_converted, self.values.data, target, source, conversion, numbers)
+        return call.recorded(CONVERT, addressof(numbers), source=self._address(source), values=self._address(target))
+
+    def _address(self, index: int) -> int:
+        return self.values.ctypes.data + index * self.values.itemsize
 
 
 def _converted(bus: memoryview[float], target: int, source: int, conversion: Conversion, _: Array[c_double]) -> None:
     bus[target] = conversion.of(bus[source])
 
 
-def _by_component(names: Iterable[str], places: Iterable[VariableReference]) -> dict[str, list[VariableReference]]:
+def _by_component(names: Iterable[str], references: Iterable[VariableReference]) -> dict[str, list[VariableReference]]:
     grouped: dict[str, list[VariableReference]] = {name: [] for name in names}
-    for place in places:
-        grouped[place[0]].append(place)
+    for reference in references:
+        grouped[reference[0]].append(reference)
     return grouped

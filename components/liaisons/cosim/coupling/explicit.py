@@ -19,14 +19,14 @@ Calls = list[Call]
 
 
 def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> tuple[Calls, Calls, Calls]:
-    """Calls that make everything fit in initialization, and after it, and those of a communication step."""
-    known: dict[tuple[Operation, bool], Calls] = {}  # what is done again is the same call, and stays in the cache
+    """Calls that exchange values in initialization, after it, and in a communication step."""
+    prepared_calls: dict[tuple[Operation, bool], Calls] = {}  # repeated operations share their calls
 
     def calls(program: Sequence[Operation], *, initial: bool = False) -> Calls:
         for key in dict.fromkeys((operation, initial) for operation in program):
-            if key not in known:
-                known[key] = list(_lowered(simulation, instances, bus, *key))
-        return [call for operation in program for call in known[operation, initial]]
+            if key not in prepared_calls:
+                prepared_calls[key] = list(_lowered(simulation, instances, bus, *key))
+        return [call for operation in program for call in prepared_calls[operation, initial]]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
     newest = {name for name, part in simulation.parts.items() if part.approximation.needs_newest_inputs}
@@ -50,13 +50,13 @@ def _lowered(
     if action == "step":
         yield instance.stepper(bus.start, bus.size)
         return
-    places = bus.inputs[name] if action == "set" else bus.outputs(name, every=not initial)
-    if not places:
+    references = bus.inputs[name] if action == "set" else bus.outputs(name, every=not initial)
+    if not references:
         return
     if action == "set":
-        yield from bus.copies(places)
+        yield from bus.copies(references)
     prepare = instance.setter if action == "set" else instance.getter
-    yield prepare([variables[variable] for _, variable in places], bus.buffer(places))
+    yield prepare([variables[variable] for _, variable in references], bus.buffer(references))
 
 
 def _evaluate(drive: Drive, bus: Bus, values: NDArray) -> None:

@@ -1,4 +1,4 @@
-"""The coupled step of a whole system: group after group, sources before what they feed."""
+"""The coupled step of a whole system: its strong components in execution order."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from liaisons.errors import SimulationError
 Snapshot = tuple[State, list[Past]]
 
 _ROOM = 17
-"""So many numbers an unknown compiled code needs room for: points and changes, secants, and what there is now."""
+"""Numbers of scratch memory for an unknown: points and changes, secants, and the present ones."""
 
 
 @final
@@ -38,31 +38,32 @@ class Coupled:
         self._bus = bus
         self._times = simulation.times
         parts, feeds = simulation.parts, simulation.feeds
-        places = [place for name in (SIGNALS, *parts) for place in bus.outputs(name, every=False)]
+        references = [reference for name in (SIGNALS, *parts) for reference in bus.outputs(name, every=False)]
         groups, cyclic = simulation.groups, simulation.cyclic
-        alone = {name for name, part in parts.items() if part.approximation.is_prescribed and name not in cyclic}
-        self.signals = signals = Signals(parts, feeds, places, alone)
-        self._drives = [(drive, [signals.index[place] for place in drive.places]) for drive in simulation.drives]
+        prescribed = {name for name, part in parts.items() if part.approximation.is_prescribed and name not in cyclic}
+        self.signals = signals = Signals(parts, feeds, references, prescribed)
+        self._drives = [(drive, [signals.index[r] for r in drive.places]) for drive in simulation.drives]
         self._slopes = [signals.slope(drive.places[2]) if len(drive.places) == 3 else -1 for drive, _ in self._drives]
         self._components: list[StrongComponent] = []
         for names in groups:
             cycle = frozenset(names if names[0] in cyclic else ())
-            nodes = [Node(parts[name], instances[name], bus, signals, cycle, alone=name in alone) for name in names]
+            nodes = [
+                Node(parts[name], instances[name], bus, signals, cycle, prescribed=name in prescribed) for name in names
+            ]
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
         self._nodes = [node for component in self._components for node in component.nodes]
         component_of = {name: k for k, group in enumerate(groups) for name in group} | {SIGNALS: len(groups)}
         leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
         for target, (source, _) in feeds.items():
-            if component_of[source] != component_of[target[0]] and target[0] not in alone:
+            if component_of[source] != component_of[target[0]] and target[0] not in prescribed:
                 leading[component_of[source]].append(signals.curve(target))
         *self._histories, self._driven = (SignalHistory(signals, curves) for curves in leading)
         library = compiled.steps()
         assert library is not None  # the choice of the coupling has seen to that
         self._library = library
         self._record = self._prepared()
-        function = library.advance_coupled
-        call = Call(function, byref(self._record), bus.start, bus.size).of("couple", self._failure)
-        self.advance = call.recorded(COUPLED, function=function, instance=addressof(self._record))
+        advance = Call(library.advance_coupled, byref(self._record), bus.start, bus.size)
+        self.advance = advance.recorded(COUPLED, addressof(self._record)).with_failure("couple", self._failure)
 
     def _prepared(self) -> SystemRecord:
         """The system, for compiled code."""
@@ -82,7 +83,7 @@ class Coupled:
         record.point(before=signals.before, now=signals.now, earlier=signals.earlier, since=signals.since)
         record.point(sizes=signals.sizes, result=signals.result, rates=signals.rates, kind=signals.kinds, inside=INSIDE)
         nodes = [node for component in records for node in component.nodes[: component.count]]
-        record.point(held=signals.held, room=np.empty(max((n.known + n.derivatives for n in nodes), default=0)))
+        record.point(held=signals.held, room=np.empty(max((n.data + n.derivatives for n in nodes), default=0)))
         record.point(scratch=np.empty(_ROOM * max((r.n for r in records), default=0) + len(signals.sizes)))
         return record
 
@@ -96,7 +97,7 @@ class Coupled:
         raise AssertionError(status)
 
     def _solve(self, component: StrongComponent, phase: Phase, size: float = 0.0) -> None:
-        """Solve the equations of a component at the instant that the clock shows."""
+        """Solve the equations of a component in the present step."""
         equations, start = byref(component.record(phase)), self._bus.start
         if status := self._library.solve_component(byref(self._record), equations, start, c_double(size)):
             component.fail(phase, self._record.failure, status)
@@ -136,7 +137,7 @@ class Coupled:
         return min((component.order for component in self._components), default=6)
 
     def settle(self, *, initial: bool) -> None:
-        """Make everything fit at the begin of a piece, which the clock shows."""
+        """Solve the equations at the start of a piece, the present time."""
         time = self._bus.end.value
         self._drive(time, self._ahead(time))
         for component in self._components:
@@ -149,10 +150,7 @@ class Coupled:
         self.signals.before[:] = self.signals.now
 
     def cross(self) -> None:
-        """Make the step that the clock shows, which is tiny, to an instant where something jumps; forget the past.
-
-        Until its end every input goes on as it was known at its start.
-        """
+        """Make the present step, a tiny one, to a break, with all inputs extrapolated; forget the past."""
         signals, time = self.signals, self._bus.end.value
         signals.now[:] = signals.before
         self._drive(time, self._ahead(time))
@@ -169,17 +167,17 @@ class Coupled:
         self.settle(initial=False)
 
     def _ahead(self, time: float) -> float | None:
-        """An instant of the piece that begins at this one [s], if there is one, and anything that asks for it."""
+        """A later instant of the piece that starts at this one [s]; None if there is none, or no function of time."""
         if not self._drives:
             return None
-        place = bisect_right(self._times, time + rounding(time))
-        if place == len(self._times):
+        reference = bisect_right(self._times, time + rounding(time))
+        if reference == len(self._times):
             return None
         breaks = [(time + instant) / 2 for drive, _ in self._drives if (instant := drive.next_break(time)) is not None]
-        return min([self._times[place], *breaks])
+        return min([self._times[reference], *breaks])
 
     def _step_in_thirds(self, k: int) -> int:
-        """Step a source in thirds, for its outputs have no past yet; returns 1."""
+        """Step a source, whose outputs have no past yet, in thirds; returns 1."""
         history, size, source = self._histories[k], self._bus.size.value, self._components[k].source
         assert source is not None
         history.others[:] = source.step_in_thirds()[:, history.made - source.values.start]
@@ -214,7 +212,7 @@ class Coupled:
                 self.signals.now[slope] = 0.0 if other is None else _jerk(values, drive(other), time - other)
 
 
-def _jerk(here: NDArray[np.float64], there: NDArray[np.float64], size: float) -> float:
-    """Third derivative, here, of the quintic with these values, rates and accelerations; there is ``size`` before."""
-    change = (60 * (here[0] - there[0]) / size - 36 * here[1] - 24 * there[1]) / size
-    return float((change + 9 * here[2] - 3 * there[2]) / size)
+def _jerk(end: NDArray[np.float64], start: NDArray[np.float64], size: float) -> float:
+    """Third derivative at the end of the quintic through value, rate and acceleration at both ends, ``size`` apart."""
+    change = (60 * (end[0] - start[0]) / size - 36 * end[1] - 24 * start[1]) / size
+    return float((change + 9 * end[2] - 3 * start[2]) / size)

@@ -43,17 +43,17 @@ def coefficients(count: int) -> NDArray[np.float64]:
 @final
 @dataclass(frozen=True)
 class Polynomials:
-    """Derivatives of some inputs at the begin of a step, a linear function of the signals at both its ends.
+    """Derivatives of inputs at the start of a step, as linear functions of the signals at both its ends.
 
     :param which: input and order of each derivative.
-    :param known: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.
+    :param signals: indices of the signals that they depend on, at both ends, flat; ``scaling``: times which power of H.
     :param terms: of each derivative those of the known that it is a sum of, with ``factors``; shape (derivatives,
         terms).
     :param after: by which power of H it is divided then.
     """
 
     which: Sequence[tuple[int, int]]
-    known: Indices
+    signals: Indices
     scaling: Indices
     terms: Indices
     factors: NDArray[np.float64]
@@ -67,16 +67,16 @@ def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomial
     :param width: number of signals at one end.
     :param highest: order of the highest derivative; 1 leaves straight lines.
     """
-    curves = curves if highest > 1 else [curve.alone() for curve in curves]
-    known: dict[tuple[int, int], int] = {}
+    curves = curves if highest > 1 else [curve.linear() for curve in curves]
+    signals: dict[tuple[int, int], int] = {}
     for curve in curves:
         for end in (0, width):
             for i, index in enumerate(curve.data):
-                known.setdefault((end + index, i), len(known))
-    terms = [tuple(known[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
+                signals.setdefault((end + index, i), len(signals))
+    terms = [tuple(signals[end + index, i] for end in (0, width) for i, index in enumerate(c.data)) for c in curves]
     orders = tuple(curve.order for curve in curves)
-    indices = np.array([index for index, _ in known], dtype=np.intp)
-    return Polynomials(known=indices, **_alike(tuple(terms), orders, tuple(i for _, i in known), highest))
+    indices = np.array([index for index, _ in signals], dtype=np.intp)
+    return Polynomials(signals=indices, **_alike(tuple(terms), orders, tuple(i for _, i in signals), highest))
 
 
 @lru_cache(maxsize=1024)

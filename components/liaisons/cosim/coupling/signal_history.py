@@ -1,4 +1,4 @@
-"""What a group hands on: known at both ends of a step when its targets make theirs."""
+"""Past values of outputs without derivatives, from which compiled code makes their slopes."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Past = tuple[Vector, Vector, Indices]
 
 @final
 class SignalHistory:
-    """Signals that lead out of a group.
+    """Outputs of a strong component that feed others.
 
-    Where nobody gives their slopes, these are made: from the points before, else from two inside the step.  A discrete
-    one stays as it was at the begin of a step until its end.
+    Slopes that no FMU gives are made from the points before a step, else from two inside.  Discrete outputs keep their
+    value from the start of a step until its end.
 
-    :param curves: what the inputs outside follow.
-    :ivar made: the values whose slopes are made.
-    :ivar others: what these are at two more :attr:`instants`, from the begin of the step [s], where they have no past;
-        shape (2, n).
+    :param curves: curves of the inputs that are fed.
+    :ivar made: indices of the outputs whose slopes are made.
+    :ivar others: their values at two :attr:`instants` after the start of the step [s], if they have no past; shape
+        (2, n).
     """
 
     def __init__(self, signals: Signals, curves: Iterable[Curve]) -> None:

@@ -21,7 +21,7 @@ State = tuple[Vector, Vector, float]
 def watched(parts: Mapping[str, SystemComponent], feeds: Feeds) -> list[VariableReference]:
     """Outputs that are read besides the connected ones, since these are derivatives, or have them, in one port."""
     ports = (curve(parts, feeds, source)[0] for source in feeds.values())
-    return [place for triple in ports for place in triple]
+    return [reference for triple in ports for reference in triple]
 
 
 def curve(
@@ -59,7 +59,7 @@ class Curve:
     order: int
     rate: int
 
-    def alone(self) -> Curve:
+    def linear(self) -> Curve:
         """The straight line through its own values."""
         return Curve((self.data[self.order],), 0, self.rate)
 
@@ -70,8 +70,8 @@ class Signals:
 
     Index i < n is a value, n + i its slope, 2n a zero that stands for what is not known.
 
-    :param places: the outputs, those of one component side by side.
-    :param alone: components that are not told how their inputs move.
+    :param references: the outputs, those of one component side by side.
+    :param prescribed: components outside of cycles whose inputs hold or extrapolate, as the user has said.
     :ivar sloped: components that give derivatives of their outputs.
     :ivar ends: all at t and at t + H; ``earlier`` those at the point before t, ``since`` how long ago that was.
     :ivar rates: index of the derivative of each.
@@ -84,15 +84,15 @@ class Signals:
         self,
         parts: Mapping[str, SystemComponent],
         feeds: Feeds,
-        places: Sequence[VariableReference],
-        alone: Collection[str] = (),
+        references: Sequence[VariableReference],
+        prescribed: Collection[str] = (),
     ) -> None:
         self._parts = parts
-        self._alone = alone
+        self._prescribed = prescribed
         self._feeds = feeds
-        self.count = len(places)
-        self.places = places
-        self.index = {place: k for k, place in enumerate(places)}
+        self.count = len(references)
+        self.references = references
+        self.index = {reference: k for k, reference in enumerate(references)}
         self.sloped = self._find_sloped()
         self.zero = 2 * self.count
         self.ends = np.zeros((2, self.zero + 1))
@@ -101,19 +101,19 @@ class Signals:
         self.since = np.zeros(1)  # how long ago that was; 0: there was none
         self.held = np.zeros(self.zero + 1, dtype=bool)
         self.rates = np.full(self.zero + 1, self.zero, dtype=np.intp)
-        for place, k in self.index.items():
-            self.rates[k] = self._rate(place)
+        for reference, k in self.index.items():
+            self.rates[k] = self._rate(reference)
         self.kinds = self._units()
         self.sizes = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         self.result = np.zeros(self.zero + 1)
 
-    def slope(self, place: VariableReference) -> int:
+    def slope(self, reference: VariableReference) -> int:
         """Index of the slope of an output; that of the zero if there is none.
 
         Of what functions of time give, the acceleration of a port has one: its motion is known at both ends of a step.
         """
-        whole = place[0] == SIGNALS and len(curve(self._parts, self._feeds, place)[0]) == 3
-        return self.count + self.index[place] if whole or place[0] in self.sloped else self.zero
+        whole = reference[0] == SIGNALS and len(curve(self._parts, self._feeds, reference)[0]) == 3
+        return self.count + self.index[reference] if whole or reference[0] in self.sloped else self.zero
 
     def curve(self, input_: VariableReference, cycle: Collection[str] = ()) -> Curve:
         """What an input follows.
@@ -122,7 +122,7 @@ class Signals:
         """
         source = self._feeds[input_]
         triple, order = curve(self._parts, self._feeds, source)
-        data = [self.index[place] for place in triple]
+        data = [self.index[reference] for reference in triple]
         if len(data) == 1 and (source[0] in self.sloped or source[0] not in cycle):
             data.append(self.count + data[0])
         return Curve(tuple(data), order, self._rate(source))
@@ -133,18 +133,18 @@ class Signals:
         return self.zero if source[0] in cycle else self.index[curve(self._parts, self._feeds, source)[0][0]]
 
     def makes(self, index: int) -> bool:
-        """Whether the slope of a value is one that nobody gives."""
-        return self.places[index][0] not in self.sloped
+        """Whether no FMU gives the slope of a value."""
+        return self.references[index][0] not in self.sloped
 
     def continuous(self, index: int) -> bool:
         """Whether a value may change at any time; a discrete one jumps."""
-        name, variable = self.places[index]
+        name, variable = self.references[index]
         return name == SIGNALS or self._parts[name].fmu.variables[variable].continuous
 
     def triple(self, index: int) -> list[int]:
         """Value, rate and acceleration, if this is the index of an acceleration."""
-        triple, order = curve(self._parts, self._feeds, self.places[index])
-        return [self.index[place] for place in triple] if order == 2 and all(p in self.index for p in triple) else []
+        triple, order = curve(self._parts, self._feeds, self.references[index])
+        return [self.index[r] for r in triple] if order == 2 and all(r in self.index for r in triple) else []
 
     def _rate(self, source: VariableReference) -> int:
         triple, order = curve(self._parts, self._feeds, source)
@@ -152,20 +152,20 @@ class Signals:
 
     def _find_sloped(self) -> frozenset[str]:
         """Components whose outputs' derivatives are right: those whose inputs' derivatives can be told to them."""
-        found = {name for name, c in self._parts.items() if c.fmu.output_derivative_order > 0}
+        names = {name for name, c in self._parts.items() if c.fmu.output_derivative_order > 0}
         while True:
-            self.sloped = frozenset(found)
+            self.sloped = frozenset(names)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
-                told = self._parts[name].approximation.takes_polynomials and name not in self._alone
-                if name in found and not (told and self._rate(source) != self.zero):
-                    found.discard(name)
-            if len(found) == len(self.sloped):
+                informed = self._parts[name].approximation.takes_polynomials and name not in self._prescribed
+                if name in names and not (informed and self._rate(source) != self.zero):
+                    names.discard(name)
+            if len(names) == len(self.sloped):
                 return self.sloped
 
     def _units(self) -> NDArray[np.intp]:
         """Outputs of one unit share one size."""
-        owners = [driven(self._feeds, place) if place[0] == SIGNALS else place for place in self.places]
+        owners = [driven(self._feeds, r) if r[0] == SIGNALS else r for r in self.references]
         units = [self._parts[name].fmu.variables[variable].unit for name, variable in owners]
         return np.unique(units, return_inverse=True)[1]
 

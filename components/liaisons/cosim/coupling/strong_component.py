@@ -28,13 +28,13 @@ class _Equations:
     """The equations x = F(x) of one phase, for compiled code.
 
     :param calls: those of each node.
-    :param kept: what the record points to.
+    :param buffers: what the record points to.
     """
 
     record: StrongComponentRecord
     calls: Sequence[Sequence[Call]]
     newton: Newton | None
-    kept: object
+    buffers: object
 
 
 @final
@@ -148,7 +148,7 @@ class StrongComponent:
 
     def _raise_divergence(self, time: float, errors: Vector) -> None:
         worst = int(self._unknowns[int(np.argmax(errors))]) % self._signals.count
-        signal = ".".join(self._signals.places[worst])
+        signal = ".".join(self._signals.references[worst])
         names = ", ".join(node.name for node in self.nodes)
         cure = "choose a smaller step_size" + ("" if self._implicit else ", or coupling='implicit'")
         raise RefusedError(

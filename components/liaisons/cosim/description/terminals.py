@@ -8,12 +8,11 @@ phi, w, a, tau of a rotation, which are read as s, v, a, f.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import IO, NamedTuple, final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
-from liaisons.array_names import split
 from liaisons.cosim.description.archive import Archive
 from liaisons.cosim.description.variables import Variables
 from liaisons.cosim.description.xml_documents import tree
@@ -100,26 +99,20 @@ class Terminals:
 
     :ivar named: those that are in no other one, by name.
     :ivar renamed: value -> members, of ports whose variables are not called as :func:`port_names` does.
-    :ivar points: component of a point -> by the name of its value, without an index.
     """
 
-    def __init__(self, variables: Variables, declared: tuple[TerminalDescription, ...] = ()) -> None:
+    def __init__(self, variables: Variables, declared: Sequence[TerminalDescription] = ()) -> None:
         self.named: dict[str, TerminalDescription] = {}
         self.renamed: dict[str, PortNames] = {}
-        self.points: dict[str, PointComponent] = {}
         self._ports: dict[str, TerminalDescription] = {}  # by variable
+        self._points: dict[str, dict[str, TerminalDescription]] = {}  # by the names of variables
         for terminal in declared:
             self._add(terminal, variables)
-        points: dict[str, dict[str, TerminalDescription]] = {}
         for name in variables.entries:
             names = port_names(name)
             if name not in self._ports and {names.rate, names.acceleration} <= variables.entries.keys():
                 self._add(_conventional(names, variables), variables)
-            port = self._ports.get(name)
-            if names.axis and port is not None and port.point is None and port.motion and port.motion[0] == name:
-                points.setdefault(names.point, {})[names.axis] = port
-                self.points[split(name)[0]] = PointComponent(split(names.point)[0], names.axis)
-        for name, nested in points.items():
+        for name, nested in self._points.items():
             self.named.setdefault(name, TerminalDescription(name, nested=nested))
 
     def _add(self, terminal: TerminalDescription, variables: Variables) -> None:
@@ -136,9 +129,9 @@ class Terminals:
             usual, force = port_names(motion[0]), terminal.force or ""
             if motion != usual[:3] or force not in {"", usual.force, usual.load}:
                 self.renamed[motion[0]] = PortNames(*motion, force, "", "", "")
-            if terminal.point is not None:
-                point = PointComponent(split(terminal.point.point)[0], terminal.point.axis)
-                self.points.setdefault(split(motion[0])[0], point)
+            if terminal.point is None and usual.axis:
+                terminal = replace(terminal, point=PointComponent(usual.point, usual.axis))
+                self._points.setdefault(usual.point, {})[usual.axis] = terminal
             for member in terminal.members.values():  # of two terminals with the same variables, the first
                 self._ports.setdefault(member.variable, terminal)
 
@@ -176,19 +169,14 @@ def read_terminals(archive: Archive, variables: Variables) -> Terminals:
         return Terminals(variables)
     try:
         with archive.open(TERMINALS) as file:
-            return Terminals(variables, tuple(_parsed(file, variables)))
+            root = tree(file)
+        if root.tag != "fmiTerminalsAndIcons":
+            raise ValueError("its root is not fmiTerminalsAndIcons")
+        return Terminals(variables, [_terminal(element, variables) for element in root.iterfind("Terminals/Terminal")])
     except ValueError as error:
         reason = " ".join(str(error).split())
         logger.warning("%s: its %s is not used, names of variables tell its ports: %s", archive.path, TERMINALS, reason)
         return Terminals(variables)
-
-
-def _parsed(file: IO[bytes], variables: Variables) -> Iterator[TerminalDescription]:
-    root = tree(file)
-    if root.tag != "fmiTerminalsAndIcons":
-        raise ValueError("its root is not fmiTerminalsAndIcons")
-    for element in root.iterfind("Terminals/Terminal"):
-        yield _terminal(element, variables)
 
 
 def _terminal(element: Element, variables: Variables, around: str = "") -> TerminalDescription:

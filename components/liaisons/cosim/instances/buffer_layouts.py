@@ -1,4 +1,4 @@
-"""Scalars of a call and the variables, whole arrays of FMI 3.0 among them, that carry them, by their types.
+"""Layouts of the buffers of a call: its scalars, by type, as elements of whole variables.
 
 The run of a system knows doubles only: integers stand for themselves there (exactly up to 2^53), a Boolean is 0 or 1,
 and a string has its number in :mod:`liaisons.cosim.instances.texts`.
@@ -25,95 +25,94 @@ Transfer = Callable[[], int]
 @final
 @dataclass(frozen=True)
 class BufferLayout:
-    """Whole variables of one type, one behind the other in a buffer, and the scalars that are wanted of them.
+    """Variables of one type in a buffer, one after the other, and the scalars of a call among their elements.
 
     :param references: value references of the variables, in FMI 3.0 each once.
-    :param of: the type of C of their elements, so many as ``size``.
-    :param wanted: which of the scalars of the call these are.
-    :param places: where those stand in the buffer.
+    :param c_type: of their elements; ``size`` is their number.
+    :param scalars: indices of the scalars in the call; ``positions`` those in the buffer.
     """
 
     base: str
     references: tuple[int, ...]
-    of: Any
+    c_type: Any
     size: int
-    wanted: Sequence[int]
-    places: Sequence[int]
+    scalars: Sequence[int]
+    positions: Sequence[int]
 
     @cached_property
     def buffer(self) -> c.Array[Any]:
-        """Room for all elements."""
-        return (self.of * self.size)()
+        """Numbers, or pointers to strings, of all elements."""
+        return (self.c_type * self.size)()
 
     @cached_property
     def scratch(self) -> NDArray[Any]:
-        """The same as NumPy sees it; of strings, their numbers."""
+        """The buffer as an array; of strings, their numbers."""
         return np.zeros(self.size) if self.base == "String" else np.ctypeslib.as_array(self.buffer)
 
     @property
     def whole(self) -> bool:
         """Whether the scalars are all that the buffer holds."""
-        return len(self.places) == self.size
+        return len(self.positions) == self.size
 
     @property
     def direct(self) -> bool:
         """Whether the scalars are just what the buffer holds, doubles in this order."""
-        return self.base in {"Real", "Float64"} and list(self.places) == list(range(self.size))
+        return self.base in {"Real", "Float64"} and list(self.positions) == list(range(self.size))
 
-    def taken(self, read: Transfer, values: NDArray[np.float64]) -> int:
-        """Read the buffer, and hand on what is wanted of it."""
+    def read_into(self, read: Transfer, values: NDArray[np.float64]) -> int:
+        """Read the buffer, and copy the scalars to the values of the call."""
         status = read()
         if self.base == "String":
             self.scratch[:] = [texts.number(text) for text in self.buffer]
         values[self._targets] = self.scratch[self._sources]
         return status
 
-    def given(self, write: Transfer, values: NDArray[np.float64]) -> int:
-        """Write the buffer, with these values within what stands in it."""
+    def write_from(self, write: Transfer, values: NDArray[np.float64]) -> int:
+        """Write the buffer, with the scalars from the values of the call."""
         if self.base == "String":
-            for place, number in zip(self.places, values[self._targets].tolist(), strict=True):
-                self.buffer[place] = texts.text(number)
+            for position, number in zip(self.positions, values[self._targets].tolist(), strict=True):
+                self.buffer[position] = texts.text(number)
         else:
             self.scratch[self._sources] = values[self._targets]
         return write()
 
     @cached_property
     def _targets(self) -> NDArray[np.intp]:
-        return np.array(self.wanted, dtype=np.intp)
+        return np.array(self.scalars, dtype=np.intp)
 
     @cached_property
     def _sources(self) -> NDArray[np.intp]:
-        return np.array(self.places, dtype=np.intp)
+        return np.array(self.positions, dtype=np.intp)
 
 
-def carriers(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> list[BufferLayout]:
-    """The variables that carry these scalars, those of one type together.
+def layouts(fmu: Fmu, variables: Sequence[Scalar], types: Mapping[str, Any]) -> list[BufferLayout]:
+    """The layouts of scalars, one of each type.
 
     :param types: those of C, by the types in the names of FMI's functions.
     """
-    wanted: dict[str, list[int]] = {}
+    by_base: dict[str, list[int]] = {}
     for k, variable in enumerate(variables):
-        wanted.setdefault(variable.base, []).append(k)
-    return [carrier(fmu, variables, places, base, types[base]) for base, places in wanted.items()]
+        by_base.setdefault(variable.base, []).append(k)
+    return [layout(fmu, variables, scalars, base, types[base]) for base, scalars in by_base.items()]
 
 
-def carrier(
-    fmu: Fmu, variables: Sequence[Scalar], wanted: Sequence[int], base: str = "Float64", of: Any = c.c_double
+def layout(
+    fmu: Fmu, variables: Sequence[Scalar], scalars: Sequence[int], base: str = "Float64", c_type: Any = c.c_double
 ) -> BufferLayout:
-    """The variables that carry some of these scalars."""
+    """The layout of some of these scalars, of one type."""
     begins: dict[int, int] = {}
     references: list[int] = []
-    places: list[int] = []
+    positions: list[int] = []
     size = 0
-    for variable in (variables[k] for k in wanted):
+    for variable in (variables[k] for k in scalars):
         # in FMI 2.0 aliases are read twice, so that the buffer is as long as the call's
         begin = begins.setdefault(variable.reference, size) if fmu.version == 3 else size
         if begin == size:
             references.append(variable.reference)
             array = fmu.variables.whole(variable.name) if fmu.version == 3 else None
             size += array.size if array else 1
-        places.append(begin + variable.position)
-    return BufferLayout(base, tuple(references), of, size, wanted, places)
+        positions.append(begin + variable.position)
+    return BufferLayout(base, tuple(references), c_type, size, scalars, positions)
 
 
 def counted(references: Sequence[int]) -> tuple[object, object]:

@@ -77,7 +77,7 @@ class Cvode:
     def __init__(self, size: int, count: int, rates: Function, indicators: Function, tolerance: float) -> None:
         self._said, self._tolerance = "", tolerance
         self._time, address = c.c_double(), cache(_data)
-        view = cache(lambda there: _numbers(there, count))
+        view = cache(lambda address: _numbers(address, count))
 
         def right_hand_side(t: float, y: int, result: int, _: object) -> int:
             if not size:  # one that stays as it is
@@ -115,7 +115,7 @@ class Cvode:
             self._check(_root_init(self._memory, count, self._functions[1]))
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
-        """Begin anew at this time [s] from :attr:`states`, which have these nominal values, all above 0."""
+        """Restart at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
         self._largest[: self.states.size] = np.asarray(nominals) * self._tolerance
         self._check(_set_tolerances(self._memory, self._tolerance, self._errors))
         self._check(_restart(self._memory, time, self._vector))

@@ -48,12 +48,12 @@ class _Equations(c.Structure):
 
 
 def library() -> c.CDLL | None:
-    """Its code; None where it cannot be compiled."""
-    found = loaded(_SOURCES, "Model Exchange is solved by CVODE")
-    if found is not None:
-        found.dop853_room.restype, found.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
-        found.dop853_step.argtypes = [c.c_void_p, c.c_double]
-    return found
+    """Its code; None if it cannot be compiled."""
+    code = loaded(_SOURCES, "Model Exchange is solved by CVODE")
+    if code is not None:
+        code.dop853_room.restype, code.dop853_room.argtypes = c.c_size_t, [c.c_size_t, c.c_size_t]
+        code.dop853_step.argtypes = [c.c_void_p, c.c_double]
+    return code
 
 
 @final
@@ -101,13 +101,13 @@ class Dop853:
         return self._equations.at
 
     def restart(self, time: float, nominals: ArrayLike) -> None:
-        """Begin anew at this time [s] from :attr:`states`, which have these nominal values, all above 0."""
+        """Restart at a time [s] from :attr:`states`, with positive nominal values, shape (size,)."""
         e = self._equations
         self._low[:], self._size[:] = 0.0, nominals
         e.time, e.step, e.met, e.missed, self.stiff = time, 0.0, 0, 0, False
 
     def follow(self, motion: InputMotion | None) -> None:
-        """Let inputs move so from now on; None: none moves."""
+        """Let inputs follow polynomials from now on; None: hold them."""
         e = self._equations
         if motion is None:
             e.put = None
@@ -133,15 +133,15 @@ class Dop853:
         return self._equations.time, outcome == _EVENT
 
     def memory(self) -> Memory:
-        """What :meth:`remember` needs to go on from here once more."""
+        """The present state, for :meth:`remember`."""
         e = self._equations
         return e.time, e.step, self.states.copy(), self._low.copy()
 
     def remember(self, memory: Memory) -> None:
-        """Go back."""
+        """Restore a state."""
         e = self._equations
         e.time, e.step, self.states[:], self._low[:] = memory
         e.met = e.missed = 0
 
     def close(self) -> None:
-        """Nothing is to be released."""
+        """Do nothing: there is nothing to release."""

@@ -65,18 +65,10 @@ class Instance2(Loaded, ABC):
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
         call = self._prepared("derive", *_references(unknowns), *_references(knowns), seed, values)
-        (given, count), (known, many) = _references(unknowns), _references(knowns)
-        call.kept = more = (c_void_p * 2)(addressof(known), addressof(seed))
-        return call.recorded(
-            DERIVE_2,
-            function=call.func,
-            instance=self._pointer.value,
-            given=addressof(given),
-            count=count.value,
-            values=addressof(values),
-            size=many.value,
-            more=addressof(more),
-        )
+        (rows, row_count), (columns, column_count) = _references(unknowns), _references(knowns)
+        call.buffers = more = (c_void_p * 2)(addressof(columns), addressof(seed))
+        record = {"source": rows, "count": row_count.value, "values": values, "size": column_count.value, "more": more}
+        return call.recorded(DERIVE_2, self._pointer.value, **record)
 
     def _forget(self, library: CDLL) -> None:
         _instances.pop(self._handle, None)
@@ -85,19 +77,14 @@ class Instance2(Loaded, ABC):
             # go of it before; it takes hold of it again when it is needed
             library.finalizePythonInterpreter()
 
-    def _whole(self, action: Action, carrier: BufferLayout, values: Numbers | None = None) -> Call:
-        values = carrier.buffer if values is None else values
-        references, count = _numbers(carrier.references)
-        name = self._transferring(action, carrier)
-        call = Call(self._function(name), self._pointer, references, count, values).of(action, self._failing(name))
-        return call.recorded(
-            TRANSFER_2,
-            function=call.func,
-            instance=self._pointer.value,
-            given=addressof(references),
-            count=len(carrier.references),
-            values=addressof(values),
+    def _whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
+        values = layout.buffer if values is None else values
+        references, count = _numbers(layout.references)
+        name = self._transferring(action, layout)
+        call = Call(self._function(name), self._pointer, references, count, values).with_failure(
+            action, self._failing(name)
         )
+        return call.recorded(TRANSFER_2, self._pointer.value, source=references, count=count.value, values=values)
 
 
 @final
@@ -109,7 +96,7 @@ class CoSimulation2(Instance2):
     def stepper(self, time: c_double, size: c_double) -> Call:
         self._span = time, size
         call = self._prepared("step", time, size, _YES)
-        return call.recorded(STEP_2, function=call.func, instance=self._pointer.value)
+        return call.recorded(STEP_2, self._pointer.value)
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         return self._of_orders("shape", variables, orders, values)
@@ -118,17 +105,10 @@ class CoSimulation2(Instance2):
         return self._of_orders("slope", variables, orders, values)
 
     def _of_orders(self, action: Action, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        (references, count), (many, _) = _references(variables), _numbers(tuple(orders), c_int)
-        call = self._prepared(action, references, count, many, values)
-        return call.recorded(
-            ORDERS_2,
-            function=call.func,
-            instance=self._pointer.value,
-            given=addressof(references),
-            count=count.value,
-            values=addressof(values),
-            more=addressof(many),
-        )
+        (references, count), (numbers, _) = _references(variables), _numbers(tuple(orders), c_int)
+        call = self._prepared(action, references, count, numbers, values)
+        record = {"source": references, "count": count.value, "values": values, "more": numbers}
+        return call.recorded(ORDERS_2, self._pointer.value, **record)
 
     def _end(self) -> float | None:
         if any(status >= DISCARD for status, _ in self._said):
@@ -148,9 +128,9 @@ def _references(variables: Scalars) -> tuple[Array[Any], c_size_t]:
 
 
 @lru_cache(maxsize=1024)
-def _numbers(numbers: tuple[int, ...], of: Any = c_uint) -> tuple[Array[Any], c_size_t]:
+def _numbers(numbers: tuple[int, ...], c_type: Any = c_uint) -> tuple[Array[Any], c_size_t]:
     """Shared by all instances, as functions are: what a thousand of them have in common stays in the cache."""
-    return (of * len(numbers))(*numbers), c_size_t(len(numbers))
+    return (c_type * len(numbers))(*numbers), c_size_t(len(numbers))
 
 
 @fmi2CallbackLoggerTYPE

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from liaisons.cosim.compiled.calls import STEP_3, TRANSFER_3, Action, Call
 from liaisons.cosim.description.fmu import Fmu
-from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, carrier, carriers, counted
+from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, buffered, counted, layout, layouts
 from liaisons.cosim.instances.protocol import Loaded, Numbers, Scalars
 from liaisons.cosim.instances.trial import NUMBERS
 from liaisons.cosim.messages import DISCARD
@@ -70,27 +70,22 @@ class Instance3(Loaded, ABC):
         """Arguments of its kind alone: after whether it logs, and at the end."""
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        rows, columns = (carrier(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
+        rows, columns = (layout(self._fmu, variables, range(len(variables))) for variables in (unknowns, knowns))
         references = *counted(rows.references), *counted(columns.references)
         multiply = self._prepared("derive", *references, *buffered(columns.buffer), *buffered(rows.buffer))
-        read = partial(rows.taken, multiply, np.ctypeslib.as_array(values))
-        return Call(columns.given, read, np.ctypeslib.as_array(seed)).of("derive", self.failure)
+        read = partial(rows.read_into, multiply, np.ctypeslib.as_array(values))
+        return Call(columns.write_from, read, np.ctypeslib.as_array(seed)).with_failure("derive", self.failure)
 
-    def _whole(self, action: Action, carrier: BufferLayout, values: Numbers | None = None) -> Call:
-        values = carrier.buffer if values is None else values
-        given = (c.c_uint32 * len(carrier.references))(*carrier.references)
-        name = self._transferring(action, carrier)
+    def _whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
+        values = layout.buffer if values is None else values
+        references = (c.c_uint32 * len(layout.references))(*layout.references)
+        name = self._transferring(action, layout)
         function = self._function(name)
-        call = Call(function, self._pointer, *buffered(given), *buffered(values)).of(action, self._failing(name))
-        return call.recorded(
-            TRANSFER_3,
-            function=function,
-            instance=self._pointer.value,
-            given=c.addressof(given),
-            count=len(given),
-            values=c.addressof(values),
-            size=len(values),
+        call = Call(function, self._pointer, *buffered(references), *buffered(values)).with_failure(
+            action, self._failing(name)
         )
+        record = {"source": references, "count": len(references), "values": values, "size": len(values)}
+        return call.recorded(TRANSFER_3, self._pointer.value, **record)
 
 
 @final
@@ -134,17 +129,17 @@ class CoSimulation3(Instance3):
                 self._count = self._worst_answer = 0
             return max(status, DISCARD) if ended.terminate or ended.early else status
 
-        call = Call(advance).of("step", self.failure)
+        call = Call(advance).with_failure("step", self.failure)
         if asked:  # the compiled loop would not look at the answers
             return call
-        given, values = c.addressof(self._final), c.addressof(ended)
-        return call.recorded(STEP_3, function=step.func, instance=self._pointer.value, given=given, values=values)
+        call.record = step.recorded(STEP_3, self._pointer.value, source=self._final, values=ended).record
+        return call
 
     def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
-        found = carriers(self._fmu, variables, self.types)
-        writes = [(carrier, self._whole("set", carrier)) for carrier in found]
-        reads = [self._whole("get", carrier) for carrier in found if not carrier.whole]
-        self._answers = [[partial(carrier.given, write, row) for carrier, write in writes] for row in values]
+        inputs = layouts(self._fmu, variables, self.types)
+        writes = [(part, self._whole("set", part)) for part in inputs]
+        reads = [self._whole("get", part) for part in inputs if not part.whole]
+        self._answers = [[partial(part.write_from, write, row) for part, write in writes] for row in values]
         return self._all("set", reads, self.functions["get"])
 
     def states(self) -> tuple[Call, Call]:
@@ -154,10 +149,10 @@ class CoSimulation3(Instance3):
     def output_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
         reads = []
         for order in sorted(set(orders)):
-            found = carrier(self._fmu, variables, [k for k, other in enumerate(orders) if other == order])
-            many = (c.c_int32 * len(found.references))(*[order] * len(found.references))
-            read = self._prepared("slope", *counted(found.references), c.byref(many), *buffered(found.buffer))
-            reads.append(partial(found.taken, read, np.ctypeslib.as_array(values)))
+            outputs = layout(self._fmu, variables, [k for k, other in enumerate(orders) if other == order])
+            numbers = (c.c_int32 * len(outputs.references))(*[order] * len(outputs.references))
+            read = self._prepared("slope", *counted(outputs.references), c.byref(numbers), *buffered(outputs.buffer))
+            reads.append(partial(outputs.read_into, read, np.ctypeslib.as_array(values)))
         return self._all("slope", reads, self.functions["slope"])
 
     def failure(self, action: Action, status: int, when: str) -> SimulationError:

@@ -49,7 +49,7 @@ typedef struct {
 
 typedef struct {
     Far *far;
-    double *given, *found; /* what the call is given, and where it puts what it finds */
+    double *arguments, *results; /* of the call */
     int32_t number;
     uint32_t posted; /* once it is made, what is made is at least this */
 } Command;
@@ -122,7 +122,7 @@ EXPORT int finish(Far *far) {
     return c->status;
 }
 
-/* The slot is free for what the next call is given. */
+/* The slot is free for the arguments of the next call. */
 static int freed(Command *command) {
     const Far *far = command->far;
     return (int32_t)(look(&far->channel->made) - command->posted) < 0 ? finish(command->far) : far->lost;
@@ -144,14 +144,14 @@ EXPORT int set(Command *command, const unsigned *references, size_t count, const
     (void)references;
     const int status = freed(command);
     if (status > WARNING) return status;
-    memcpy(command->given, values, count * sizeof(double));
+    memcpy(command->arguments, values, count * sizeof(double));
     return post(command);
 }
 
 EXPORT int collect(Command *command, const unsigned *references, size_t count, double values[]) {
     (void)references;
     const int status = finish(command->far);
-    if (status <= WARNING) memcpy(values, command->found, count * sizeof(double));
+    if (status <= WARNING) memcpy(values, command->results, count * sizeof(double));
     return status;
 }
 

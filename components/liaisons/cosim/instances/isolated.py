@@ -1,7 +1,7 @@
-"""An FMU in a process of its own: it may crash, end its process or hang, and only its run ends, with what there is.
+"""An FMU in a process of its own: if it crashes, exits or hangs, only its run ends, with the result so far.
 
-The process is forked, makes the instance and every call of it.  What is seldom goes through a pipe, calls that were
-prepared through shared memory; see ``isolated.c``.
+The process is forked, makes the instance and calls it.  Rare calls go through a pipe, prepared ones through shared
+memory; see ``isolated.c``.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class _Far(c.Structure):
 
 @final
 class _Command(c.Structure):
-    _fields_ = [(name, c.c_void_p) for name in ("far", "given", "found")] + [
+    _fields_ = [(name, c.c_void_p) for name in ("far", "arguments", "results")] + [
         ("number", c.c_int32),
         ("posted", c.c_uint32),
     ]
@@ -159,9 +159,9 @@ class Isolated(Instance):
         self._memory = mmap(-1, _MEMORY + 8 * _NUMBERS * scalars)
         self._channel = _Channel.from_buffer(self._memory)
         self._used = c.sizeof(_Channel)
-        self._reason = self._asked_for = ""
-        self._pipe, there = Pipe()
-        self._child: int | None = _forked(self._pipe, there, library, self._channel, make)
+        self._reason = self._task = ""
+        self._pipe, child_end = Pipe()
+        self._child: int | None = _forked(self._pipe, child_end, library, self._channel, make)
         addresses = [c.cast(c.pythonapi[word], c.c_void_p).value for word in _INTERPRETER]
         self._far = _Far(c.addressof(self._channel), self._child, 0, limit, 0, *addresses)
         self._commands: list[_Command] = []
@@ -187,7 +187,7 @@ class Isolated(Instance):
         self._ask(f"fmi{self._fmu.version}ExitInitializationMode", "exit_initialization")
 
     def reset(self) -> None:
-        self._ask("its return to the begin", "reset")
+        self._ask("its reset", "reset")
 
     def getter(self, variables: Scalars, values: Numbers) -> Call:
         self._far.reads = 1
@@ -202,19 +202,21 @@ class Isolated(Instance):
         first, _ = self._prepared("stepper", shapes=[None, None])
         command = self._command(first)
         call = self._kept(Call(self._library.step, c.byref(command), time, size, 1), "step")
-        return call.recorded(STEP_2, function=call.func, instance=c.addressof(command))
+        return call.recorded(STEP_2, c.addressof(command))
 
     def states(self) -> tuple[Call, Call]:
         self._prepared("states")
         return self._posted("save"), self._posted("restore")
 
     def directional(self, unknowns: Scalars, knowns: Scalars, seed: Numbers, values: Numbers) -> Call:
-        given, found = self._prepared("directional", unknowns, knowns, shapes=[len(knowns), len(unknowns)])
-        command, functions = self._command(given, found), self._library
+        arguments, results = self._prepared("directional", unknowns, knowns, shapes=[len(knowns), len(unknowns)])
+        command, functions = self._command(arguments, results), self._library
         one, other = (c.c_size_t(len(knowns)), c.byref(seed)), (c.c_size_t(len(unknowns)), c.byref(values))
         call = self._kept(Call(functions.derive, c.byref(command), *one, *other), "derive")
         halves = (functions.set, *one), (functions.collect, *other)
-        write, read = (Call(f, c.byref(command), None, *rest).of("derive", self.failure) for f, *rest in halves)
+        write, read = (
+            Call(f, c.byref(command), None, *rest).with_failure("derive", self.failure) for f, *rest in halves
+        )
         self._halves[call] = write, read
         return call
 
@@ -290,41 +292,40 @@ class Isolated(Instance):
         call = self._kept(
             Call(function, c.byref(command), None, c.c_size_t(len(values)), c.byref(values)), action, label
         )
-        places = {"instance": c.addressof(command), "values": c.addressof(values)}
-        return call.recorded(TRANSFER_2, function=function, count=len(values), **places)
+        return call.recorded(TRANSFER_2, c.addressof(command), count=len(values), values=values)
 
     def _kept(self, call: Call, action: Action, label: str | None = None) -> Call:
         """The call of the last command, whose function of FMI is called so."""
         self._calls.append(call)
         self._labels.append(self._functions.get(action, action) if label is None else label)
-        return call.of(action, self.failure)
+        return call.with_failure(action, self.failure)
 
     def _transferring(self, word: str, variables: Scalars) -> str:
         return " or ".join(f"fmi{self._fmu.version}{word}{base}" for base in dict.fromkeys(v.base for v in variables))
 
-    def _ask(self, what: str, *message: object) -> Any:
-        """Have something done there, once all that was posted is made.
+    def _ask(self, task: str, *message: object) -> Any:
+        """Call the other process, once all posted calls are made.
 
-        :param what: for a message.
+        :param task: for a message.
         """
         status = self._library.finish(c.byref(self._far))
         if status > WARNING:
             raise self.failure("copy", status, "")
-        return self._asked(what, *message)
+        return self._asked(task, *message)
 
-    def _asked(self, what: str, *message: object) -> Any:
+    def _asked(self, task: str, *message: object) -> Any:
         if not self._far.lost:
-            self._asked_for = what
+            self._task = task
             self._calls[_LISTEN]()
         if self._far.lost:
             raise SimulationError(self._lost(self._far.lost, ""))
         with suppress(OSError):  # it has just ended, as the answer will tell
             self._pipe.send(message)
-        return self._answer(what)
+        return self._answer(task)
 
-    def _answer(self, what: str) -> Any:
-        self._asked_for = what
-        lost, self._far.lost = _ENDED, _ENDED  # if an interrupt comes while we wait, nobody knows where it is
+    def _answer(self, task: str) -> Any:
+        self._task = task
+        lost, self._far.lost = _ENDED, _ENDED  # an interrupt while we wait leaves its state unknown
         try:
             error, value, lost = None, None, _LATE
             while lost and self._pipe.poll(self._far.limit):
@@ -355,21 +356,21 @@ class Isolated(Instance):
                     if isinstance(level, int):
                         self._log(level, text)
             number = self._channel.numbers[self._channel.made % _ROOM]
-            what = self._labels[number] or self._asked_for
+            task = self._labels[number] or self._task
             how = self._ended()
             fate = (
                 f"crashed ({how})"
                 if status == _ENDED
                 else f"has not returned within {self._far.limit:g} s; give isolated more seconds if it needs them"
             )
-            self._reason = f"{self.name}: {what}{self._when(number, when)} {fate}"
+            self._reason = f"{self.name}: {task}{self._when(number, when)} {fate}"
         return self._reason
 
     def _when(self, number: int, when: str) -> str:
         """When a call was made; a step of its own, which may have been posted before the call that fails."""
         if self._calls[number].action != "step":
             return f" at t{when.rpartition(' t')[2]}" if when else ""
-        time, size = (c.c_double * 2).from_address(self._commands[number].given)
+        time, size = (c.c_double * 2).from_address(self._commands[number].arguments)
         return f" from t = {time:.10g} s to t = {time + size:.10g} s"
 
     def _ended(self) -> str:
@@ -387,12 +388,12 @@ class Isolated(Instance):
         return f"signal {-code}"
 
 
-def _forked(pipe: Connection, there: Connection, *task: Any) -> int:
+def _forked(pipe: Connection, child_end: Connection, *task: Any) -> int:
     """The id of a process that guards one that works."""
 
     def close() -> None:
         pipe.close()
-        there.close()
+        child_end.close()
 
     _flush()
     with warnings.catch_warnings():
@@ -400,14 +401,14 @@ def _forked(pipe: Connection, there: Connection, *task: Any) -> int:
         warnings.simplefilter("ignore", DeprecationWarning)
         child = fork_guarded(close=close)
     if child:
-        there.close()
+        child_end.close()
         return child
     try:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         faulthandler.disable()  # the parent says what has happened
         gc.freeze()
         pipe.close()
-        _work(there, *task)
+        _work(child_end, *task)
     finally:
         _flush()
         os._exit(0)

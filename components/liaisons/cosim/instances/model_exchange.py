@@ -1,7 +1,7 @@
-"""Running FMUs of Model Exchange: their states are integrated here from each event to the next one.
+"""Running FMUs of Model Exchange, whose states are integrated here from event to event.
 
-By DOP853, whose steps can be taken back; by CVODE where equations are stiff, or there is no C compiler.  An
-input that is told how it moves within a step moves so; else it is held.
+DOP853, whose steps can be repeated, integrates them; CVODE, if they are stiff or there is no C compiler.  Inputs follow
+their derivatives within a step, if these are set, else they are held.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _FORWARD = (4.0, -3.0, 4 / 3, -1 / 4)
 class ModelExchange(Loaded, ABC):
     """An instance of Model Exchange: between steps in continuous-time mode, where its outputs are those of the time.
 
-    :param stiff: CVODE integrates from the begin on.
+    :param stiff: CVODE integrates from the start on.
     :cvar derivatives: the function that calculates them.
     """
 
@@ -67,7 +67,7 @@ class ModelExchange(Loaded, ABC):
         self._motion: InputMotion | None = None
         super().__init__(name, fmu, directory)
 
-    # ---- from the begin to the first step
+    # ---- initialization
 
     def initialize(
         self, starts: Mapping[str, Value], tolerance: float | None, start_time: float, stop_time: float
@@ -82,9 +82,9 @@ class ModelExchange(Loaded, ABC):
         super().exit_initialization()
         if self._solver is None:
             states, indicators = self._sizes()
-            for what, number in (("states", states), ("event indicators", indicators)):
+            for noun, number in (("states", states), ("event indicators", indicators)):
                 if number not in range(_MOST_NUMBERS):
-                    raise SimulationError(f"{self.name}: says that it has {number} {what}; ask its maker")
+                    raise SimulationError(f"{self.name}: says that it has {number} {noun}; ask its maker")
             self._nominals, self._indicators = np.ones(states), np.zeros(indicators)
             self._set_time = self._function(f"{self.prefix}SetTime")
             self._set_states = self._function(f"{self.prefix}SetContinuousStates")
@@ -111,7 +111,7 @@ class ModelExchange(Loaded, ABC):
         if self._solver is not None:
             self._solver.close()
         self._solver, self._stale = solver, True
-        self._there = c_void_p(solver.states.ctypes.data)
+        self._states_address = c_void_p(solver.states.ctypes.data)
 
     @abstractmethod
     def _sizes(self) -> tuple[int, int]:
@@ -141,10 +141,10 @@ class ModelExchange(Loaded, ABC):
                 self._iterate()
             return status
 
-        return Call(put).of("set", write.failure or self.failure)
+        return Call(put).with_failure("set", write.failure or self.failure)
 
     def _placed(self, variables: Scalars) -> NDArray[np.intp]:
-        """Where inputs stand among those that are held."""
+        """Indices of inputs among those that are held."""
         places = [self._places.setdefault(variable.name, len(self._places)) for variable in variables]
         self._held = np.full(len(self._places), np.nan)
         return np.array(places, dtype=np.intp)
@@ -155,7 +155,7 @@ class ModelExchange(Loaded, ABC):
         rows = [inputs.index(variables[k]) for k in moving]
         motion = InputMotion([orders[k] for k in moving], rows, (values, moving), self._placed(inputs))
         motion.read, motion.write = self.getter(inputs, motion.buffer), super().setter(inputs, motion.buffer)
-        return Call(setattr, self, "_motion", motion).of("shape", self.failure)
+        return Call(setattr, self, "_motion", motion).with_failure("shape", self.failure)
 
     def _begin_motion(self) -> None:
         if self._motion is not None:
@@ -187,17 +187,17 @@ class ModelExchange(Loaded, ABC):
                 states = solver.states + k * apart * rates
                 self._require(self._place(begin + k * apart, c_void_p(states.ctypes.data)))
                 total += factor * take()
-            self._require(self._place(begin, self._there))
+            self._require(self._place(begin, self._states_address))
             self._motion = None
             result[:] = total / apart
             return 0
 
-        return Call(differentiate).of("slope", self.failure)
+        return Call(differentiate).with_failure("slope", self.failure)
 
     # ---- a step
 
     def stepper(self, time: c_double, size: c_double) -> Call:
-        return Call(self._advance, time, size).of("step", self.failure)
+        return Call(self._advance, time, size).with_failure("step", self.failure)
 
     def _advance(self, time: c_double, size: c_double) -> int:
         try:
@@ -255,7 +255,7 @@ class ModelExchange(Loaded, ABC):
                 self._check_rates(solver.states)
                 self._change_solver()
                 return False
-        self._require(self._place(time, self._there))
+        self._require(self._place(time, self._states_address))
         if isinstance(self._solver, Dop853) and self._solver.stiff:
             self._change_solver()
         return self._completed() or event
@@ -264,14 +264,14 @@ class ModelExchange(Loaded, ABC):
         """Whether the derivatives are finite where no step is small enough, and right after it."""
         begin, rates = self._clock.value, np.zeros_like(states)
         for later in (0.0, _STUCK * self._size, 4 * float(np.spacing(abs(begin)))):
-            there = states + later * rates
-            self._require(self._place(begin + later, c_void_p(there.ctypes.data)))
+            trial = states + later * rates
+            self._require(self._place(begin + later, c_void_p(trial.ctypes.data)))
             self._call(self.derivatives, c_void_p(rates.ctypes.data), self._count, about=self._when())
             if not np.isfinite(rates).all():
                 k = int(np.argmin(np.isfinite(rates)))
                 words = f"the derivative of continuous state {k + 1} is {rates[k]:g}{self._when()}, where that is"
-                raise RefusedError(f"{self.name}: {words} {there[k]:.10g}; choose other start values, or ask its maker")
-        self._require(self._place(begin, self._there))
+                raise RefusedError(f"{self.name}: {words} {trial[k]:.10g}; choose other start values, or ask its maker")
+        self._require(self._place(begin, self._states_address))
 
     def _accepted(self, solver: Dop853) -> bool:
         """Whether the FMU has refused nothing that it was asked in the last step."""
@@ -285,12 +285,12 @@ class ModelExchange(Loaded, ABC):
         return False
 
     def _begun(self) -> Cvode | Dop853:
-        """The solver, which has begun anew where it had to."""
+        """The solver, restarted if the states may have changed."""
         solver = self._solver
         assert solver is not None
         if self._stale:
             if self._count.value:
-                self._call(f"{self.prefix}GetContinuousStates", self._there, self._count)
+                self._call(f"{self.prefix}GetContinuousStates", self._states_address, self._count)
                 nominals = c_void_p(self._nominals.ctypes.data)
                 self._call(f"{self.prefix}GetNominalsOfContinuousStates", nominals, self._count)
             solver.restart(self._clock.value, self._sizes_of_states())
@@ -342,7 +342,7 @@ class ModelExchange(Loaded, ABC):
         self._clock.value = time
         fine = self._fine(f"{self.prefix}SetTime", self._set_time(self._pointer, self._clock))
         if fine and self._motion is not None:
-            self._motion.go(time)
+            self._motion.evaluate(time)
             fine = self._fine(self.functions["set"], self._motion.write())
         if fine and self._count.value:
             status = self._set_states(self._pointer, states, self._count)
@@ -404,8 +404,8 @@ class ModelExchange(Loaded, ABC):
         if not self._indicators.size:
             return False
         before = self._indicators > 0
-        there = c_void_p(self._indicators.ctypes.data), c_size_t(self._indicators.size)
-        self._call(f"{self.prefix}GetEventIndicators", *there)
+        address, size = c_void_p(self._indicators.ctypes.data), c_size_t(self._indicators.size)
+        self._call(f"{self.prefix}GetEventIndicators", address, size)
         if np.isnan(self._indicators).any() and not self._warned_of_indicators:
             self._warned_of_indicators = True
             logger.warning("%s: an event indicator is nan%s, so that events may be missed", self.name, self._when())
@@ -420,23 +420,23 @@ class ModelExchange(Loaded, ABC):
     # ---- back
 
     def states(self) -> tuple[Call, Call]:
-        """As :meth:`Instance.states`; CVODE, which cannot go back, begins anew after both."""
+        """As :meth:`Instance.states`; CVODE, whose state cannot be saved, restarts after both."""
         self._final = self.flag(False)
         save, restore = super().states()
-        kept: list[Any] = []
+        saved: list[Any] = []
         memory: list[Any] = []
 
         def take() -> int:
             if self._initialized:
-                kept[:] = self._clock.value, self._next_event, self._jumped, self._held.copy(), self._indicators.copy()
+                saved[:] = self._clock.value, self._next_event, self._jumped, self._held.copy(), self._indicators.copy()
                 solver = self._solver
                 memory[:] = [] if self._stale or not isinstance(solver, Dop853) else [solver, solver.memory()]
                 self._stale = not memory
             return save()
 
         def go_back() -> int:
-            if self._initialized and kept:
-                self._clock.value, self._next_event, self._jumped, self._held[:], self._indicators[:] = kept
+            if self._initialized and saved:
+                self._clock.value, self._next_event, self._jumped, self._held[:], self._indicators[:] = saved
                 self._end_time, self._motion = math.inf, None
                 self._stale = not memory or self._solver is not memory[0]
                 if not self._stale:
@@ -445,13 +445,13 @@ class ModelExchange(Loaded, ABC):
                     self._warn_of_repeats()
             return restore()
 
-        return Call(take).of("save", self.failure), Call(go_back).of("restore", self.failure)
+        return Call(take).with_failure("save", self.failure), Call(go_back).with_failure("restore", self.failure)
 
     def _warn_of_repeats(self) -> None:
         if not self._warned_of_repeats:
             self._warned_of_repeats = True
             words = "CVODE, which cannot go back, integrates its equations: steps that are repeated, first"
-            more = "begin anew and are less accurate; smaller ones and a smaller tolerance may be needed"
+            more = "restart and are less accurate; smaller ones and a smaller tolerance may be needed"
             logger.warning("%s: %s from%s, %s", self.name, words, self._when(""), more)
 
     def _forget(self, library: CDLL) -> None:
@@ -461,10 +461,12 @@ class ModelExchange(Loaded, ABC):
 
 
 @final
-class _Discrete(Structure):
-    """What an event iteration leads to: ``fmi2EventInfo``."""
+class _EventInfo(Structure):
+    """``fmi2EventInfo``."""
 
-    _fields_ = [(name, c_int) for name in ("again", "ends", "nominals", "states", "known")] + [("next_event", c_double)]
+    _fields_ = [(name, c_int) for name in ("again", "ends", "nominals", "states", "defined")] + [
+        ("next_event", c_double)
+    ]
 
 
 @final
@@ -478,9 +480,9 @@ class ModelExchange2(ModelExchange, Instance2):
         return self._fmu.states, self._fmu.indicators
 
     def _updated(self) -> tuple[bool, bool, float]:
-        found = _Discrete()
-        self._call("fmi2NewDiscreteStates", byref(found), about=self._when())
-        return bool(found.again), bool(found.ends), found.next_event if found.known else math.inf
+        info = _EventInfo()
+        self._call("fmi2NewDiscreteStates", byref(info), about=self._when())
+        return bool(info.again), bool(info.ends), info.next_event if info.defined else math.inf
 
 
 @final
@@ -500,11 +502,10 @@ class ModelExchange3(ModelExchange, Instance3):
         return states.value, indicators.value
 
     def _updated(self) -> tuple[bool, bool, float]:
-        again, ends, nominals, states, known = (c_bool() for _ in range(5))
-        next_event = c_double()
-        found = again, ends, nominals, states, known, next_event
-        self._call("fmi3UpdateDiscreteStates", *map(byref, found), about=self._when())
-        return again.value, ends.value, next_event.value if known.value else math.inf
+        flags, next_event = [c_bool() for _ in range(5)], c_double()
+        self._call("fmi3UpdateDiscreteStates", *map(byref, (*flags, next_event)), about=self._when())
+        again, ends, _nominals, _states, defined = (flag.value for flag in flags)
+        return again, ends, next_event.value if defined else math.inf
 
 
 def _cvode() -> type[Cvode]:

@@ -16,13 +16,13 @@ from liaisons.cosim.instances.protocol import Numbers
 
 @final
 class InputMotion:
-    """Taylor polynomials of inputs, from where they are at the begin of a step.
+    """Taylor polynomials of inputs, from their values at the start of a step.
 
-    :param orders: of the derivatives that are told, each of the input with the number in ``rows``.
-    :param told: where the derivatives stand, and which of them.
-    :param places: of the inputs among all that are held.
+    :param orders: of the derivatives, each of the input with the number in ``rows``.
+    :param derivatives: a buffer, and the indices of the derivatives in it.
+    :param places: indices of the inputs among all that are held.
     :ivar values: of the inputs, shape (inputs,); ``buffer`` is the same.
-    :ivar first: these at the begin, which is ``start`` [s].
+    :ivar first: these at ``start`` [s].
     :ivar slopes: the factors of the powers of time, shape (orders,).
     :ivar read: a call that reads the inputs into the buffer; ``write``: one that sets them.
     """
@@ -31,21 +31,27 @@ class InputMotion:
     write: Call
 
     def __init__(
-        self, orders: Sequence[int], rows: Sequence[int], told: tuple[Numbers, Sequence[int]], places: NDArray[np.intp]
+        self,
+        orders: Sequence[int],
+        rows: Sequence[int],
+        derivatives: tuple[Numbers, Sequence[int]],
+        places: NDArray[np.intp],
     ) -> None:
-        self.orders, self.rows, self._told = (np.array(numbers, dtype=np.intp) for numbers in (orders, rows, told[1]))
-        self._all, self.places = np.ctypeslib.as_array(told[0]), places
+        self.orders, self.rows, self._moving = (
+            np.array(numbers, dtype=np.intp) for numbers in (orders, rows, derivatives[1])
+        )
+        self._all, self.places = np.ctypeslib.as_array(derivatives[0]), places
         self._factorials = np.array([math.factorial(order) for order in orders])
         self.buffer = (c_double * places.size)()
         self.values = np.ctypeslib.as_array(self.buffer)
         self.first, self.slopes, self.start = np.empty(places.size), np.empty(len(orders)), 0.0
 
     def begin(self, time: float) -> None:
-        """Take the inputs for what they are now [s]."""
+        """Start the polynomials from the present values at a time [s]."""
         self.first[:], self.start = self.values, time
-        np.divide(self._all[self._told], self._factorials, out=self.slopes)
+        np.divide(self._all[self._moving], self._factorials, out=self.slopes)
 
-    def go(self, time: float) -> None:
-        """Go to a time [s]."""
+    def evaluate(self, time: float) -> None:
+        """Set the values to those at a time [s]."""
         self.values[:] = self.first
         np.add.at(self.values, self.rows, self.slopes * (time - self.start) ** self.orders)

@@ -1,4 +1,4 @@
-"""What a running FMU can be asked for, whichever version of FMI it has: from instantiation to release."""
+"""Running FMUs of every version of FMI, from instantiation to release."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from ctypes import (
     CDLL,
     CFUNCTYPE,
     Array,
-    addressof,
     byref,
     c_char_p,
     c_double,
@@ -33,12 +32,12 @@ from liaisons.cosim.compiled.calls import RESTORE, SAVE, Action, Call, Failure
 from liaisons.cosim.description.fmu import Fmu
 from liaisons.cosim.description.start_values import Value
 from liaisons.cosim.description.variables import Scalar
-from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, carriers
+from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, layouts
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
-ASKED = 5
-"""How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
+INTERMEDIATE_INSTANTS = 5
+"""Instants in a step at which an FMU of ours takes inputs: its fifths, the end among them."""
 
 Scalars = Sequence[Scalar]
 Numbers = Array[c_double]
@@ -82,7 +81,7 @@ class Instance(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Take note that the state is about to be one from before initialization."""
+        """Prepare for a state from before initialization, which is set next."""
 
     @abstractmethod
     def getter(self, variables: Scalars, values: Numbers) -> Call:
@@ -113,7 +112,7 @@ class Instance(ABC):
         """A call that reads derivatives of outputs by time, each of its order, into a buffer of as many values."""
 
     def input_derivatives(self, variables: Scalars, orders: Sequence[int], values: Numbers) -> Call:
-        """A call that sets derivatives of inputs at the begin of the next step from a buffer of as many values.
+        """A call that sets derivatives of inputs at the start of the next step from a buffer of as many values.
 
         Where :attr:`Fmu.input_derivatives` says that it can.
         """
@@ -122,9 +121,9 @@ class Instance(ABC):
     def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
         """Let these inputs follow values inside each step; returns a call to make before it.
 
-        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
+        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to request them.
 
-        :param values: at the fifths of the step, shape (ASKED, len(variables)); may change from step to step.
+        :param values: at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)); may change any time.
         """
         raise NotImplementedError
 
@@ -214,9 +213,9 @@ class Loaded(Instance):
         values = value if isinstance(value, tuple) else (value,)
         about = f" of {name} = {value}" if len(values) == 1 else f" of {name} ({len(values)} values)"
         texts = tuple(text.encode() for text in values) if base == "String" else values
-        given = (c_uint32 * len(references))(*references), c_size_t(len(references))
+        counted = (c_uint32 * len(references))(*references), c_size_t(len(references))
         sizes = [c_size_t(len(values))] if self.sized else []
-        self._call(f"{self.prefix}Set{base}", *given, (self.types[base] * len(values))(*texts), *sizes, about=about)
+        self._call(f"{self.prefix}Set{base}", *counted, (self.types[base] * len(values))(*texts), *sizes, about=about)
 
     def exit_initialization(self) -> None:
         self._call(f"{self.prefix}ExitInitializationMode")
@@ -229,30 +228,30 @@ class Loaded(Instance):
         return self._transfer("set", variables, values)
 
     def _transfer(self, action: Action, variables: Scalars, values: Numbers) -> Call:
-        found = carriers(self._fmu, variables, self.types)
-        if len(found) == 1 and found[0].direct:
-            return self._whole(action, found[0], values)
+        parts = layouts(self._fmu, variables, self.types)
+        if len(parts) == 1 and parts[0].direct:
+            return self._whole(action, parts[0], values)
         calls: list[Transfer] = []
         numbers = np.ctypeslib.as_array(values)
-        for some in found:
-            if action == "get" or not some.whole:
-                read = self._whole("get", some)
-                calls.append(partial(some.taken, read, numbers) if action == "get" else read)
+        for part in parts:
+            if action == "get" or not part.whole:
+                read = self._whole("get", part)
+                calls.append(partial(part.read_into, read, numbers) if action == "get" else read)
             if action == "set":
-                calls.append(partial(some.given, self._whole("set", some), numbers))
-        return self._all(action, calls, " or ".join(self._transferring(action, some) for some in found))
+                calls.append(partial(part.write_from, self._whole("set", part), numbers))
+        return self._all(action, calls, " or ".join(self._transferring(action, part) for part in parts))
 
     @abstractmethod
-    def _whole(self, action: Action, carrier: BufferLayout, values: Numbers | None = None) -> Call:
+    def _whole(self, action: Action, layout: BufferLayout, values: Numbers | None = None) -> Call:
         """A call that reads or sets whole variables from these values, else by the buffer that they have."""
 
-    def _transferring(self, action: Action, carrier: BufferLayout) -> str:
+    def _transferring(self, action: Action, layout: BufferLayout) -> str:
         """The function of FMI that does it."""
-        return f"{self.prefix}{action.capitalize()}{carrier.base}"
+        return f"{self.prefix}{action.capitalize()}{layout.base}"
 
     def _all(self, action: Action, calls: Sequence[Transfer], function: str) -> Call:
         """Calls in a row as one, which returns the worst status."""
-        return Call(lambda: max((call() for call in calls), default=0)).of(action, self._failing(function))
+        return Call(lambda: max((call() for call in calls), default=0)).with_failure(action, self._failing(function))
 
     def _failing(self, function: str) -> Failure:
         """Makes the error of this function."""
@@ -262,10 +261,8 @@ class Loaded(Instance):
         state = c_void_p()
         self._states.append(state)
         save, restore = self._prepared("save", byref(state)), self._prepared("restore", state)
-        where = {"instance": self._pointer.value, "values": addressof(state)}
-        return save.recorded(SAVE, function=save.func, **where), restore.recorded(
-            RESTORE, function=restore.func, **where
-        )
+        address = self._pointer.value
+        return save.recorded(SAVE, address, values=state), restore.recorded(RESTORE, address, values=state)
 
     def reset(self) -> None:
         self._initialized = False
@@ -328,9 +325,9 @@ class Loaded(Instance):
 
     def _failure(self, function: str, status: int, about: str) -> SimulationError:
         """The error for a status that is none of OK and Warning."""
-        known = status in range(len(STATUSES))
-        self._worst = max(self._worst, status) if known else FATAL
-        label = STATUSES[status] if known else f"{status}, which is no status of FMI"
+        is_status = status in range(len(STATUSES))
+        self._worst = max(self._worst, status) if is_status else FATAL
+        label = STATUSES[status] if is_status else f"{status}, which is no status of FMI"
         words = f"{self.name}: {function}{about} returned {label}{self._words()}"
         # if the run goes on from a saved state, the next failure has words of its own
         self._said = deque((entry for entry in self._said if entry[0] < DISCARD), maxlen=_REMEMBERED)
@@ -342,7 +339,9 @@ class Loaded(Instance):
             raise self._failure(function, status, about)
 
     def _prepared(self, action: Action, *arguments: object) -> Call:
-        return Call(self._function(self.functions[action]), self._pointer, *arguments).of(action, self.failure)
+        return Call(self._function(self.functions[action]), self._pointer, *arguments).with_failure(
+            action, self.failure
+        )
 
     def _function(self, name: str) -> Callable[..., int]:
         if name not in self._functions:

@@ -13,11 +13,11 @@ _next = count(1)
 
 def number(text: bytes | None) -> int:
     """The number of a string."""
-    found = _numbers.get(text or b"")
-    if found is None:
-        found = _numbers.setdefault(text or b"", next(_next))
-        _texts[found] = text or b""
-    return found
+    index = _numbers.get(text or b"")
+    if index is None:
+        index = _numbers.setdefault(text or b"", next(_next))
+        _texts[index] = text or b""
+    return index
 
 
 def text(number: float) -> bytes:

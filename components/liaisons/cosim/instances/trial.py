@@ -1,4 +1,4 @@
-"""Starts an FMU in a process of its own, for :mod:`liaisons.cosim.running.probe`; says on stdout what comes next.
+"""Starts an FMU in a process of its own, for :mod:`liaisons.cosim.running.probe`; writes each stage to stdout.
 
 Needs little but the standard library, so that it takes some hundredths of a second.  Statuses do not matter: what an
 FMU refuses it will refuse again, with a message.
@@ -99,8 +99,8 @@ def _start_3(functions: c.CDLL, is_model_exchange: bool, words: list[bytes], sta
     def assign(structural: bool) -> None:
         for kind, references, values, _ in (start for start in starts if start[3] == structural):
             sizes = c.c_size_t(len(references)), c.c_size_t(len(values))
-            place = (c.c_uint * len(references))(*references)
-            functions[f"fmi3Set{kind}"](pointer, place, sizes[0], _buffer(kind, values, c.c_bool), sizes[1])
+            value_references = (c.c_uint * len(references))(*references)
+            functions[f"fmi3Set{kind}"](pointer, value_references, sizes[0], _buffer(kind, values, c.c_bool), sizes[1])
 
     if any(start[3] for start in starts):
         functions.fmi3EnterConfigurationMode(pointer)

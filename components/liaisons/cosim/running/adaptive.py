@@ -25,45 +25,45 @@ from liaisons.cosim.coupling.implicit import Coupled
 from liaisons.cosim.coupling.signals import Vector
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
-from liaisons.cosim.running.inside import Inside
 from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import RefusedError
 
 _SAFETY, _SMALLEST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 4.0
 _FIRST, _MOST = 4, 1000
-"""Steps between two communication points: at the begin, and at most."""
+"""Steps between two communication points: the first number to try, and the largest."""
 _MEMORY = 5
 """Points that are kept for the estimate."""
 _SHORTEST = 1e-12
-"""A step of this part of the whole time or less cannot be meant."""
+"""Part of the whole time; no step is shorter."""
 
 
 class Point(NamedTuple):
     """A communication point [s].
 
-    :param values: what is on the bus there.
-    :param called: its time in the result [s]; None: it does not belong there.
-    :param begins: it is a break, with what is right of it.
-    :param error: that was added since the last one in the result, if it is known.
+    :param values: of the bus, shape (width,).
+    :param result_time: its time in the result [s]; None: it is not in the result.
+    :param after_break: it is a break, with the values right of it.
+    :param error: added since the last point in the result, if it is known.
     """
 
     time: float
     values: Vector
-    called: float | None
-    begins: bool = False
+    result_time: float | None
+    after_break: bool = False
     error: float | None = None
 
 
 @final
 @dataclass(frozen=True)
 class Stepper:
-    """What makes steps of adapted size.
+    """Steps of adapted size.
 
     :param calls: those of a communication step.
     :param coupled: the coupling, if it remembers earlier steps.
-    :param cross: makes the tiny step from one instant to another, a break [s]; returns what is on the bus then.
+    :param cross: makes the tiny step from one instant to another, a break [s]; returns the values of the bus.
     """
 
     simulation: Simulation
@@ -72,40 +72,40 @@ class Stepper:
     calls: Iterable[Call]
     coupled: Coupled | None
     breaks: Breaks
-    inside: Inside
+    deviations: Deviations
     cross: Callable[[float, float], Vector]
 
     def step(self, start: float, stop: float) -> Vector:
-        """Step from one instant to another [s]; returns what is on the bus then."""
-        self.bus.turn(start, stop)
-        self.inside.look(start, stop, locate=False)
+        """Step from one instant to another [s]; returns the values of the bus."""
+        self.bus.set_step(start, stop)
+        self.deviations.integrate(start, stop, locate=False)
         self.bus.perform(self.calls)
         return self.bus.values.copy()
 
     def keep(self) -> Callable[[], None]:
-        """What takes everything back to the present state."""
+        """Save the present state; returns a function that restores it."""
         values, coupled = self.bus.values.copy(), self.coupled
         snapshot = None if coupled is None else coupled.snapshot()
 
         def go_back() -> None:
-            self.bus.perform(can_get_and_set_state)
+            self.bus.perform(restores)
             self.bus.values[:] = values
             if coupled is not None and snapshot is not None:
                 coupled.rewind(snapshot)
 
-        saves, can_get_and_set_state = self._states
+        saves, restores = self._states
         self.bus.perform(saves)
         return go_back
 
     @cached_property
     def _states(self) -> tuple[Sequence[Call], Sequence[Call]]:
-        saves, can_get_and_set_state = zip(*(instance.states() for instance in self.instances.values()), strict=True)
-        return saves, can_get_and_set_state
+        saves, restores = zip(*(instance.states() for instance in self.instances.values()), strict=True)
+        return saves, restores
 
     def until(self, now: float, end: float, size: float) -> float | None:
         """How far steps of some size lead at most, to the end or shortly before a break [s].
 
-        :returns: None where the break is so near that it is to be crossed.
+        :returns: None if the break is so near that it is to be crossed.
         """
         while True:
             stop, tiny = end, gap(now, size)
@@ -113,9 +113,9 @@ class Stepper:
                 stop = self.breaks.next - tiny
                 if stop - now <= tiny:
                     return None
-            if (found := self.inside.look(now, stop)) == math.inf:
+            if (instant := self.deviations.integrate(now, stop)) == math.inf:
                 return stop
-            self.breaks.insert(found)
+            self.breaks.insert(instant)
 
 
 def adapted(stepper: Stepper) -> Iterator[Point]:
@@ -123,7 +123,7 @@ def adapted(stepper: Stepper) -> Iterator[Point]:
 
     What is connected or recorded counts.
 
-    :returns: communication points after the begin.
+    :returns: communication points after the start.
     :raises RefusedError: if even the smallest step fails, or its error is too large.
     """
     simulation, bus, coupled = stepper.simulation, stepper.bus, stepper.coupled
@@ -136,32 +136,32 @@ def adapted(stepper: Stepper) -> Iterator[Point]:
     size, shortest = min(first - now, end - now), _SHORTEST * (end - now)
     while now < end:
         np.maximum.at(sizes, numbers, np.abs(bus.values[: len(numbers)]))
-        wanted = end if end - now <= size * (1 + 1e-9) else now + size
-        then = stepper.until(now, wanted, size)
-        if then is None:
+        target = end if end - now <= size * (1 + 1e-9) else now + size
+        stop = stepper.until(now, target, size)
+        if stop is None:
             point = _crossed(stepper, now, end)
-            now = end if point.called == end else point.time
-            yield point._replace(called=now)
+            now = end if point.result_time == end else point.time
+            yield point._replace(result_time=now)
             continue
-        middle = (now + then) / 2
+        middle = (now + stop) / 2
         go_back = stepper.keep()
         try:
-            whole = stepper.step(now, then)
+            whole = stepper.step(now, stop)
             go_back()
-            half, last = stepper.step(now, middle), stepper.step(middle, then)
+            half, last = stepper.step(now, middle), stepper.step(middle, stop)
             scales = np.where(sizes > 0, sizes, 1.0)[numbers]
             off = np.abs(last - whole)[: len(numbers)]
             error = float(np.max(off / scales, initial=0.0)) / (2**order - 1) / tolerance
-            reason = f"the error of a step of {then - now:.3g} s is {error:.3g} times error_tolerance"
+            reason = f"the error of a step of {stop - now:.3g} s is {error:.3g} times error_tolerance"
         except RefusedError as failure:
             half = last = bus.values
             error, reason = np.inf, str(failure)
         factor = min(max(_SAFETY * max(error, 1e-10) ** (-1 / (order + 1)), _SMALLEST_FACTOR), _LARGEST_FACTOR)
-        size = max((then - now) * factor, size if error <= 1 and then < wanted else 0.0)
+        size = max((stop - now) * factor, size if error <= 1 and stop < target else 0.0)
         if error <= 1:
             yield Point(middle, half, middle)
-            yield Point(then, last, then if then == wanted else None)
-            now = then
+            yield Point(stop, last, stop if stop == target else None)
+            now = stop
         elif size > shortest:
             go_back()
         else:
@@ -169,17 +169,17 @@ def adapted(stepper: Stepper) -> Iterator[Point]:
 
 
 def _crossed(stepper: Stepper, now: float, end: float) -> Point:
-    """The next break; it is in the result if it is the end [s]."""
-    then = stepper.breaks.next
-    called = end if then >= end - rounding(end) else None
-    then = then if called is None else max(then, end)
-    return Point(then, stepper.cross(now, then).copy(), called, begins=True)
+    """Cross the next break; it is in the result if it is the end [s]."""
+    stop = stepper.breaks.next
+    result_time = end if stop >= end - rounding(end) else None
+    stop = stop if result_time is None else max(stop, end)
+    return Point(stop, stepper.cross(now, stop).copy(), result_time, after_break=True)
 
 
 def divided(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
     """Steps between the communication points, so short that their estimated errors add up to less than the tolerance.
 
-    :returns: communication points after the begin.
+    :returns: communication points after the start.
     :raises RefusedError: if even the smallest steps fail.
     """
     times = stepper.simulation.times
@@ -187,24 +187,24 @@ def divided(stepper: Stepper, estimate: Estimate) -> Iterator[Point]:
     for start, end in pairwise(times):
         error = 0.0
         while now < end:
-            then = stepper.until(now, end, end - start)
-            if then is None:
+            stop = stepper.until(now, end, end - start)
+            if stop is None:
                 point = _crossed(stepper, now, end)
-                now, count = end if point.called else point.time, max(count, _FIRST)
+                now, count = end if point.result_time else point.time, max(count, _FIRST)
                 points = [point]
-                yield point._replace(error=error if point.called else None)
+                yield point._replace(error=error if point.result_time else None)
                 continue
             if len(points) == 1:
                 count = max(count, 2)  # of one step alone there is no estimate
-            added, more, factor = _divided(stepper, estimate, points, then, count)
-            error, now = error + added, then
+            added, more, factor = _divided(stepper, estimate, points, stop, count)
+            error, now = error + added, stop
             points = [*points, *more][-_MEMORY:]
             count = max(1, math.ceil(len(more) * max(factor, 0.5)))
-            yield more[-1]._replace(called=then, error=error) if then == end else more[-1]
+            yield more[-1]._replace(result_time=stop, error=error) if stop == end else more[-1]
 
 
 def _divided(
-    stepper: Stepper, estimate: Estimate, points: Sequence[Point], then: float, count: int
+    stepper: Stepper, estimate: Estimate, points: Sequence[Point], stop: float, count: int
 ) -> tuple[float, list[Point], float]:
     """Steps to an instant [s].
 
@@ -212,11 +212,11 @@ def _divided(
     :param count: how many steps to try first.
     :returns: the sum of their errors, their ends, and by what factor their number should grow.
     """
-    now, known, go_back = points[-1].time, estimate.snapshot(), stepper.keep()
+    now, snapshot, go_back = points[-1].time, estimate.snapshot(), stepper.keep()
     while True:
-        instants = [*(now + (then - now) * k / count for k in range(1, count)), then]
+        instants = [*(now + (stop - now) * k / count for k in range(1, count)), stop]
         try:
-            ends = [Point(there, stepper.step(here, there), None) for here, there in pairwise((now, *instants))]
+            ends = [Point(last, stepper.step(first, last), None) for first, last in pairwise((now, *instants))]
             rows, times = (np.array([point[k] for point in (*points, *ends)]) for k in (1, 0))
             error = float(np.sum(estimate.latest(rows, times, count)))
         except RefusedError:
@@ -228,15 +228,15 @@ def _divided(
             return error, ends, factor
         count = min(max(math.ceil(count * min(factor, 4.0)), count + 1), 2 * _MOST)
         go_back()
-        estimate.rewind(known)
+        estimate.rewind(snapshot)
 
 
 def kinds(simulation: Simulation, bus: Bus) -> NDArray[np.intp]:
-    """What is on the bus, numbered by its unit; what is no Real or a function of time is compared with itself only."""
+    """Number of the unit of each value on the bus; other than Reals of FMUs, each is compared with itself only."""
     variables = {name: part.fmu.variables for name, part in simulation.parts.items()}
 
     def kind(name: str, variable: str) -> str:
-        found = variables[name][variable] if name in variables else None
-        return found.unit if found is not None and found.type == "Real" else f"{name}.{variable}"
+        scalar = variables[name][variable] if name in variables else None
+        return scalar.unit if scalar is not None and scalar.type == "Real" else f"{name}.{variable}"
 
-    return np.unique([kind(*place) for place in bus.index], return_inverse=True)[1]
+    return np.unique([kind(*reference) for reference in bus.index], return_inverse=True)[1]

@@ -1,9 +1,8 @@
-"""Instants at which what feeds an input jumps, or one of its first two derivatives does: a run steps up to them.
+"""Breaks: instants at which the source of an input jumps, or one of its first two derivatives does.
 
 FMUs announce them by a variable, functions of time by their ``breaks``.  Between two of them, in a *piece*, every
-signal is smooth, so that no polynomial leads across one.  A communication step ends shortly before a break; a tiny one,
-in which every input goes on as it was known, leads to it, and there the next piece begins with the limits from the
-right.
+signal is smooth, and no polynomial crosses one.  A communication step ends shortly before a break; a tiny one, in which
+every input is extrapolated, leads to it, and there the next piece starts with the limits from the right.
 """
 
 from __future__ import annotations
@@ -20,17 +19,17 @@ from liaisons.cosim.structure.simulation import Simulation
 from liaisons.cosim.structure.sources import rounding
 
 _NEVER = 1e300
-"""FMUs say so by the largest number that there is [s]."""
+"""FMUs announce no break by the largest floating-point number [s]."""
 _SHORT = 1e-9
 """Of a communication step: the tiny step to a break."""
 
 
 @final
 class Breaks:
-    """The breaks of a simulation, one after the other.
+    """The breaks of a simulation, in order of time.
 
     :ivar divides: whether steps can be divided: all FMUs take steps of any size.
-    :ivar next: the first one after those that were passed [s]; infinite if there is none.
+    :ivar next: the next one [s]; infinite if there is none.
     """
 
     def __init__(self, simulation: Simulation, instances: Mapping[str, Instance], bus: Bus) -> None:
@@ -53,11 +52,11 @@ class Breaks:
             drive.begin(time)
 
     def insert(self, instant: float) -> None:
-        """Take an instant [s], before the next break, for one."""
+        """Make an instant [s], before the next break, the next one."""
         self.next = instant
 
-    def look(self, time: float) -> None:
-        """Find the next one after an instant [s], at which all FMUs are."""
+    def find_next(self, time: float) -> None:
+        """Find the next one after an instant [s], to which all FMUs have been stepped."""
         self._bus.perform(self._calls)
         instants = [number[0] for number in self._numbers]
         if self.divides:
@@ -66,5 +65,5 @@ class Breaks:
 
 
 def gap(time: float, size: float) -> float:
-    """How long the tiny step to a break is, where others have a size [s]."""
+    """Size of the tiny step to a break, beside steps of a size [s]."""
     return max(_SHORT * size, 10 * rounding(time))

@@ -1,10 +1,10 @@
-"""What coupling costs: the error that each step adds, estimated from the points that were recorded.
+"""Estimates of coupling errors: the error that each step adds, from the recorded points.
 
 Within a step an input follows a polynomial, and the next divided difference, with the point before the step, says how
-far what feeds it leaves that: the remainder of Hermite interpolation (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
+far its source leaves that: the remainder of Hermite interpolation (Hairer, Norsett, Wanner, Solving ODEs I, II.6).
 What this does to the motion follows from ∂(acceleration)/∂(input), M eq. 50, by integrating over the step, once and
-twice.  No FMU is asked for anything but these derivatives, which Newton's method has anyway, or which are taken once,
-at the begin.  Where there are none, an input that is off by some part is taken to spoil that part of what its FMU does.
+twice.  Only these derivatives are needed, which Newton's method has anyway, or which are calculated once, at the start.
+Without them, a relative error of an input is taken for a relative error of all that its FMU does.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ Integrals = tuple[Vector, Vector]
 ALLOWED = 1e-4
 """A step that adds a larger error, relative to the size of the signal, is warned of."""
 _NUMBERS = 60_000
-"""So many are looked at together."""
+"""Values that are evaluated together."""
 _BACK = 4
-"""Points before a step that are looked at."""
+"""Points before a step that are used."""
 _SUDDEN = 1 / 50
-"""A step shorter by this factor says nothing of its neighbour: rounding is all there is."""
+"""A step shorter by this factor is not used for its neighbour: rounding prevails."""
 _SAFETY = 0.8
 
 Shape = Literal["hermite", "points", "quintic", "cubic", "taylor", "mean", "newest", "stairs"]
 """Through data at both ends; a cubic through the end and points before; a polynomial of either degree, whose integrals
-are the data; from the begin; the mean of both ends; the end; the begin.
+are the data; a Taylor polynomial from the start; the mean of both ends; the value at the end; that at the start.
 """
 
 
 @final
 @dataclass(frozen=True)
 class InputReconstruction:
-    """What an input follows over a step.
+    """The polynomial that an input follows over a step.
 
     :param name: of the connection.
     :param given: column of the input; ``data`` those of value, first and second derivative, as far as used.
@@ -56,7 +56,7 @@ class InputReconstruction:
     """
 
     name: str
-    given: int
+    column: int
     data: tuple[int, ...]
     order: int
     shape: Shape
@@ -84,7 +84,7 @@ class Worst:
     power: int
 
     def warn(self, total: float) -> None:
-        """Say so, if it is too large, or those of all steps add up to too much."""
+        """Warn if it is too large, or the sum of all steps is."""
         if not max(self.error, total) > ALLOWED:
             return
         one = f"coupling error {self.error:.2g} of {self.signal} at t = {self.time:.6g} s"
@@ -98,7 +98,7 @@ class Worst:
         )
 
     def _enough(self, total: float) -> float:
-        """A step [s] that would do, one digit: of shorter steps there are more."""
+        """Step size [s] that would keep the total small enough, one digit."""
         enough = _SAFETY * self.size * (ALLOWED / max(self.error, total)) ** (1 / (self.power - 1))
         digit = 10.0 ** floor(log10(enough))
         return floor(enough / digit) * digit
@@ -106,7 +106,7 @@ class Worst:
 
 @final
 class Estimate:
-    """Errors of communication steps by what was on the bus at their ends.
+    """Errors of communication steps, by the values of the bus at their ends.
 
     :param followed: what inputs follow.
     :param columns: what is on the bus, and where.
@@ -119,9 +119,9 @@ class Estimate:
         alike: dict[tuple[Shape, int, int], list[InputReconstruction]] = {}
         for item in followed:
             alike.setdefault((item.shape, len(item.data), item.order), []).append(item)
-        self._alike = [(key, np.array([(item.given, *item.data) for item in items])) for key, items in alike.items()]
+        self._alike = [(key, np.array([(item.column, *item.data) for item in items])) for key, items in alike.items()]
         self._followed = [item for items in alike.values() for item in items]
-        self._names = {column: ".".join(place) for place, column in columns.items()}
+        self._names = {column: ".".join(reference) for reference, column in columns.items()}
         effects = sorted(effect for k, item in enumerate(self._followed) for effect in _effects(k, item))
         targets, self._of, gains, once = np.array(effects, dtype=np.intp).reshape(-1, 4).T
         self._once, self._blind, self._gains = once == 1, np.flatnonzero(gains < 0), gains
@@ -141,10 +141,10 @@ class Estimate:
 
     @property
     def looks(self) -> bool:
-        """Whether there is anything to estimate."""
+        """Whether any error can be estimated."""
         return len(self._targets) > 0
 
-    def __call__(self, rows: Vector, times: Vector, begins: Sequence[int] = ()) -> Vector:
+    def __call__(self, rows: Vector, times: Vector, after_break: Sequence[int] = ()) -> Vector:
         """The error that each step has added, relative to the largest value of the signal's unit so far.
 
         :param rows: what was on the bus, shape (points, width).
@@ -156,7 +156,7 @@ class Estimate:
             return errors
         block = max(_BACK, _NUMBERS // rows.shape[1])
         crossing = np.zeros(len(times), dtype=bool)
-        crossing[list(begins)] = True
+        crossing[list(after_break)] = True
         for first in range(1, len(times), block):
             begin, end = max(first - _BACK, 0), min(first + block, len(times))
             signals = np.ascontiguousarray(rows[begin:end].T)
@@ -167,7 +167,7 @@ class Estimate:
     def latest(self, rows: Vector, times: Vector, count: int) -> Vector:
         """Errors of the last steps.
 
-        :param count: how many; what comes before is known already, or the begin of a piece.
+        :param count: how many; those before have been estimated.
         """
         if not self.looks:
             return np.zeros(count)
@@ -182,7 +182,7 @@ class Estimate:
         self._sizes[:], self.worst = snapshot
 
     def _of_block(self, signals: Vector, times: Vector, first: int, crossing: Flags) -> Vector:
-        """The same of a few steps, from the one that ends at the point ``first`` on.
+        """Errors of a few steps, from the one that ends at the point ``first`` on.
 
         :param signals: shape (width, points).
         :param crossing: which of the steps are the tiny ones to a break.
@@ -193,7 +193,7 @@ class Estimate:
             largest = np.maximum(np.maximum.accumulate(scales[targets].max(axis=0)), self._sizes[k])
             self._sizes[k] = largest[-1]
             scales[targets] = np.where(largest > 0, largest, 1.0)
-        integrals = [_integrals(key, of, signals, steps, crossing) for key, of in self._alike]
+        integrals = [_integrals(key, columns, signals, steps, crossing) for key, columns in self._alike]
         once, twice = (np.concatenate([both[k] for both in integrals]) for k in range(2))
         added = np.where(self._once[:, None], once[self._of], twice[self._of])
         recorded, behind = self._gains < len(signals), self._gains >= len(signals)
@@ -222,9 +222,9 @@ class Estimate:
 
 
 def _effects(k: int, item: InputReconstruction) -> Iterator[tuple[int, int, int, int]]:
-    """Column of what an input spoils, input, column of the derivative (-1: unknown), whether integrated once."""
+    """Column of the error, input, column of the derivative (-1: unknown), whether integrated once."""
     if not item.effects:
-        yield item.given, k, -1, 1
+        yield item.column, k, -1, 1
     smooth = item.shape in {"hermite", "quintic"}
     for gain, rate, value in item.effects:
         if rate >= 0 and (item.order == 0 or (item.order == 1 and not smooth)):
@@ -266,17 +266,17 @@ def _hermite(data: Vector, steps: Vector, crossing: Flags) -> Integrals:
     earlier = (before >= _SUDDEN) | (before >= after)
     unknown = (before == 0) & (after == 0)
     point = np.where(unknown, np.arange(many), np.arange(many) + np.where(earlier, -1, 2))
-    x = np.where(unknown, -1.0, np.where(earlier, -before, 1 + after))  # where that is, in steps from the begin
+    x = np.where(unknown, -1.0, np.where(earlier, -before, 1 + after))  # its time, in steps from the start
     scales = steps ** np.arange(m)[:, None]
     ends = [data[k, :, end : end + many] * scales[k] for end in (0, 1) for k in range(m)]
     powers = x ** np.arange(2 * m)[:, None]
     slopes = np.arange(1, 2 * m)[:, None] * powers[:-1]
-    at, weight = coefficients(m), (x * (x - 1)) ** m
-    value = sum(values * (row @ powers) for row, values in zip(at.T, ends, strict=True))
+    weights, weight = coefficients(m), (x * (x - 1)) ** m
+    value = sum(values * (row @ powers) for row, values in zip(weights.T, ends, strict=True))
     first = (data[0, :, point].T - value) / weight
     second = np.zeros_like(first)
     if m > 1:
-        slope = sum(values * (row[1:] @ slopes) for row, values in zip(at.T, ends, strict=True))
+        slope = sum(values * (row[1:] @ slopes) for row, values in zip(weights.T, ends, strict=True))
         tilt = m * (x * (x - 1)) ** (m - 1) * (2 * x - 1)
         second = (data[1, :, point].T * scales[1] - slope - tilt * first) / weight
     bulge = (-1) ** m * gamma(m + 1) ** 2 / gamma(2 * m + 2)
@@ -296,7 +296,7 @@ def _points_of_pieces(values: Vector, steps: Vector, crossing: Flags) -> Vector:
 
 
 def _points(values: Vector, steps: Vector) -> Vector:
-    """By the polynomial through one more point before the step; at the begin, by the first that there is."""
+    """By the polynomial through one more point before the step; at the start, by the first one."""
     differences = [values]
     for order in range(1, min(_BACK, len(steps)) + 1):
         spans = sum(steps[k : len(steps) - order + 1 + k] for k in range(order))

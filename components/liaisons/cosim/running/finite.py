@@ -1,4 +1,4 @@
-"""Numbers that are none, in what FMUs of others put out."""
+"""Warnings of outputs that are not finite."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ _MOST = 20  # variables that are named
 
 
 def warn_of_what_is_not_finite(result: Result) -> None:
-    """Say of every signal that is not a number or infinite somewhere where that begins."""
-    found = 0
+    """Warn of every signal with values that are not finite, with the first of them."""
+    count = 0
     for name, values in zip(result.names, result.values, strict=True):
         wrong = ~np.isfinite(values)
         if wrong.any():
-            first, found = int(np.argmax(wrong)), found + 1
-            if found <= _MOST:
+            first, count = int(np.argmax(wrong)), count + 1
+            if count <= _MOST:
                 words = "%s: %s is %g at t = %.10g s, and not finite at %d of %d points"
                 said = result.title, name, values[first], result.time[first], wrong.sum(), len(values)
                 logger.warning(words, *said)
-    if found > _MOST:
-        logger.warning("%s: %d more signals are not finite", result.title, found - _MOST)
+    if count > _MOST:
+        logger.warning("%s: %d more signals are not finite", result.title, count - _MOST)

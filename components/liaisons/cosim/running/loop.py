@@ -1,7 +1,7 @@
-"""Communication steps in a row, recorded: by compiled code where that is possible, else by Python, to the same bits.
+"""Communication steps and their recording, by compiled code if there is a C compiler, else by Python, to the same bits.
 
-Compiled code asks Python for the calls that have no :class:`liaisons.cosim.compiled.calls.Record` (functions of
-time, FMI 3.0 arrays that are connected in part); where there is no C compiler, Python makes them all.
+Compiled code calls Python for calls without a :class:`liaisons.cosim.compiled.calls.Record` (functions of time, FMI 3.0
+arrays that are connected in part).
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ _ROUNDING = 1e-6
 
 @final
 class Loop:
-    """Steps from each communication point to the next one.
+    """Communication steps, and what was on the bus after each.
 
     :param calls: those of one step.
-    :param capacity: so many communication points are expected.
+    :param capacity: expected number of communication points.
     :ivar rows: what was on the bus at each of :attr:`times`, shape (points, width of the bus), as far as ``done``.
-    :ivar unasked: which of them do not belong to the result; ``begins``: which are breaks, with what is right of them.
+    :ivar internal: points that are not in the result; ``after_break``: breaks, with the values right of them.
     """
 
     def __init__(self, calls: Sequence[Call], bus: Bus, capacity: int) -> None:
         self.done, self.times, self.rows = 0, np.empty(capacity), np.empty((capacity, bus.values.size))
-        self.unasked: set[int] = set()
-        self.begins: list[int] = []
-        self._called: dict[int, float] = {}
+        self.internal: set[int] = set()
+        self.after_break: list[int] = []
+        self._result_times: dict[int, float] = {}
         self._calls, self._bus = calls, bus
         self._compiled: Callable[..., int] | None = None
         if (library := compiled.steps()) is not None:
@@ -52,59 +52,59 @@ class Loop:
             self._compiled = partial(library.advance, *program, *clock, *values)
 
     def reset(self) -> None:
-        """Forget what was recorded."""
+        """Remove all points."""
         self.done = 0
-        self.unasked.clear()
-        self.begins.clear()
-        self._called.clear()
+        self.internal.clear()
+        self.after_break.clear()
+        self._result_times.clear()
 
     def add(
-        self, time: float, values: NDArray[np.float64], *, called: float | None = None, begins: bool = False
+        self, time: float, values: NDArray[np.float64], *, result_time: float | None = None, after_break: bool = False
     ) -> None:
-        """Record a point that was reached otherwise.
+        """Record a point that was reached without :meth:`advance`.
 
-        :param called: its time in the result [s], which may differ by rounding; None: it does not belong there.
-        :param begins: it is a break, with what is right of it.
+        :param result_time: its time in the result [s], which may differ by rounding; None: it is not in the result.
+        :param after_break: it is a break, with the values right of it.
         """
         self._make_room(1)
-        if called is None:
-            self.unasked.add(self.done)
-        elif called != time:
-            self._called[self.done] = called
-        if begins:
-            self.begins.append(self.done)
+        if result_time is None:
+            self.internal.add(self.done)
+        elif result_time != time:
+            self._result_times[self.done] = result_time
+        if after_break:
+            self.after_break.append(self.done)
         self.rows[self.done], self.times[self.done] = values, time
         self.done += 1
 
-    def asked(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Rows that belong to the result, and their times [s]."""
-        rows = np.delete(np.arange(self.done), sorted(self.unasked))
+    def result_rows(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Indices of the rows in the result, and their times [s]."""
+        rows = np.delete(np.arange(self.done), sorted(self.internal))
         times = self.times[: self.done].copy()
-        times[list(self._called)] = list(self._called.values())
+        times[list(self._result_times)] = list(self._result_times.values())
         return rows, times[rows]
 
-    def advance(self, instants: Sequence[float], *, asked: bool = True) -> None:
+    def advance(self, instants: Sequence[float], *, in_result: bool = True) -> None:
         """Make steps to these instants [s], one after the other.
 
         :raises SimulationError: if an FMU refuses a call, or ends the simulation; :attr:`done` says how far it came.
         """
-        first, wanted = self.done, len(instants)
-        self._make_room(wanted)
-        self.times[first : first + wanted] = instants
-        if not asked:
-            self.unasked.update(range(first, first + wanted))
+        first, steps = self.done, len(instants)
+        self._make_room(steps)
+        self.times[first : first + steps] = instants
+        if not in_result:
+            self.internal.update(range(first, first + steps))
         if self._compiled is None:
-            self._advance(wanted)
+            self._advance(steps)
             return
         done = self._compiled(
             c_void_p(self.times.ctypes.data + (first - 1) * self.times.itemsize),
-            c_size_t(wanted),
+            c_size_t(steps),
             c_void_p(self.rows.ctypes.data + first * self.rows.strides[0]),
             self._refusal,
         )
         self.done += done
-        if done < wanted:
-            self.unasked.difference_update(range(self.done, first + wanted))
+        if done < steps:
+            self.internal.difference_update(range(self.done, first + steps))
             call, status = self._refusal
             self._judge(self._calls[call], status)
 
@@ -112,20 +112,20 @@ class Loop:
         while self.done + points > len(self.rows):
             self.rows, self.times = np.concatenate([self.rows] * 2), np.concatenate([self.times] * 2)
 
-    def _advance(self, wanted: int) -> None:
+    def _advance(self, steps: int) -> None:
         bus, flat, width = self._bus, self.rows.reshape(-1).data, self.rows.shape[1]
         values, start, size, end, calls = bus.values.data, bus.start, bus.size, bus.end, self._calls
-        place = self.done * width
-        for now, then in pairwise(self.times[self.done - 1 : self.done + wanted].tolist()):
-            start.value = now  # Bus.turn and Bus.perform written out: two Python calls less a step
-            size.value = then - now
-            end.value = then
+        offset = self.done * width
+        for first, last in pairwise(self.times[self.done - 1 : self.done + steps].tolist()):
+            start.value = first  # Bus.set_step and Bus.perform written out: two Python calls less a step
+            size.value = last - first
+            end.value = last
             for call in calls:
                 if status := call():
-                    self.unasked.difference_update(range(self.done, self.done + wanted))
+                    self.internal.difference_update(range(self.done, self.done + steps))
                     self._judge(call, status)
-            flat[place : place + width] = values
-            place += width
+            flat[offset : offset + width] = values
+            offset += width
             self.done += 1
 
     def _judge(self, call: Call, status: int) -> None:
@@ -142,5 +142,5 @@ class Loop:
                 bus.end.value = bus.end.value if whole else ended.time
                 with suppress(SimulationError):  # an FMU that has ended need not do more
                     bus.perform(calls[calls.index(call) + 1 :])
-                    self.add(bus.end.value, bus.values, called=bus.end.value)
+                    self.add(bus.end.value, bus.values, result_time=bus.end.value)
             raise

@@ -1,4 +1,4 @@
-"""A library that crashes would take the whole process along: another process tries it first."""
+"""A trial of every FMU in a process of its own, since a library that crashes ends the process that calls it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _known: WeakSet[Fmu] = WeakSet()
 def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float]) -> None:
     """Load, instantiate, initialize and step an FMU in a process of its own, once a file.
 
-    Its inputs have their start values there, so a later crash is still possible.  FMUs that we have built on this
-    machine are not tried (by their digests: what a file says of its maker anybody can write), nor are those that were
-    tried with the same start values before.
+    Its inputs keep their start values, so a later crash is still possible.  FMUs that were built on this machine (by
+    their digests, for the name of the tool can be forged) and those tried before with the same start values are not
+    tried.
 
     :param directory: where the FMU was extracted.
     :param times: begin and first communication point of the simulation [s], at least.
@@ -44,14 +44,14 @@ def try_to_start(part: SystemComponent, directory: Path, times: Sequence[float])
         _known.add(fmu)
         return
     library, resources = (directory / fmu.binary).resolve(), directory.resolve() / "resources"
-    place = resources.as_uri() if fmu.version == 2 else f"{resources}/"
+    resource_location = resources.as_uri() if fmu.version == 2 else f"{resources}/"
     starts = [_start(part, name) for name in part.starts]
     settings = (fmu.binary, times[0], times[1] - times[0], starts, sys.version)
     key = sha256(repr((digest, *settings)).encode()).hexdigest()
     if cache.knows(key):
         _known.add(fmu)
         return
-    words = part.name, fmu.guid, place
+    words = part.name, fmu.guid, resource_location
     task = os.getpid(), fmu.version, fmu.is_model_exchange, str(library), words, starts, (times[0], times[1] - times[0])
     script = (Path(__file__).parents[1] / "instances/trial.py").read_text(
         encoding="utf-8"

@@ -30,10 +30,10 @@ from liaisons.cosim.instances.texts import text
 from liaisons.cosim.messages import keeping_warnings, logger
 from liaisons.cosim.running.adaptive import Stepper, adapted, divided, kinds
 from liaisons.cosim.running.breaks import Breaks, gap
+from liaisons.cosim.running.deviations import Deviations
 from liaisons.cosim.running.estimate import Estimate
 from liaisons.cosim.running.finite import warn_of_what_is_not_finite
 from liaisons.cosim.running.input_reconstruction import InitialDerivatives, input_reconstructions
-from liaisons.cosim.running.inside import Inside
 from liaisons.cosim.running.interrupts import deferred_interrupts
 from liaisons.cosim.running.loop import Loop
 from liaisons.cosim.running.probe import try_to_start
@@ -46,9 +46,9 @@ from liaisons.folders import passing_folder
 from liaisons.progress import progress_bar
 from liaisons.results import IncompleteError, Interrupted, Result
 
-_PORTION = 0.02  # [s] between two looks, about
-_AHEAD = 256
-"""For so many steps together functions of time are evaluated inside of them."""
+_PORTION = 0.02  # [s] between two calls of on_progress, about
+_MOST_IN_BATCH = 256
+"""Most steps for which functions of time are evaluated at once."""
 
 
 @final
@@ -91,10 +91,10 @@ class Run:
             order = schedule.order([SIGNALS, *parts], simulation.feeds)
             recorded = simulation.recorded.values()
             self._bus = Bus(order, simulation.feeds, also, recorded, simulation.conversions)
-            self._columns = [self._bus.index[place] for place in simulation.recorded.values()]
+            self._columns = [self._bus.index[reference] for reference in simulation.recorded.values()]
             self._initial, self._settle, self._step = self._prepared()
-            self._inside = Inside(simulation.drives, self._bus, simulation.step_tolerance)
-            self._ahead = 1  # so many steps are looked at together
+            self._deviations = Deviations(simulation.drives, self._bus, simulation.step_tolerance)
+            self._batch = 1  # steps for which functions of time are evaluated at once
             self._initial_derivatives, self._estimate = self._estimating()
             self._breaks = Breaks(simulation, self._instances, self._bus)
             reads_samples = any(parts[name].approximation.samples for name, _ in simulation.feeds if name in parts)
@@ -114,7 +114,7 @@ class Run:
         self._stack.close()
 
     def start(self, parts: Mapping[str, SystemComponent] | None = None) -> None:
-        """Go to the begin, initialized.
+        """Initialize all FMUs at the start time.
 
         :param parts: the same with other start values.
         :raises SimulationError: if an FMU refuses something.
@@ -125,9 +125,9 @@ class Run:
         self._errors: list[float] = []  # of steps between communication points
         for instance in self._instances.values():
             instance.reset()
-        bus.turn(begin, begin)
+        bus.set_step(begin, begin)
         self._breaks.begin_piece(begin)
-        self._inside.reset()
+        self._deviations.reset()
         bus.perform(self._back)
         bus.values[:] = 0.0
         if self._coupled is not None:
@@ -140,18 +140,18 @@ class Run:
             instance.exit_initialization()
         bus.perform(self._settle)
         bus.perform(self._initial_derivatives.calls)
-        self._loop.add(begin, bus.values, called=begin)
-        self._breaks.look(begin)
+        self._loop.add(begin, bus.values, result_time=begin)
+        self._breaks.find_next(begin)
 
-    def finish(self, look: Callable[[float], None] | None = None) -> None:
-        """Go to the end, from the begin.
+    def finish(self, on_progress: Callable[[float], None] | None = None) -> None:
+        """Simulate to the end, from the start.
 
-        :param look: is told now and then how far it came [s].
+        :param on_progress: called now and then with the time that is reached [s].
         :raises SimulationError: if an FMU refuses something.
         """
         simulation = self._simulation
         if simulation.error_tolerance is None and not simulation.adapts:
-            self._go(simulation.times, look)
+            self._go(simulation.times, on_progress)
             return
         stepper = Stepper(
             simulation,
@@ -160,24 +160,24 @@ class Run:
             self._step,
             self._coupled,
             self._breaks,
-            self._inside,
+            self._deviations,
             self._cross,
         )
         if simulation.adapts:
             self._estimate.reset(self._initial_derivatives.values)
         points = divided(stepper, self._estimate) if simulation.adapts else adapted(stepper)
         for point in points:  # steps as long as their error allows
-            self._loop.add(point.time, point.values, called=point.called, begins=point.begins)
+            self._loop.add(point.time, point.values, result_time=point.result_time, after_break=point.after_break)
             if point.error is not None:
                 self._errors.append(point.error)
-            if look:
-                look(point.time)
+            if on_progress:
+                on_progress(point.time)
 
-    def _go(self, points: Sequence[float], look: Callable[[float], None] | None) -> None:
-        """Step to each of the communication points, and up to the breaks between them."""
+    def _go(self, points: Sequence[float], on_progress: Callable[[float], None] | None) -> None:
+        """Step to each of the communication points, and to the breaks between them."""
         loop, breaks, done = self._loop, self._breaks, 1
-        most = _AHEAD if self._inside else len(points)
-        many = 1 if look or self._inside else most  # so many at a time that nobody waits for long
+        most = _MOST_IN_BATCH if self._deviations else len(points)
+        many = 1 if on_progress or self._deviations else most  # points between two calls of on_progress
         while done < len(points):
             begin, time = perf_counter(), float(loop.times[loop.done - 1])
             size = points[done] - points[done - 1]
@@ -186,75 +186,75 @@ class Run:
             if done < free:  # points before the next break
                 last = min(done + many, free)
                 if self._is_alone() and free == done + 1:
-                    self._advance([(time + points[done]) / 2], asked=False)
+                    self._advance([(time + points[done]) / 2], in_result=False)
                 else:
                     done += self._advance(points[done:last])
             elif breaks.next - time > 2 * (tiny := gap(breaks.next, size)):
                 stop = breaks.next - tiny
-                self._advance([(time + stop) / 2, stop] if self._is_alone() else [stop], asked=False)
+                self._advance([(time + stop) / 2, stop] if self._is_alone() else [stop], in_result=False)
             else:
-                then, called = breaks.next, None
-                if points[done] - then <= near:
-                    then, called = max(then, points[done]), points[done]
+                instant, result_time = breaks.next, None
+                if points[done] - instant <= near:
+                    instant, result_time = max(instant, points[done]), points[done]
                     done += 1
-                loop.add(then, self._cross(time, then), called=called, begins=True)
+                loop.add(instant, self._cross(time, instant), result_time=result_time, after_break=True)
             many = min(most, max(1, 2 * many if perf_counter() - begin < _PORTION else many // 2))
-            if look:
-                look(float(loop.times[loop.done - 1]))
+            if on_progress:
+                on_progress(float(loop.times[loop.done - 1]))
 
-    def _advance(self, instants: Sequence[float], *, asked: bool = True) -> int:
+    def _advance(self, instants: Sequence[float], *, in_result: bool = True) -> int:
         """Step to instants, one after the other, as far as there is no break; returns to how many."""
-        loop, inside = self._loop, self._inside
-        if not inside:
-            loop.advance(instants, asked=asked)
+        loop, deviations = self._loop, self._deviations
+        if not deviations:
+            loop.advance(instants, in_result=in_result)
             return len(instants)
         first, time = loop.done, float(loop.times[loop.done - 1])
-        instants = instants[: self._ahead]
-        integrals = inside.ahead(np.array([time, *instants]))
-        self._ahead = max(1, 2 * len(integrals))  # what is evaluated beyond a break is evaluated again
+        instants = instants[: self._batch]
+        integrals = deviations.integrate_steps(np.array([time, *instants]))
+        self._batch = max(1, 2 * len(integrals))  # what is evaluated beyond a break is evaluated again
         if not len(integrals):
-            found = inside.look(time, instants[0])
-            if found < np.inf and self._breaks.divides:
-                self._breaks.insert(found)
+            instant = deviations.integrate(time, instants[0])
+            if instant < np.inf and self._breaks.divides:
+                self._breaks.insert(instant)
                 return 0
-            loop.advance(instants[:1], asked=asked)
+            loop.advance(instants[:1], in_result=in_result)
             return 1
         try:
-            loop.advance(instants[: len(integrals)], asked=asked)
+            loop.advance(instants[: len(integrals)], in_result=in_result)
         finally:
-            loop.rows[first : loop.done, inside.place] = integrals[: loop.done - first]
+            loop.rows[first : loop.done, deviations.span] = integrals[: loop.done - first]
         return len(integrals)
 
     def _is_alone(self) -> bool:
-        """Whether nothing was recorded since the last break, or the begin: of one step alone there is no estimate."""
+        """Whether the next step is the first one of a piece: a piece of one step has no error estimate."""
         loop = self._loop
-        return self._divides and loop.done - 1 == (loop.begins[-1] if loop.begins else 0)
+        return self._divides and loop.done - 1 == (loop.after_break[-1] if loop.after_break else 0)
 
-    def _cross(self, now: float, then: float) -> Vector:
-        """Make the tiny step to a break, and look for the next one; returns what is on the bus then."""
+    def _cross(self, start: float, stop: float) -> Vector:
+        """Make the tiny step to a break, and find the next one; returns the values of the bus."""
         bus, coupled = self._bus, self._coupled
-        bus.turn(now, then)
-        self._breaks.begin_piece(then)
+        bus.set_step(start, stop)
+        self._breaks.begin_piece(stop)
         if coupled is None:
             bus.perform(self._step)
         else:
             coupled.cross()
             bus.perform(self._step[1:])
-        self._breaks.look(then)
+        self._breaks.find_next(stop)
         return bus.values
 
     def result(self) -> Result:
         """What was recorded so far."""
         simulation, loop = self._simulation, self._loop
-        asked, times = loop.asked()
-        values = np.ascontiguousarray(loop.rows[asked].T[self._columns])
+        in_result, times = loop.result_rows()
+        values = np.ascontiguousarray(loop.rows[in_result].T[self._columns])
         names = tuple(simulation.recorded)
         kinds = {n: simulation.parts[p].fmu.variables[v].type for n, (p, v) in simulation.recorded.items()}
         strings = [row for row, name in enumerate(names) if kinds[name] == "String"]
-        found, places = np.unique(values[strings], return_inverse=True)
-        values[strings] = places.reshape(values[strings].shape)
-        words = tuple(text(number).decode(errors="replace") for number in found)
-        self._error = self._estimated(asked)
+        numbers, indices = np.unique(values[strings], return_inverse=True)
+        values[strings] = indices.reshape(values[strings].shape)
+        words = tuple(text(number).decode(errors="replace") for number in numbers)
+        self._error = self._estimated(in_result)
         return Result(
             simulation.title,
             times,
@@ -277,29 +277,29 @@ class Run:
             self._estimate.worst.warn(float(np.nansum(self._error)))
         return result
 
-    def _estimated(self, asked: NDArray[np.intp]) -> Vector:
+    def _estimated(self, in_result: NDArray[np.intp]) -> Vector:
         """What has been added since the communication point before, of the rows that belong to the result."""
         if self._errors:
             return np.array([0.0, *self._errors])
-        loop, found = self._loop, np.zeros(len(asked))
+        loop, sums = self._loop, np.zeros(len(in_result))
         self._estimate.reset(self._initial_derivatives.values)
-        errors = self._estimate(loop.rows[: loop.done], loop.times[: loop.done], loop.begins)
-        if len(asked) > 1:
-            found[1:] = np.add.reduceat(errors[: asked[-1] + 1], asked[:-1] + 1)
-        return found
+        errors = self._estimate(loop.rows[: loop.done], loop.times[: loop.done], loop.after_break)
+        if len(in_result) > 1:
+            sums[1:] = np.add.reduceat(errors[: in_result[-1] + 1], in_result[:-1] + 1)
+        return sums
 
     def reached(self) -> float | None:
-        """The last communication point [s]; None before the begin."""
+        """The last communication point [s]; None before the first."""
         return float(self._loop.times[self._loop.done - 1]) if self._loop.done else None
 
     def _prepared(self) -> tuple[list[Call], list[Call], list[Call]]:
-        """Calls for initialization, for what is after it, and for a communication step."""
+        """Calls for initialization, after it, and for a communication step."""
         if not self._simulation.iterates:
             return explicit.prepared(self._simulation, self._instances, self._bus)
         self._coupled = coupled = Coupled(self._simulation, self._instances, self._bus)
-        others = [call for name in self._instances for call in self._other_readings(name)]
+        recorded_only = [call for name in self._instances for call in self._other_readings(name)]
         settle, first = Call(coupled.settle, initial=False), Call(coupled.settle, initial=True)
-        return [first], [settle, *others], [coupled.advance, *others]
+        return [first], [settle, *recorded_only], [coupled.advance, *recorded_only]
 
     def _estimating(self) -> tuple[InitialDerivatives, Estimate]:
         """The derivatives at the start, and what estimates coupling errors."""
@@ -307,11 +307,11 @@ class Run:
         gains = {} if coupled is None else coupled.gains
         initial = InitialDerivatives(simulation, self._instances, bus, gains)
         slopes = {} if coupled is None else coupled.slopes
-        inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial.gains}, self._inside.columns)
+        inputs = input_reconstructions(simulation, bus, slopes, {**gains, **initial.gains}, self._deviations.columns)
         return initial, Estimate(inputs, bus.index, kinds(simulation, bus))
 
     def _other_readings(self, name: str) -> list[Call]:
-        places = self._bus.others(name)
+        places = self._bus.recorded_only(name)
         variables = self._simulation.parts[name].fmu.variables
         read = [variables[variable] for _, variable in places]
         return [self._instances[name].getter(read, self._bus.buffer(places))] if places else []
@@ -325,7 +325,7 @@ class Run:
 
 @contextmanager
 def _made_to_stay() -> Iterator[None]:
-    """Python does not look for garbage among what is made here: of thousands of FMUs it took half of the time."""
+    """Switch garbage collection off while thousands of FMUs are instantiated, where it took half of the time."""
     looks = gc.isenabled()
     gc.disable()
     try:
@@ -337,7 +337,7 @@ def _made_to_stay() -> Iterator[None]:
 
 @keeping_warnings
 def performed(simulation: Simulation, *, progress: bool = False, verify: bool = False) -> Result:
-    """Run a simulation from its begin to its end, or until an FMU ends it.
+    """Run a simulation from its start to its end, or until an FMU ends it.
 
     :param verify: run it once more, at half the steps, and keep the differences in ``errors`` of the result.
     :raises SimulationError: if an FMU cannot be initialized; after that :class:`IncompleteError`, whose ``result`` has
@@ -350,12 +350,12 @@ def performed(simulation: Simulation, *, progress: bool = False, verify: bool = 
             run.start()
             with progress_bar(title, "t = {:.6g} of {:.6g} s", *span) as show, deferred_interrupts() as interrupts:
 
-                def look(time: float) -> None:
+                def on_progress(time: float) -> None:
                     show(time)
                     if interrupts:
                         raise KeyboardInterrupt
 
-                run.finish(look)
+                run.finish(on_progress)
         except EndedError as ended:
             logger.warning("%s of %.10g s", ended, simulation.times[-1])
         except (SimulationError, KeyboardInterrupt) as error:
@@ -365,7 +365,7 @@ def performed(simulation: Simulation, *, progress: bool = False, verify: bool = 
             if isinstance(error, SimulationError):
                 raise IncompleteError(str(error), run.result()) from error
             reached = f"{simulation.title}: interrupted at t = {time:.10g} of {simulation.times[-1]:.10g} s"
-            raise Interrupted(f"{reached}; .result of this exception has what there is", run.result()) from None
+            raise Interrupted(f"{reached}; .result of this exception has the result so far", run.result()) from None
         result = run.concluded()
         return _verified(simulation, result) if verify else result
 

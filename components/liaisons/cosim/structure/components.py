@@ -77,7 +77,7 @@ class InputApproximation:
 @final
 @dataclass(frozen=True, eq=False)
 class SystemComponent:
-    """One FMU in a system; ``component["length"]`` is one of its ports.
+    """One FMU in a system; ``component["length"]`` is a port.
 
     :param name: name in the system.
     :param fmu: description of the file.
@@ -233,7 +233,12 @@ class Port:
         return self.is_array or self.name in self.part.fmu.variables
 
     def elements(self) -> list[Port]:
-        """The elements of an array; of a scalar, itself."""
+        """The elements of an array; of a scalar, itself.
+
+        :raises ConnectError: for a terminal that has no variable of its own.
+        """
+        if not self.exists:
+            raise ConnectError(f"{self} is a terminal and no variable: connect its members one by one")
         return [Port(self.part, name) for name in self.part.fmu.elements(self.name)]
 
     @property

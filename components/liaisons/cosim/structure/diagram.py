@@ -38,7 +38,7 @@ _ARROW = (
     '<defs><marker id="liaisons-head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" markerHeight="7" '
     'orient="auto-start-reverse"><path d="M0 0 8 4 0 8z" fill="currentColor"/></marker></defs>'
 )
-_STYLE = 'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11"'
+_STYLE = 'fill="none" stroke="currentColor" stroke-linejoin="round" font-family="sans-serif" font-size="11"'
 
 
 @final
@@ -114,27 +114,28 @@ def _wires(connections: Iterable[Connection]) -> list[_Wire]:
     """The arrows of a diagram; a force that goes back belongs to the arrow of its port."""
     wires: dict[tuple[tuple[str, str], tuple[str, str]], _Wire] = {}
     for c in connections:
-        source, target = (_whole(port, back=c.back) for port in (c.source, c.target))
-        one, other = c.source.part.fmu.terminals.points.get(source), c.target.part.fmu.terminals.points.get(target)
-        if one and other and one.axis == other.axis:
-            source, target = one.point, other.point
+        ports = [_whole(port, back=c.back) for port in (c.source, c.target)]
+        points = [port.terminal.point for port in ports if port.terminal and port.triple()]
+        joined = len(points) == 2 and len({point and point.axis for point in points}) == 1
+        names = [point.point if joined and point else port.name for port, point in zip_longest(ports, points)]
+        source, target = (split(name)[0] for name in names)
         ends = (c.source.place[0], source), (c.target.place[0], target)
         ends = (ends[1], ends[0]) if c.back else ends
         wires.setdefault(ends, _Wire(*ends, [])).connections.append(c)
     return list(wires.values())
 
 
-def _whole(port: Port, *, back: bool) -> str:
-    """The value of the port that a variable is a member of, or the array; a force only if it goes back with a port."""
-    return split((port.leading if back or port.curve()[0] else port).name)[0]
+def _whole(port: Port, *, back: bool) -> Port:
+    """The value of the port that a variable is a member of; a force is itself unless it goes back with a port."""
+    return port.leading if back or port.curve()[0] else port
 
 
 def _free(part: SystemComponent, causality: str) -> list[str]:
     """Names of the ports of a causality, points instead of their components."""
-    points = part.fmu.terminals.points
     entries = part.fmu.variables.entries
-    values = [name for name in entries if entries[name].like.causality == causality and Port(part, name).triple()]
-    return list(dict.fromkeys(points[name].point if name in points else name for name in values))
+    ports = [Port(part, name) for name in entries if entries[name].like.causality == causality]
+    terminals = [port.terminal for port in ports if port.triple()]
+    return list(dict.fromkeys(t.point.point if t.point else t.motion[0] for t in terminals if t and t.motion))
 
 
 def _blocks(
@@ -228,28 +229,11 @@ def _arrows(
             lanes += 1
             out, into = x + 12 + lane, to_x - 12 - lane
             low = bottoms[min(row, to_row)] - _SPACE + 14 + lane
-            path = _cornered([(x, y), (out, y), (out, low), (into, low), (into, to_y), (to_x, to_y)])
+            path = f"M{x} {y}H{out}V{low}H{into}V{to_y}H{to_x}"
         both = ' marker-start="url(#liaisons-head)"' if any(c.back for c in wire.connections) else ""
         variables = escape("\n".join(map(str, wire.connections)))
         drawn.append(f'<g><title>{variables}</title><path d="{path}" marker-end="url(#liaisons-head)"{both}/></g>')
     return drawn
-
-
-def _cornered(points: list[tuple[float, float]]) -> str:
-    """SVG path of horizontal and vertical lines with round corners."""
-    words = [f"M{points[0][0]:g} {points[0][1]:g}"]
-    for before, at, after in zip(points, points[1:], points[2:], strict=False):
-        (ax, ay), (bx, by) = (_towards(at, other) for other in (before, after))
-        words.append(f"L{ax:g} {ay:g}Q{at[0]:g} {at[1]:g} {bx:g} {by:g}")
-    return "".join([*words, f"L{points[-1][0]:g} {points[-1][1]:g}"])
-
-
-def _towards(at: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
-    """The point 6 px from one towards another, at most halfway."""
-    dx, dy = other[0] - at[0], other[1] - at[1]
-    length = max(abs(dx), abs(dy))
-    part = min(6.0, length / 2) / length if length else 0.0
-    return at[0] + part * dx, at[1] + part * dy
 
 
 def _cut(words: str, most: int) -> str:

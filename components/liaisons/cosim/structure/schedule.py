@@ -205,10 +205,7 @@ class _Writer:
         if old:
             self._waiting[name] = old
             self._missing[name] = sum(self._feeds[input_] not in self._new for input_ in old)
-            if self._missing[name] < len(old):
-                heappush(self._partly, (self._turn[name], name))
-            if self._missing[name] == 0:
-                heappush(self._ready, (self._turn[name], name))
+            self._queue(name)
         self._renew(o for o in self._outputs[name] if not any(self._depends(o, input_) for input_ in old))
 
     def _renew(self, outputs: Iterable[VariableReference]) -> None:
@@ -221,9 +218,13 @@ class _Writer:
                 name = input_[0]
                 if input_ in self._waiting.get(name, ()):
                     self._missing[name] -= 1
-                    heappush(self._partly, (self._turn[name], name))
-                    if self._missing[name] == 0:
-                        heappush(self._ready, (self._turn[name], name))
+                    self._queue(name)
+
+    def _queue(self, name: str) -> None:
+        if self._missing[name] < len(self._waiting[name]):
+            heappush(self._partly, (self._turn[name], name))
+        if self._missing[name] == 0:
+            heappush(self._ready, (self._turn[name], name))
 
     def refresh(self) -> None:
         """Set the inputs of components that were read too early and can have all inputs new."""

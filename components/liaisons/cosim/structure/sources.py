@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import final
@@ -176,10 +177,9 @@ def drives(
         inputs = tuple(port.place for port in triple) if triple and whole else ((owner, name),)
         among = None if variable.type == "Real" else _BOOLEAN if variable.type == "Boolean" else RANGES[variable.base]
         found.append(Drive(function, inputs, among, _instants(f"inputs: {name}", getattr(function, "breaks", ()))))
-    fed = [input_ for drive in found for input_ in drive.inputs]
-    for input_ in fed:
-        if fed.count(input_) > 1:
-            raise SimulationError(f"inputs: {'.'.join(input_)} is driven twice, by itself and by its port")
+    for fed, count in Counter(input_ for drive in found for input_ in drive.inputs).items():
+        if count > 1:
+            raise SimulationError(f"inputs: {'.'.join(fed)} is driven twice, by itself and by its port")
     return found
 
 

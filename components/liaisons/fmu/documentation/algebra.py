@@ -1,4 +1,4 @@
-"""Expressions as people write them: a CasADi graph as a sum of products, like terms collected.
+"""CasADi expressions as sums of products with like terms collected.
 
 A *polynomial* is a sum: a table from monomials to their coefficients.  A *monomial* is a product of powers of *atoms*:
 symbols, functions such as ``cos``, and groups, which are sums that stay in brackets.  Atoms are numbered in the order
@@ -22,6 +22,7 @@ from itertools import combinations
 import casadi as ca
 
 from liaisons.expressions.operations import interpret
+from liaisons.fmu.functions import operation_codes
 
 Number = Fraction | float
 Exponent = int | Fraction
@@ -36,7 +37,7 @@ _COFUNCTION = {"sin": "cos", "cos": "sin"}
 
 @dataclass(frozen=True, slots=True)
 class Atom:
-    """What a product is made of: a symbol, a function of polynomials, or a polynomial in brackets."""
+    """A factor: a symbol, a function of polynomials, or a polynomial in brackets."""
 
     operation: str  # SYMBOL, GROUP, or the name of the function
     name: str  # of a symbol
@@ -52,23 +53,23 @@ class Algebra:
     def __init__(self, limit: int) -> None:
         self.limit = limit
         self.atoms: list[Atom] = []
-        self._places: dict[object, int] = {}
+        self._indices: dict[object, int] = {}
 
     # ---- atoms ------------------------------------------------------------------------------------------------
 
     def atom(self, operation: str, *arguments: Polynomial, name: str = "") -> Polynomial:
         """The atom as a polynomial; equal atoms are one."""
-        return {((self._place(operation, arguments, name), 1),): ONE}
+        return {((self._index(operation, arguments, name), 1),): ONE}
 
     def symbol(self, name: str) -> Polynomial:
         return self.atom(SYMBOL, name=name)
 
-    def _place(self, operation: str, arguments: Sequence[Polynomial], name: str = "") -> int:
+    def _index(self, operation: str, arguments: Sequence[Polynomial], name: str = "") -> int:
         key = (operation, name, *(tuple(sorted(argument.items())) for argument in arguments))
-        if key not in self._places:
-            self._places[key] = len(self.atoms)
+        if key not in self._indices:
+            self._indices[key] = len(self.atoms)
             self.atoms.append(Atom(operation, name, tuple(arguments)))
-        return self._places[key]
+        return self._indices[key]
 
     # ---- arithmetic -------------------------------------------------------------------------------------------
 
@@ -83,15 +84,15 @@ class Algebra:
     def power(self, base: Polynomial, exponent: Exponent) -> Polynomial:
         if not base or exponent == 0:
             return {} if exponent else {(): ONE}
-        if exponent.denominator != 1:  # nothing is taken out of a root, since √x² is no x
-            place = alone(base)
-            return {((self._place(GROUP, [base]) if place is None else place, exponent),): ONE}
+        if exponent.denominator != 1:  # no factor leaves a root, since √x² is not x
+            index = alone(base)
+            return {((self._index(GROUP, [base]) if index is None else index, exponent),): ONE}
         if len(base) > 1 and exponent > 0 and len(base) ** exponent <= self.limit:
             return reduce(self.times, [base] * int(exponent))
         return {_raised(m, exponent): c**exponent for m, c in self.grouped(base).items()}
 
     def grouped(self, p: Polynomial) -> Polynomial:
-        """A sum as one product: what its terms have in common, times the rest in brackets."""
+        """A sum as one product: the common factor of its terms times the rest in brackets."""
         if len(p) < 2:
             return p
         common, rest = content(p)
@@ -109,10 +110,10 @@ class Algebra:
         uses = Counter(factor for monomial in p for factor in monomial)
         if not uses or (most := max(uses.values())) < 2:
             return p
-        (place, exponent) = min(factor for factor, count in uses.items() if count == most)
-        shared = {m: c for m, c in p.items() if dict(m).get(place) == exponent}
-        others = {m: c for m, c in p.items() if m not in shared}
-        return self.plus(self.collected(shared), self.collected(others))
+        common_factor = min(factor for factor, count in uses.items() if count == most)
+        shared = {m: c for m, c in p.items() if common_factor in m}
+        rest = {m: c for m, c in p.items() if m not in shared}
+        return self.plus(self.collected(shared), self.collected(rest))
 
     # ---- functions --------------------------------------------------------------------------------------------
 
@@ -129,36 +130,34 @@ class Algebra:
         return self.atom(operation, *simple)
 
     def simplified(self, p: Polynomial) -> Polynomial:
-        """sin² + cos² = 1 and the sines and cosines of sums of angles, where they make the sum shorter."""
-        shorter: Polynomial | None = p
-        while shorter is not None:
-            p, shorter = shorter, self._pythagoras(shorter) or self._addition_theorem(shorter)
+        """The sum with sin² + cos² = 1 and the addition theorems applied where that makes it shorter."""
+        while (shorter := self._pythagoras(p) or self._addition_theorem(p)) is not None:
+            p = shorter
         return p
 
     def _pythagoras(self, p: Polynomial) -> Polynomial | None:
-        for place in sorted({atom for monomial in p for atom, exponent in monomial if exponent >= 2}):
-            function = self.atoms[place]
+        for index in sorted({atom for monomial in p for atom, exponent in monomial if exponent >= 2}):
+            function = self.atoms[index]
             if function.operation not in _COFUNCTION:
                 continue
-            partner = self._place(_COFUNCTION[function.operation], function.arguments)
+            partner = self._index(_COFUNCTION[function.operation], function.arguments)
             terms: list[tuple[Monomial, Number]] = []
             for monomial, coefficient in p.items():
-                if dict(monomial).get(place, 0) >= 2:
-                    rest = _merged(monomial, ((place, -2),))
+                if dict(monomial).get(index, 0) >= 2:
+                    rest = _merged(monomial, ((index, -2),))
                     terms += [(rest, coefficient), (_merged(rest, ((partner, 2),)), -coefficient)]
                 else:
                     terms.append((monomial, coefficient))
-            found = _collected(terms)
-            if len(found) < len(p):
-                return found
+            if len(shorter := _collected(terms)) < len(p):
+                return shorter
         return None
 
     def _addition_theorem(self, p: Polynomial) -> Polynomial | None:
         for monomial, c in p.items():
-            waves = [place for place, e in monomial if e >= 1 and self.atoms[place].operation in _COFUNCTION]
+            waves = [index for index, e in monomial if e >= 1 and self.atoms[index].operation in _COFUNCTION]
             for first, second in combinations(waves, 2):
                 a, b = self.atoms[first], self.atoms[second]
-                partners = [self._place(_COFUNCTION[x.operation], x.arguments) for x in (a, b)]
+                partners = [self._index(_COFUNCTION[x.operation], x.arguments) for x in (a, b)]
                 rest = _merged(monomial, ((first, -1), (second, -1)))
                 other = _merged(rest, _merged(((partners[0], 1),), ((partners[1], 1),)))
                 if other == monomial or abs(p.get(other, 0)) != abs(c):
@@ -177,7 +176,7 @@ class Algebra:
     # ---- from CasADi ------------------------------------------------------------------------------------------
 
     def value(self, function: ca.Function, names: Sequence[str]) -> Polynomial:
-        """What a function gives, one scalar of scalars that have these names."""
+        """The scalar result of a function of scalars with these names."""
         (values,) = interpret(
             function, entry=lambda i, _: self.symbol(names[i]), constant=self.number, operation=self._apply
         )
@@ -205,10 +204,10 @@ class Algebra:
         return self.call(_FUNCTIONS[operation], *x)
 
 
-def is_known(function: ca.Function) -> bool:
-    """Whether a function is made of nothing but what can be written here; calls of others cannot."""
+def is_supported(function: ca.Function) -> bool:
+    """Whether all operations of a function can be written here; calls of others cannot."""
     plain = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_POW, ca.OP_CONSTPOW, *_ARITHMETIC, *_FUNCTIONS}
-    return all(function.instruction_id(k) in plain for k in range(function.n_instructions()))
+    return operation_codes(function) <= plain
 
 
 def is_number(p: Polynomial) -> bool:
@@ -217,7 +216,7 @@ def is_number(p: Polynomial) -> bool:
 
 
 def alone(p: Polynomial) -> int | None:
-    """The atom that a sum consists of, if it is nothing else."""
+    """The atom that equals a sum, if any."""
     ((monomial, coefficient),) = p.items() if len(p) == 1 else [((), ONE)]
     return monomial[0][0] if coefficient == 1 and len(monomial) == 1 and monomial[0][1] == 1 else None
 
@@ -228,9 +227,9 @@ def scaled(p: Polynomial, factor: int | Fraction) -> Polynomial:
 
 
 def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
-    """The product that all terms have in common, and what remains; the first term that remains is positive."""
+    """The common factor of all terms, and the remaining sum, whose first term is positive."""
     exponents = [dict(monomial) for monomial in p]
-    shared = set.intersection(*(set(e) for e in exponents))
+    shared = set.intersection(*map(set, exponents))
     monomial = tuple(sorted((atom, min(e[atom] for e in exponents)) for atom in shared))
     number = ONE
     fractions = [c for c in p.values() if isinstance(c, Fraction)]
@@ -243,10 +242,10 @@ def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
 
 
 def _collected(terms: Iterable[tuple[Monomial, Number]]) -> Polynomial:
-    found: Polynomial = {}
+    total: Polynomial = {}
     for monomial, coefficient in terms:
-        found[monomial] = found[monomial] + coefficient if monomial in found else coefficient
-    return {monomial: coefficient for monomial, coefficient in found.items() if coefficient}
+        total[monomial] = total[monomial] + coefficient if monomial in total else coefficient
+    return {monomial: coefficient for monomial, coefficient in total.items() if coefficient}
 
 
 def _merged(a: Monomial, b: Monomial) -> Monomial:

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liaisons.fmu.layout import start_vectors
 from liaisons.fmu.reference_results import Trajectory
 from liaisons.language import Variable
 from liaisons.mechanics.model import Model
@@ -23,9 +24,9 @@ _COLOURS = ("#c8532b", "#2f6fa8", "#3f8f6b", "#8a5aa8")
 
 
 def picture(model: Model, results: Trajectory | None) -> list[str]:
-    """The mechanism at the start of its default experiment, and where it will go; nothing without a picture.
+    """The mechanism at the start of its default experiment, and its trail; nothing without a picture.
 
-    :param results: of the default experiment; None: it cannot be had.
+    :param results: of the default experiment, if there are any.
     """
     if model.picture is None or not 0 < len(model.picture["shapes"]) <= _MOST_SHAPES:
         return []
@@ -40,19 +41,19 @@ def picture(model: Model, results: Trajectory | None) -> list[str]:
 
 
 def _values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
-    """Whatever a picture may name, by the names of single numbers: (n,) at the times of the results, else (1,)."""
+    """All numbers that a picture may use, by name: (n,) at the times of the results, else (1,)."""
     m = model if results is None else results.model
-    u, k = (np.concatenate([*(v.starts for v in vs), []]) for vs in (m.inputs, m.parameters))
+    u, k = start_vectors(m)
     if results is None:
-        y, remembered = m.start.call([ca.DM(0), u, k])
-        times, inputs, states = np.zeros(1), u[None], np.array(y).T
-        outputs = np.array(m.outputs_function.call([ca.DM(0), y, u, k, remembered])[0]).T
-    else:
-        times, inputs, states, outputs = results.times, results.inputs, results.states, results.values
-    drawn = np.zeros((len(times), 0))
+        y, memory = m.start.call([ca.DM(0), u, k])
+        z = m.outputs_function.call([ca.DM(0), y, u, k, memory])[0]
+        results = Trajectory(m, np.zeros(1), u[None], np.array(y).T, np.array(z).T)
+    count = len(results.times)
+    drawn = np.zeros((count, 0))
     if m.draw is not None:
-        drawn = np.array(m.draw.map(len(times))(times, states.T, inputs.T, np.tile(k, (len(times), 1)).T)).T
-    groups = ((m.parameters, k[None]), (m.inputs, inputs), (m.outputs, outputs), (m.drawn, drawn))
+        arguments = results.times, results.states.T, results.inputs.T, np.tile(k, (count, 1)).T
+        drawn = np.array(m.draw.map(count)(*arguments)).T
+    groups = ((m.parameters, k[None]), (m.inputs, results.inputs), (m.outputs, results.values), (m.drawn, drawn))
     return {
         name: column for variables, table in groups for name, column in zip(_names(variables), table.T, strict=True)
     }
@@ -67,49 +68,49 @@ def _drawn(faces: list[Face], name: str) -> list[str]:
     low, high = corners.min(axis=0), corners.max(axis=0)
     scale = float(np.min(np.array([_WIDTH, _TALLEST]) / np.maximum(high - low, 1e-9)))
     width, height = scale * (high - low)
-    lines = [_opened((width - _WIDTH) / 2 - 10, -10, _WIDTH + 20, height + 20, name)]
+    lines = [_svg((width - _WIDTH) / 2 - 10, -10, _WIDTH + 20, height + 20, name)]
     for face in faces:
-        places = scale * (face.corners - (low[0], high[1])) * (1, -1)
+        corners = scale * (face.corners - (low[0], high[1])) * (1, -1)
         colour = "".join(f"{round(255 * part):02x}" for part in face.colour[:3])
         faint = f' opacity="{face.colour[3]:.2f}"' if face.colour[3] < 1 else ""
-        lines.append(f'<polygon points="{_points(places)}" fill="#{colour}"{faint}/>')
+        lines.append(f'<polygon points="{_points(corners)}" fill="#{colour}"{faint}/>')
     return [*lines, "</svg>"]
 
 
 def plot(results: Trajectory | None) -> list[str]:
-    """Curves of the default experiment: what moves freely, or the signal, in one unit; nothing without results."""
+    """Curves of the default experiment: free coordinates of one unit, or signals; nothing without results."""
     if results is None or not (variables := _plotted(results.model)):
         return []
     names = _names(variables)[: len(_COLOURS)]
     curves = np.concatenate([results[variable.name] for variable in variables], axis=1).T[: len(_COLOURS)]
     low, high = float(curves.min()), float(curves.max())
     scale, x = _HEIGHT / (high - low or 1.0), _WIDTH * results.times / results.times[-1]
-    lines = [_opened(-70, -14, _WIDTH + 90, _HEIGHT + 44, "the default experiment")]
+    lines = [_svg(-70, -14, _WIDTH + 90, _HEIGHT + 44, "the default experiment")]
     lines.append(f'<rect width="{_WIDTH:.0f}" height="{_HEIGHT:.0f}" class="frame"/>')
     if low < 0 < high:
         lines.append(f'<path d="M0 {scale * high:.1f}H{_WIDTH:.0f}" class="frame"/>')
     for colour, curve in zip(_COLOURS, curves, strict=False):
-        places = np.column_stack([x, scale * (high - curve)])
-        lines.append(f'<polyline points="{_points(places)}" stroke="{colour}"/>')
+        line = np.column_stack([x, scale * (high - curve)])
+        lines.append(f'<polyline points="{_points(line)}" stroke="{colour}"/>')
     top, bottom = (f"{edge if abs(edge) > 1e-9 * (high - low) else 0:.3g}" for edge in (high, low))
     labels = ((-6, 10, top), (-6, _HEIGHT, bottom), (_WIDTH, _HEIGHT + 18, f"{results.times[-1]:g} s"))
     lines += [f'<text x="{x:.0f}" y="{y:.0f}" text-anchor="end">{text}</text>' for x, y, text in labels]
-    said = (f'<span style="color:{c}">{escape(n)}</span>' for c, n in zip(_COLOURS, names, strict=False))
-    return [*lines, "</svg>", f"<p class=note>{', '.join(said)} [{escape(variables[0].unit)}]</p>"]
+    legend = (f'<span style="color:{c}">{escape(n)}</span>' for c, n in zip(_COLOURS, names, strict=False))
+    return [*lines, "</svg>", f"<p class=note>{', '.join(legend)} [{escape(variables[0].unit)}]</p>"]
 
 
 def _plotted(model: Model) -> list[Variable]:
-    """Coordinates of the unit of the first one, or the signals."""
+    """Free coordinates, or signals, of the unit of the first one."""
     moving = {s.name for s in model.states if not s.name.startswith("p_")} - {"work", "dissipated"}
     signals = {port.members[0].variable for port in model.ports if port.kind == "signal"}
     chosen = [variable for variable in model.outputs if variable.name in (moving or signals)]
     return [variable for variable in chosen if variable.unit == chosen[0].unit]
 
 
-def _opened(x: float, y: float, width: float, height: float, label: str) -> str:
+def _svg(x: float, y: float, width: float, height: float, label: str) -> str:
     box = f"{x:.0f} {y:.0f} {width:.0f} {height:.0f}"
     return f'<svg class="figure" viewBox="{box}" role="img" aria-label="{escape(label)}">'
 
 
-def _points(places: NDArray) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in (np.round(places, 1) + 0.0).tolist())
+def _points(points: NDArray) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in (np.round(points, 1) + 0.0).tolist())

@@ -1,4 +1,4 @@
-"""Formulas in MathML Core, which browsers draw by themselves, from CasADi expressions."""
+"""CasADi expressions as formulas in MathML Core."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from liaisons.fmu.documentation.algebra import (
     Number,
     Polynomial,
     alone,
-    is_known,
     is_number,
+    is_supported,
 )
 from liaisons.fmu.documentation.notation import Notation
 
@@ -59,7 +59,7 @@ Terms = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula in MathML: its terms, what its abbreviations stand for, and how many operations that all takes."""
+    """A formula in MathML: its terms, the definitions of its abbreviations, and the number of operations in all."""
 
     terms: Terms
     where: tuple[tuple[str, Terms], ...]
@@ -67,10 +67,10 @@ class Formula:
 
 
 def formula(expression: ca.SX, notation: Notation) -> Formula | None:
-    """The shortest way found to write a scalar expression; None where it takes more than ``LONGEST`` operations."""
+    """The shortest form of a scalar expression; None if it takes more than ``LONGEST`` operations."""
     symbols = ca.symvar(expression)
     function = ca.Function("f", symbols, ca.cse([ca.densify(expression)]))
-    if function.n_instructions() > 2 * LONGEST or not is_known(function):
+    if function.n_instructions() > 2 * LONGEST or not is_supported(function):
         return None
     names = [symbol.name() for symbol in symbols]
     writers = [_Writer(function, names, Algebra(limit), notation) for limit in EXPANSIONS]
@@ -101,31 +101,31 @@ class _Writer:
 
     def _counted(self, p: Polynomial) -> int:
         """Operations, those of repeated parts once."""
-        return _own(p) + sum(sum(map(_own, self.algebra.atoms[place].arguments), 1) for place in self._uses(p))
+        return _own(p) + sum(sum(map(_own, self.algebra.atoms[index].arguments), 1) for index in self._uses(p))
 
     def _uses(self, p: Polynomial) -> Counter[int]:
-        """How often each function and bracket is written, if each is written out once."""
-        found: Counter[int] = Counter()
+        """How often each function and bracket is written, if its definition is written once."""
+        uses: Counter[int] = Counter()
         waiting = [p]
         while waiting:
-            for place in (place for monomial in waiting.pop() for place, _ in monomial):
-                atom = self.algebra.atoms[place]
+            for index in (index for monomial in waiting.pop() for index, _ in monomial):
+                atom = self.algebra.atoms[index]
                 if atom.operation != SYMBOL:
-                    found[place] += 1
-                    waiting += atom.arguments if found[place] == 1 else ()
-        return found
+                    uses[index] += 1
+                    waiting += atom.arguments if uses[index] == 1 else ()
+        return uses
 
     def _abbreviate(self) -> None:
-        """Names for what a long formula repeats or is too wide for a line; in force once they are explained."""
+        """Name what a long formula repeats and what is too wide for a line."""
         long = self.operations > SHORT
         letter = f"<mi>{self.notation.free_letter()}</mi>"
-        for place, count in sorted(self._uses(self.polynomial).items()):  # what it is made of has lower numbers
-            atom = self.algebra.atoms[place]
-            terms = self._all_terms(atom.arguments[0]) if atom.operation == GROUP else (self._factor(place),)
+        for index, count in sorted(self._uses(self.polynomial).items()):  # its parts have lower indices
+            atom = self.algebra.atoms[index]
+            terms = self._all_terms(atom.arguments[0]) if atom.operation == GROUP else (self._factor(index),)
             repeated = long and count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
             if repeated or len(_TAG.sub("", "".join(terms))) > WIDE:
                 name = f"<msub>{letter}<mn>{len(self.abbreviations) + 1}</mn></msub>"
-                self.abbreviations[place] = name
+                self.abbreviations[index] = name
                 self.where.append((name, terms))
 
     # ---- sums -------------------------------------------------------------------------------------------------
@@ -140,9 +140,9 @@ class _Writer:
         """Terms with their signs, positive ones first, short ones before long ones."""
         ordered = sorted(p.items(), key=lambda item: (item[1] < 0, len(item[0]), self._rank(item[0])))
         for i, (monomial, coefficient) in enumerate(ordered):
-            place = alone({monomial: coefficient})
-            if place is not None and self._is_open(place):  # a bracket that multiplies nothing
-                inner = self._terms(self.algebra.atoms[place].arguments[0])
+            index = alone({monomial: coefficient})
+            if index is not None and self._is_open(index):  # a bracket that multiplies nothing
+                inner = self._terms(self.algebra.atoms[index].arguments[0])
                 yield from (
                     term if k or not i or term.startswith(_MINUS) else _PLUS + term for k, term in enumerate(inner)
                 )
@@ -153,8 +153,8 @@ class _Writer:
 
     def _product(self, monomial: Monomial, coefficient: Number) -> str:
         factors = sorted(monomial, key=lambda factor: self._rank((factor,)))
-        above = [self._power(place, e) for place, e in factors if e > 0]
-        below = [self._power(place, -e) for place, e in factors if e < 0]
+        above = [self._power(index, e) for index, e in factors if e > 0]
+        below = [self._power(index, -e) for index, e in factors if e < 0]
         top, bottom = coefficient.as_integer_ratio() if isinstance(coefficient, Fraction) else (coefficient, 1)
         if bottom != 1 and not below and above:
             return _joined([_fraction(_number(top), _number(bottom)), *above])
@@ -164,25 +164,25 @@ class _Writer:
             below.insert(0, _number(bottom))
         return _fraction(_bare(above), _bare(below)) if below else _joined(above)
 
-    def _power(self, place: int, exponent: Exponent) -> str:
-        atom = self.algebra.atoms[place]
+    def _power(self, index: int, exponent: Exponent) -> str:
+        atom = self.algebra.atoms[index]
         if exponent == HALF:
-            return f"<msqrt>{self._sum(atom.arguments[0]) if self._is_open(place) else self._factor(place)}</msqrt>"
+            return f"<msqrt>{self._sum(atom.arguments[0]) if self._is_open(index) else self._factor(index)}</msqrt>"
         if exponent == 1:
-            return self._factor(place)
+            return self._factor(index)
         above = self._product((), Fraction(exponent))
         if atom.operation in ("sin", "cos") and exponent == 2:
             return self._call(f"<msup><mi>{atom.operation}</mi>{above}</msup>", atom.arguments)
-        base = self._factor(place)
+        base = self._factor(index)
         if atom.operation not in (SYMBOL, GROUP):
             base = _OPEN + base + _CLOSE
         return f"<msup>{base}{above}</msup>"
 
-    def _factor(self, place: int) -> str:
+    def _factor(self, index: int) -> str:
         """An atom, in brackets where it needs them in a product."""
-        atom = self.algebra.atoms[place]
-        if place in self.abbreviations:
-            return self.abbreviations[place]
+        atom = self.algebra.atoms[index]
+        if index in self.abbreviations:
+            return self.abbreviations[index]
         if atom.operation == SYMBOL:
             return self.notation[atom.name]
         inner = [self._sum(argument) for argument in atom.arguments]
@@ -195,29 +195,29 @@ class _Writer:
         return f"<mrow><mo>{around[0]}</mo>{f'<mo>{relation}</mo>'.join(inner)}<mo>{around[1]}</mo></mrow>"
 
     def _call(self, function: str, arguments: tuple[Polynomial, ...]) -> str:
-        first, *others = arguments
-        place = alone(first)
-        if not others and place is not None and self.algebra.atoms[place].operation == SYMBOL:
+        first, *rest = arguments
+        index = alone(first)
+        if not rest and index is not None and self.algebra.atoms[index].operation == SYMBOL:
             argument = _SPACE + self._sum(first)
         else:
             argument = _OPEN + "<mo>,</mo>".join(map(self._sum, arguments)) + _CLOSE
         return f"<mrow>{function}{_APPLY}{argument}</mrow>"
 
-    def _is_open(self, place: int) -> bool:
-        """Whether it is a bracket that is written out."""
-        return self.algebra.atoms[place].operation == GROUP and place not in self.abbreviations
+    def _is_open(self, index: int) -> bool:
+        """Whether an atom is a bracket without a name."""
+        return self.algebra.atoms[index].operation == GROUP and index not in self.abbreviations
 
     def _rank(self, monomial: Monomial) -> tuple[tuple[int, int], ...]:
         """Order of writing: numbers, symbols in the order of the variables, brackets, functions."""
         ranks = []
-        for place, _ in monomial:
-            atom = self.algebra.atoms[place]
+        for index, _ in monomial:
+            atom = self.algebra.atoms[index]
             if atom.operation == SYMBOL:
                 ranks.append((0, -1 if atom.name == PI else self.notation.rank(atom.name)))
             elif atom.operation == GROUP and is_number(atom.arguments[0]):
-                ranks.append((-1, place))
+                ranks.append((-1, index))
             else:
-                ranks.append((0 if place in self.abbreviations else 1 if atom.operation == GROUP else 2, place))
+                ranks.append((0 if index in self.abbreviations else 1 if atom.operation == GROUP else 2, index))
         return tuple(sorted(ranks))
 
 

@@ -49,7 +49,7 @@ class Notation:
         return self._symbols.get(name) or self._written(name)
 
     @classmethod
-    def of(cls, model: Model) -> Notation:
+    def from_model(cls, model: Model) -> Notation:
         """That of a model's variables."""
         symbols = {v.name: v.symbol for v in model.variables if v.symbol}
         return cls([v.name for v in model.variables], {active.value for active in model.active}, symbols)

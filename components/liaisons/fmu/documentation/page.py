@@ -1,4 +1,4 @@
-"""documentation/index.html of an FMU: what the component is, its equations, variables and ports, on one page."""
+"""documentation/index.html of an FMU: description, equations, variables and ports on one page."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from liaisons.fmu.documentation.mathml import Formula, Terms, formula
 from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jump_effects
+from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
 from liaisons.language import Terminal, Variable
 from liaisons.language.variables import Dimension
@@ -68,7 +69,7 @@ _RECONSTRUCTION = (
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def index_page(model: Model) -> bytes:
     """The page, in UTF-8; the same bytes for the same model."""
-    notation = Notation.of(model)
+    notation = Notation.from_model(model)
     results = trajectory(model)
     sections = {
         "Picture": _picture(model, results),
@@ -150,7 +151,7 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
 
 
 def _equations(model: Model, notation: Notation) -> list[str]:
-    """Each law in its general form, then what it says here."""
+    """Each law in its general form, then for this component."""
     lines: list[str] = []
     for section in dict.fromkeys(equation.section for equation in model.equations):
         law = LAWS[section]
@@ -197,22 +198,22 @@ def _variables(model: Model, notation: Notation) -> list[str]:
     ):
         if variables:
             lines += [f"<h3>{title}</h3>", *_table(head, (_variable(v, notation) for v in variables))]
-    known = {v.name for v in model.variables}
-    used = {symbol.name() for equation in model.equations for symbol in ca.symvar(equation.right)} - known
-    if used:
-        rows = ((f"<math>{notation[name]}</math>", escape(name), _further(name, known)) for name in sorted(used))
+    names = {v.name for v in model.variables}
+    further = {symbol.name() for equation in model.equations for symbol in ca.symvar(equation.right)} - names
+    if further:
+        rows = ((f"<math>{notation[name]}</math>", escape(name), _further(name, names)) for name in sorted(further))
         lines += ["<h3>Further symbols</h3>", *_table(("", "name", "meaning"), rows)]
     return lines
 
 
 def _together(drawn: tuple[Variable, ...]) -> tuple[Variable, ...]:
-    """One row for what only a picture needs."""
+    """One row for all numbers of a picture."""
     named = (replace(v, name=v.name.partition("[")[0], dimension=Dimension("", len(drawn), "")) for v in drawn[:1])
     return tuple(named)
 
 
 def _further(name: str, variables: Collection[str]) -> str:
-    """What a symbol is that is no variable."""
+    """Meaning of a symbol that is no variable."""
     if name == "t":
         return "time [s]"
     return f"that of a link: one of {name}[1], {name}[2], ..." if f"{name}[1]" in variables else _JOINT
@@ -238,8 +239,11 @@ def _ports(ports: tuple[Terminal, ...], variables: dict[str, Variable]) -> list[
         return []
 
     def members(port: Terminal, causality: str) -> str:
-        found = (m for m in port.members if variables[m.variable].causality == causality)
-        return ", ".join(f"<code>{escape(m.variable)}</code> <small>({m.role})</small>" for m in found)
+        return ", ".join(
+            f"<code>{escape(m.variable)}</code> <small>({m.role})</small>"
+            for m in port.members
+            if variables[m.variable].causality == causality
+        )
 
     rows = ((f"<b>{escape(p.name)}</b>", p.kind, members(p, "output"), members(p, "input")) for p in ports)
     lines = _table(("port", "kind", "gives", "takes"), rows)
@@ -257,18 +261,17 @@ def _reconstruction(model: Model) -> list[str]:
 
 
 def _jumps(model: Model) -> str:
-    """What a jump of a prescribed coordinate itself does."""
-    found = jump_effects(model)
+    """Effects of jumps of prescribed coordinates."""
+    effects, inputs = jump_effects(model), index_ranges(model.inputs)
+    values = [a.value for a in model.active for _ in inputs[a.value]]
 
     def names(chosen: Iterable[bool]) -> str:
-        flat = [element for a in model.active for element in [a.value] * count[a.value]]
-        return ", ".join(f"<code>{escape(n)}</code>" for n in dict.fromkeys(compress(flat, chosen)))
+        return ", ".join(f"<code>{escape(n)}</code>" for n in dict.fromkeys(compress(values, chosen)))
 
-    count = {variable.name: variable.count for variable in model.inputs}
-    with_limit, without = names(found.limited), names(~found.limited)
+    with_limit, without = names(effects.limited), names(~effects.limited)
     text = []
     if with_limit:
-        alone = " alone" if (found.mixes & ~np.eye(len(found.mixes), dtype=bool)).any() else ""
+        alone = " alone" if np.count_nonzero(effects.mixes) > np.trace(effects.mixes) else ""
         text.append(f"A jump of {with_limit}{alone} {_LIMIT}.")
     if without:
         text.append(f"A jump of {without} {_NO_LIMIT}.")
@@ -294,13 +297,13 @@ def _experiment(model: Model) -> list[str]:
         ("step size", f"{e.step_size:g} s"),
         ("tolerance", f"{e.tolerance:g}, relative, of each internal step"),
     )
-    given = ", ".join(f"<code>{name}</code> = {value:g}" for name, value in e.reference.items())
-    own = [f"<p>Nothing would happen there by itself; the reference results have {given}.</p>"] if given else []
+    starts = ", ".join(f"<code>{name}</code> = {value:g}" for name, value in e.reference.items())
+    own = [f"<p>Nothing would happen there by itself; the reference results have {starts}.</p>"] if starts else []
     return [*_table(("", ""), rows), f"<p>{_RESULTS}</p>", *own]
 
 
 def _sources(sections: dict[str, list[str]]) -> list[str]:
-    """What the marks stand for that the other sections name."""
+    """Entries of the marks in the other sections."""
     entries = cited("\n".join(line for lines in sections.values() for line in lines))
     titled = {mark: re.sub(r"\*([^*]+)\*", r"<i>\1</i>", escape(text)) for mark, text in entries.items()}
     return [f"<p><b>{mark}</b> {text}</p>" for mark, text in titled.items()]

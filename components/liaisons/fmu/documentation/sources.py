@@ -1,4 +1,4 @@
-"""What the marks of a text stand for: "K eq. 61" is equation 61 of Kneller's, see ``liaisons/bibliography.md``."""
+"""Sources by their marks: "K eq. 61" is equation 61 of Kneller's, see ``liaisons/bibliography.md``."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _ENTRY = re.compile(r"(?m)^\* \*\*(\w+)\*\* ((?:.|\n(?=  ))+)")
 
 @cache
 def bibliography() -> dict[str, str]:
-    """The entries by their marks, as they are written."""
+    """The entries by their marks."""
     text = (files("liaisons") / "bibliography.md").read_text(encoding="utf-8")
     return {mark: " ".join(entry.split()) for mark, entry in _ENTRY.findall(text)}
 
 
 def cited(text: str) -> dict[str, str]:
-    """The entries that a text names; single letters only where a place follows them, as in "M 8.2" and "K Ex. 3"."""
-    place = r"(?= (?:\d|eq\.|Ex\.|sec\.|fig\.|ref\.))"
-    marks = {mark: rf"\b{mark}\b{place if len(mark) == 1 else ''}" for mark in bibliography()}
+    """The entries that a text cites; single letters only before a number or the like, as in "M 8.2" and "K Ex. 3"."""
+    locator = r"(?= (?:\d|eq\.|Ex\.|sec\.|fig\.|ref\.))"
+    marks = {mark: rf"\b{mark}\b{locator if len(mark) == 1 else ''}" for mark in bibliography()}
     return {mark: bibliography()[mark] for mark, pattern in marks.items() if re.search(pattern, text)}

@@ -1,8 +1,8 @@
-"""Programs along a row of links as C: one loop for all that can be calculated in one passage.
+"""Programs along a row of links as C, in as few loops as possible.
 
-Where all that is carried can be had from the neighbours, it is: ``u[i - 1]``, ``u[i + 1]``.  The turns of a loop are
-then independent of each other, and the links at the ends are written out.  Otherwise loops follow each other, outward
-and inward, and what costs much and is needed again is kept for later ones in work space.
+What is carried is calculated from the neighbours where that is cheap: ``u[i - 1]``, ``u[i + 1]``.  The iterations of a
+loop are then independent of each other, and the links at the ends are written out.  Otherwise loops follow each other,
+outward and inward, and expensive results that are used again are kept for later ones in work space.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ def loop_functions(programs: Iterable[RowProgram], coupled: int, *, adjoint: boo
     :param coupled: how many numbers of y act on the motion.
     :param adjoint: whether adjoint derivatives can be asked for.
     """
-    found = {program.name: program for program in programs}
-    found["calculate"] = replace(found.pop("outputs"), name="calculate")
-    found["motion"] = leading("motion", found["derivatives"], coupled)
+    by_name = {program.name: program for program in programs}
+    by_name["calculate"] = replace(by_name.pop("outputs"), name="calculate")
+    by_name["motion"] = leading("motion", by_name["derivatives"], coupled)
     for name in ("start", "calculate", "remember"):
         for differentiated in (forward, reverse) if adjoint else (forward,):
-            of = differentiated(found[name])
-            found[of.name] = of
-    return {name: loops(program) for name, program in found.items()}
+            program = differentiated(by_name[name])
+            by_name[program.name] = program
+    return {name: loops(program) for name, program in by_name.items()}

@@ -1,9 +1,9 @@
-"""The passages of a program with all their operations numbered, and where each number comes from."""
+"""The loops of a program with all their operations numbered, and the source of each number."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -13,10 +13,10 @@ from liaisons.expressions import OPERATIONS, Instruction
 from liaisons.expressions import program as operations
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.rows import Carry, RowProgram, Vector, key, scalars, substituted
-from liaisons.fmu.loops.loop_fusion import Passage, Passages
+from liaisons.fmu.loops.loop_fusion import FusedLoop, LoopFusion
 
 CHEAP = {OPERATIONS[code] for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE)}
-"""Operations that cost no more than a number that is stored and read again."""
+"""Operations that cost no more than storing a number and reading it again."""
 
 AtLink = tuple[bool, int]
 """(True, -1): the link before; (False, 3): link 3, counted from 0."""
@@ -25,32 +25,32 @@ _HERE: AtLink = (True, 0)
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """Where a number comes from."""
+    """A number that is read."""
 
     text: str  # in C
-    each: bool  # whether it is another one at each link
-    home: int = -1  # the passage that carries it: there it is a variable, to later ones it comes from work space
+    each: bool  # whether it differs from link to link
+    home: int = -1  # the loop that carries it as a variable; later ones read it from work space
 
 
 @dataclass(frozen=True, slots=True)
-class PassagePlan:
-    """A passage; numbers are those of nodes, edges are the links that are written out."""
+class LoopPlan:
+    """A loop; numbers are those of nodes, edges are the links that are written out."""
 
-    inward: bool | None  # None: nothing is carried
-    links: range  # those of the loop
-    rows: list[tuple[str, int]]  # arrays, and what fills them
-    edges: list[tuple[str, int]]  # places in arrays, and what fills them
+    inward: bool | None  # direction; None: nothing is carried
+    links: range  # of the loop
+    rows: list[tuple[str, int]]  # arrays, elements
+    edges: list[tuple[str, int]]  # elements of arrays, values
     sums: list[tuple[str, int, list[int]]]  # variables, terms in the loop, terms of edges
-    carried: list[tuple[str, int, int]]  # variables, what the first link meets, what the next one meets
+    carried: list[tuple[str, int, int]]  # variables, values at the first link, values at the next link
 
     @property
     def targets(self) -> list[int]:
-        """What is calculated in the loop."""
+        """Numbers that the loop calculates."""
         return [*(x for _, x in self.rows), *(x for _, x, _ in self.sums), *(x for _, _, x in self.carried)]
 
-    def renumbered(self, of: Sequence[int]) -> PassagePlan:
-        """The same with other numbers."""
-        return PassagePlan(
+    def renumbered(self, of: Sequence[int]) -> LoopPlan:
+        """The plan with other numbers."""
+        return LoopPlan(
             self.inward,
             self.links,
             [(name, of[x]) for name, x in self.rows],
@@ -60,19 +60,19 @@ class PassagePlan:
         )
 
 
-class PassagePlans:
+class LoopPlans:
     """The plans of a program.
 
     :ivar pointers: declarations of the arrays, by their names.
-    :ivar plans: in their order.
-    :ivar ends: results that are single numbers: where they go, and their nodes.
-    :ivar nodes: all operations and what they begin with, each once.
-    :ivar each: whether a node is another number at each link.
-    :ivar kept: nodes that later passages find in work space: the array, and the passage that fills it.
+    :ivar plans: in the order of execution.
+    :ivar ends: results that are single numbers: their text, and their nodes.
+    :ivar nodes: all operations and their leaves, each once.
+    :ivar each: whether a node differs from link to link.
+    :ivar kept: nodes that later loops read from work space: the array, and the loop that writes it.
     """
 
     def __init__(self, program: RowProgram) -> None:
-        self._n, self._passages = program.n, Passages(program)
+        self._n, self._fusion = program.n, LoopFusion(program)
         self._arrays: dict[int, str] = {}  # of symbols that stand for one number a link
         self._origins: dict[object, tuple[ca.SX, Leaf]] = {}
         self._expressions: list[ca.SX] = []
@@ -80,100 +80,99 @@ class PassagePlans:
         self.pointers: dict[str, str] = {}
         self.kept: dict[int, tuple[str, int]] = {}
 
-        for place, vector in enumerate(program.arguments):
-            self._take(place, vector)
-        ends = [end for place, vector in enumerate(program.results) for end in self._give(place, vector)]
-        plans = [self._plan(place, passage) for place, passage in enumerate(self._passages.found)]
-        numbered = [(where, self._number(entry, _HERE)) for where, entry in ends]
-        neighbourly = any(len(plan.links) < self._n for plan in plans)
-        named = [] if neighbourly else [x for _, column in self._passages.definitions for x in scalars(column)]
+        for index, vector in enumerate(program.arguments):
+            self._add_argument(index, vector)
+        ends = [end for index, vector in enumerate(program.results) for end in self._add_result(index, vector)]
+        plans = [self._plan(index, loop) for index, loop in enumerate(self._fusion.loops)]
+        numbered = [(text, self._number(entry, _HERE)) for text, entry in ends]
+        local = any(len(plan.links) < self._n for plan in plans)
+        named = [] if local else [x for _, column in self._fusion.definitions for x in scalars(column)]
         named_numbers = [self._number(x, _HERE) for x in named]
 
         self._leaves = [leaf for _, leaf in self._origins.values()]
-        found = operations([stack(symbol for symbol, _ in self._origins.values())], [stack(self._expressions)])
-        self.nodes, of = found.nodes, found.outputs[0]
-        self.plans = [plan.renumbered(of) for plan in plans]
-        self.ends = [(where, of[number]) for where, number in numbered]
+        graph = operations([stack(symbol for symbol, _ in self._origins.values())], [stack(self._expressions)])
+        self.nodes, node_of = graph.nodes, graph.outputs[0]
+        self.plans = [plan.renumbered(node_of) for plan in plans]
+        self.ends = [(text, node_of[number]) for text, number in numbered]
         self.each: list[bool] = []
         for number, node in enumerate(self.nodes):
             leaf = self.leaf(number)
             self.each.append(leaf.each if leaf else any(self.each[i] for i in operands(node)))
-        if not neighbourly:  # there the links at the ends would have to keep it too
-            self._keep({of[number] for number in named_numbers})
+        if not local:  # else the links at the ends would have to keep it too
+            self._keep({node_of[number] for number in named_numbers})
 
     def leaf(self, number: int) -> Leaf | None:
-        """Where a number comes from that is no operation and no constant."""
+        """The leaf of a number that is no operation and no constant."""
         node = self.nodes[number]
         return self._leaves[node.arguments[1]] if node.operation is None and node.constant is None else None
 
-    def needed(self, targets: Iterable[int], is_known: Callable[[int], bool]) -> tuple[set[int], set[int]]:
-        """What at a link has to be calculated for targets, and what of the known that takes."""
+    def needed(self, targets: Iterable[int], kept: Container[int]) -> tuple[set[int], set[int]]:
+        """Nodes that a link has to calculate for targets, and kept ones that it has to read."""
         needed: set[int] = set()
         read: set[int] = set()
         ahead = [number for number in targets if self.each[number]]
         while ahead:
             number = ahead.pop()
-            if is_known(number):
+            if number in kept:
                 read.add(number)
             elif number not in needed:
                 needed.add(number)
                 ahead += [i for i in operands(self.nodes[number]) if self.each[i]]
         return needed, read
 
-    def kept_in(self, place: int) -> list[tuple[str, int]]:
-        """Arrays in work space that a passage fills, and with what."""
-        return [(array, number) for number, (array, since) in self.kept.items() if since == place]
+    def kept_in(self, index: int) -> list[tuple[str, int]]:
+        """Arrays in work space that a loop writes, and their elements."""
+        return [(array, number) for number, (array, since) in self.kept.items() if since == index]
 
-    # ---- what there is to calculate -------------------------------------------------------------------------------
+    # ---- numbering ------------------------------------------------------------------------------------------------
 
-    def _take(self, place: int, vector: Vector) -> None:
-        """An argument."""
+    def _add_argument(self, index: int, vector: Vector) -> None:
         for i, (symbol, offset) in enumerate(zip(scalars(vector.entries), vector.offsets(self._n), strict=False)):
             if vector.each[i]:
-                self._arrays[key(symbol)] = name = f"x{place}_{i}"
-                self.pointers[name] = f"const double *restrict {name} = argument[{place}] + {offset};"
+                self._arrays[key(symbol)] = name = f"x{index}_{i}"
+                self.pointers[name] = f"const double *restrict {name} = argument[{index}] + {offset};"
             else:
-                self._origins[key(symbol)] = symbol, Leaf(f"argument[{place}][{offset}]", each=False)
+                self._origins[key(symbol)] = symbol, Leaf(f"argument[{index}][{offset}]", each=False)
 
-    def _give(self, place: int, vector: Vector) -> Iterator[tuple[str, ca.SX]]:
-        """A result: rows to the passages, and where its single numbers go."""
-        entries = scalars(self._passages.inlined(vector.entries))
+    def _add_result(self, index: int, vector: Vector) -> Iterator[tuple[str, ca.SX]]:
+        """Add its rows to the loops, and yield its single numbers with their text."""
+        entries = scalars(self._fusion.inlined(vector.entries))
         for i, (entry, offset) in enumerate(zip(entries, vector.offsets(self._n), strict=False)):
             if vector.each[i]:
-                name = f"z{place}_{i}"
-                self.pointers[name] = f"double *restrict {name} = result[{place}] + {offset};"
-                self._passages.at_links(entry).rows.append((name, entry))
+                name = f"z{index}_{i}"
+                self.pointers[name] = f"double *restrict {name} = result[{index}] + {offset};"
+                self._fusion.at_links(entry).rows.append((name, entry))
             else:
-                yield f"result[{place}][{offset}]", entry
+                yield f"result[{index}][{offset}]", entry
 
-    def _plan(self, place: int, passage: Passage) -> PassagePlan:
+    def _plan(self, index: int, loop: FusedLoop) -> LoopPlan:
         symbols, last, starts, following = (
-            [x for carry in passage.carries for x in scalars(column(carry))]
+            [x for carry in loop.carries for x in scalars(column(carry))]
             for column in (lambda s: s.symbols, lambda s: s.last, lambda s: s.start, lambda s: s.following)
         )
-        variables = [f"c{place}_{i}" for i in range(len(symbols))]
+        variables = [f"c{index}_{i}" for i in range(len(symbols))]
         for variable, symbol, at_end in zip(variables, symbols, last, strict=True):
-            self._origins[key(symbol)] = symbol, Leaf(variable, each=True, home=place)
+            self._origins[key(symbol)] = symbol, Leaf(variable, each=True, home=index)
             self._origins[key(at_end)] = at_end, Leaf(variable, each=False)
         self._reach = 0
-        rows = [(array, self._number(x, _HERE)) for array, x in passage.rows]
-        terms = [self._number(x, _HERE) for _, x in passage.sums]
+        rows = [(array, self._number(x, _HERE)) for array, x in loop.rows]
+        terms = [self._number(x, _HERE) for _, x in loop.sums]
         carried = [
             (variable, self._number(start, _HERE), self._number(x, _HERE))
             for variable, start, x in zip(variables, starts, following, strict=True)
         ]
         reach = min(self._reach, self._n)
         outside = sorted({*range(reach), *range(self._n - reach, self._n)})
-        edges = [(f"{array}[{j}]", self._number(x, (False, j))) for j in outside for array, x in passage.rows]
+        edges = [(f"{array}[{j}]", self._number(x, (False, j))) for j in outside for array, x in loop.rows]
         sums = []
-        for i, (symbol, term) in enumerate(passage.sums):
+        for i, (symbol, term) in enumerate(loop.sums):
             at_edges = [self._number(term, (False, j)) for j in outside]
-            self._origins[key(symbol)] = symbol, Leaf(f"t{place}_{i}", each=False)
-            sums.append((f"t{place}_{i}", terms[i], at_edges))
-        return PassagePlan(passage.inward, range(reach, self._n - reach), rows, edges, sums, carried)
+            self._origins[key(symbol)] = symbol, Leaf(f"t{index}_{i}", each=False)
+            sums.append((f"t{index}_{i}", terms[i], at_edges))
+        return LoopPlan(loop.inward, range(reach, self._n - reach), rows, edges, sums, carried)
 
     def _number(self, expression: ca.SX, link: AtLink) -> int:
-        """The number of an expression of one link, at this one."""
+        """The number of an expression at a link."""
         self._expressions.append(self._at(expression, link))
         return len(self._expressions) - 1
 
@@ -183,17 +182,17 @@ class PassagePlans:
             name = key(symbol)
             if name in self._arrays:
                 pairs.append((symbol, self._entry(self._arrays[name], link)))
-            elif name in self._passages.neighbours:
-                pairs.append((symbol, self._handed(*self._passages.neighbours[name], link)))
-            elif name in self._passages.ends:
-                carry, i = self._passages.ends[name]
+            elif name in self._fusion.neighbours:
+                pairs.append((symbol, self._handed(*self._fusion.neighbours[name], link)))
+            elif name in self._fusion.ends:
+                carry, i = self._fusion.ends[name]
                 pairs.append((symbol, self._at(carry.following[i], (False, 0 if carry.inward else self._n - 1))))
         return substituted(expression, pairs)
 
     def _handed(self, carry: Carry, i: int, link: AtLink) -> ca.SX:
-        """What a link meets: what the one before it hands on, or the start."""
-        moving, place = link
-        before = place + 1 if carry.inward else place - 1
+        """The carried value at a link: from the link before it, or the start."""
+        moving, offset = link
+        before = offset + 1 if carry.inward else offset - 1
         if moving:
             self._reach = max(self._reach, abs(before))
         elif not 0 <= before < self._n:
@@ -201,37 +200,37 @@ class PassagePlans:
         return self._at(carry.following[i], (moving, before))
 
     def _entry(self, array: str, link: AtLink) -> ca.SX:
-        moving, place = link
+        moving, offset = link
         if moving:
-            self._reach = max(self._reach, abs(place))
+            self._reach = max(self._reach, abs(offset))
         if (array, link) not in self._origins:
-            index = (f"i {'+-'[place < 0]} {abs(place)}" if place else "i") if moving else str(place)
+            index = (f"i {'+-'[offset < 0]} {abs(offset)}" if offset else "i") if moving else str(offset)
             self._origins[array, link] = ca.SX.sym("x"), Leaf(f"{array}[{index}]", each=moving)
         return self._origins[array, link][0]
 
-    # ---- what is kept for later passages --------------------------------------------------------------------------
+    # ---- work space -----------------------------------------------------------------------------------------------
 
     def _keep(self, named: set[int]) -> None:
-        """Give work space to what is carried, costs much or has a name, and is needed in a later passage."""
-        times = Counter(chain.from_iterable(self.needed(plan.targets, lambda _: False)[0] for plan in self.plans))
+        """Assign work space to nodes that later loops use and that are carried, expensive or named."""
+        times = Counter(chain.from_iterable(self.needed(plan.targets, ())[0] for plan in self.plans))
         operation = [node.operation for node in self.nodes]
         shared = {i for i, count in times.items() if count > 1 and operation[i]}
         shared = {i for i in shared if operation[i] not in CHEAP or i in named}
-        known: dict[int, int] = {}
-        for place, plan in enumerate(self.plans):
-            needed, read = self.needed(plan.targets, known.__contains__)
+        calculated: dict[int, int] = {}  # by which loop
+        for index, plan in enumerate(self.plans):
+            needed, read = self.needed(plan.targets, calculated)
             for number in needed:
                 leaf = self.leaf(number)
-                if leaf and leaf.home not in {-1, place}:
-                    known[number] = leaf.home
+                if leaf and leaf.home not in {-1, index}:
+                    calculated[number] = leaf.home
                     read.add(number)
             for number in sorted(read - self.kept.keys()):
                 array, offset = f"w{len(self.kept)}", len(self.kept) * self._n
                 self.pointers[array] = f"double *restrict {array} = work + {offset};"
-                self.kept[number] = array, known[number]
-            known |= dict.fromkeys(needed & shared, place)
+                self.kept[number] = array, calculated[number]
+            calculated |= dict.fromkeys(needed & shared, index)
 
 
 def operands(node: Instruction) -> tuple[int, ...]:
-    """The numbers that an operation takes."""
+    """Numbers of an operation's operands."""
     return node.arguments if node.operation is not None else ()

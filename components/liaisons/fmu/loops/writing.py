@@ -1,4 +1,4 @@
-"""The C text of a program's passages."""
+"""C code of a program's loops."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import casadi as ca
 
 from liaisons.expressions import OPERATIONS, Instruction, literal
 from liaisons.expressions.rows import RowProgram
-from liaisons.fmu.loops.plans import PassagePlan, PassagePlans, operands
+from liaisons.fmu.loops.plans import LoopPlan, LoopPlans, operands
 
 PREAMBLE = """\
 #if defined __GNUC__ && !defined __clang__
@@ -37,19 +37,19 @@ _LONGEST = 80  # characters of an expression without a name
 
 @dataclass(frozen=True, slots=True)
 class Code:
-    """A function in C, and how many numbers of work space it needs."""
+    """A function in C, and the numbers of work space that it needs."""
 
     text: str
     reals: int
 
 
 def loops(program: RowProgram) -> Code:
-    """The function that a program describes; its text needs :data:`PREAMBLE`."""
-    writer = _Writer(PassagePlans(program))
-    lines = [line for place in range(len(writer.plans.plans)) for line in writer.passage(place)]
-    for where, number in writer.plans.ends:
+    """The function of a program; its text needs :data:`PREAMBLE`."""
+    writer = _Writer(LoopPlans(program))
+    lines = [line for index in range(len(writer.plans.plans)) for line in writer.loop(index)]
+    for target, number in writer.plans.ends:
         value = _bare(writer.single(number))
-        lines += [*writer.pending(), f"{where} = {value};"]
+        lines += [*writer.pending(), f"{target} = {value};"]
     body = "".join(f"    {line}\n" for line in lines)
     pointers = "".join(f"    {line}\n" for name, line in writer.plans.pointers.items() if f"{name}[" in body)
     head = "const double **argument, double **result, long long *integers, double *work, int memory"
@@ -58,9 +58,9 @@ def loops(program: RowProgram) -> Code:
 
 
 class _Writer:
-    """Texts of single numbers, and statements for them that are still to be written, in front of what needs them."""
+    """Operands for single numbers, and pending statements that define them."""
 
-    def __init__(self, plans: PassagePlans) -> None:
+    def __init__(self, plans: LoopPlans) -> None:
         self.plans = plans
         self._texts: dict[int, str] = {}
         self._inverses: dict[int, str] = {}
@@ -77,11 +77,11 @@ class _Writer:
 
     def pending(self) -> list[str]:
         """Statements that have to come next."""
-        found, self._pending = self._pending, []
-        return found
+        statements, self._pending = self._pending, []
+        return statements
 
     def single(self, number: int) -> str:
-        """A single number as an operand; what it needs is pending."""
+        """A single number as an operand; its statements are pending."""
         nodes, ahead, needed = self.plans.nodes, [number], set()
         while ahead:
             i = ahead.pop()
@@ -97,28 +97,28 @@ class _Writer:
             self._texts[i] = text
         return self._texts[number]
 
-    def passage(self, place: int) -> list[str]:
-        """The statements of a passage."""
-        plan = self.plans.plans[place]
-        lines = [f"{where} = {_bare(self.single(x))};" for where, x in plan.edges]
+    def loop(self, index: int) -> list[str]:
+        """The statements of a loop."""
+        plan = self.plans.plans[index]
+        lines = [f"{target} = {_bare(self.single(x))};" for target, x in plan.edges]
         lines += [f"double {name} = {_bare(self.single(start))};" for name, start, _ in plan.carried]
         for name, _, edges in plan.sums:
             lines.append(f"double {name} = {' + '.join(map(self.single, edges)) or '0.0'};")
-        loop = self._loop(place, plan) if plan.links else []
+        loop = self._loop(index, plan) if plan.links else []
         return [*self.pending(), *lines, *loop]
 
     def inverse(self, number: int) -> str:
-        """1/x of a single number, by which products take the place of quotients at each link."""
+        """1/x of a single number, so that each link multiplies instead of dividing."""
         if number not in self._inverses:
             self._inverses[number] = f"r{number}"
             divisor = self.single(number)
             self._pending.append(f"const double r{number} = 1.0 / {divisor};")
         return self._inverses[number]
 
-    def _loop(self, place: int, plan: PassagePlan) -> list[str]:
-        link = _Link(self, place, plan)
+    def _loop(self, index: int, plan: LoopPlan) -> list[str]:
+        link = _Link(self, index, plan)
         body = link.lines
-        body += [f"{name}[i] = {_bare(link.text(x))};" for name, x in (*self.plans.kept_in(place), *plan.rows)]
+        body += [f"{name}[i] = {_bare(link.text(x))};" for name, x in (*self.plans.kept_in(index), *plan.rows)]
         first, end = plan.links.start, plan.links.stop
         terms = [(name, _bare(link.text(x))) for name, x, _ in plan.sums]
         if plan.inward is None and terms:
@@ -137,27 +137,27 @@ class _Writer:
         following = {name: _bare(link.text(x)) for name, _, x in plan.carried}
         body += [f"const double n{name} = {text};" for name, text in following.items() if text in following]
         body += [f"{name} = {f'n{name}' if text in following else text};" for name, text in following.items()]
-        turns = f"size_t i = {end}; i-- > {first};" if plan.inward else f"size_t i = {first}; i < {end}; i++"
-        return [f"for ({turns}) {{", *(f"    {line}" for line in body), "}"]
+        head = f"size_t i = {end}; i-- > {first};" if plan.inward else f"size_t i = {first}; i < {end}; i++"
+        return [f"for ({head}) {{", *(f"    {line}" for line in body), "}"]
 
 
 class _Link:
-    """Statements for one link of a passage, and how its numbers are called behind them."""
+    """Statements for one link of a loop, and operands for its numbers behind them."""
 
-    def __init__(self, writer: _Writer, place: int, plan: PassagePlan) -> None:
+    def __init__(self, writer: _Writer, index: int, plan: LoopPlan) -> None:
         plans = writer.plans
-        known = {i: array for i, (array, since) in plans.kept.items() if since < place}
-        needed, read = plans.needed(plan.targets, known.__contains__)
+        arrays = {i: array for i, (array, since) in plans.kept.items() if since < index}
+        needed, read = plans.needed(plan.targets, arrays)
         nodes = [plans.nodes[i] for i in sorted(needed)]
         quotients = Counter(node.arguments[1] for node in nodes if _is_quotient(node))
         self.lines: list[str] = []
-        self._writer, self._texts = writer, {i: f"{known[i]}[i]" for i in sorted(read)}
+        self._writer, self._texts = writer, {i: f"{arrays[i]}[i]" for i in sorted(read)}
         self._divisors = {i for i, count in quotients.items() if count > 1 or not plans.each[i]}
         self._inverses: set[int] = set()
         self._uses = _uses(
             nodes,
             [*(x for _, x in plan.rows), *(x for _, x, _ in plan.sums)],
-            [*self._divisors, *(x for _, _, x in plan.carried), *(x for _, x in plans.kept_in(place))],
+            [*self._divisors, *(x for _, _, x in plan.carried), *(x for _, x in plans.kept_in(index))],
         )
         for number in sorted(needed | read):
             text = self._texts[number] if number in read else self._calculated(number)
@@ -192,13 +192,13 @@ class _Link:
 
 
 def _uses(nodes: Iterable[Instruction], once: Iterable[int], several: Iterable[int]) -> Counter[int]:
-    """How often numbers are needed, as operands of nodes and otherwise."""
-    found = Counter([*once, *several, *several])
+    """How often numbers are used, as operands of nodes and otherwise."""
+    uses = Counter([*once, *several, *several])
     for node in nodes:
         if node.operation is not None:
             for k, number in enumerate(node.arguments):
-                found[number] += node.operation.c.count(f"{{{k}}}")
-    return found
+                uses[number] += node.operation.c.count(f"{{{k}}}")
+    return uses
 
 
 def _operation(node: Instruction, text_of: Callable[[int], str]) -> str:
@@ -215,7 +215,7 @@ def _bare(text: str) -> str:
 
 
 def _is_short(text: str) -> bool:
-    """Whether it need not get a name: a name, or a number."""
+    """Whether it is a name or a number."""
     return text.replace(".", "").isalnum() or text.isidentifier()
 
 

@@ -1,4 +1,4 @@
-"""How the state moves through one communication step [t, t + H]: input polynomials and CasADi's integrators.
+"""Motion through one communication step [t, t + H]: input polynomials and CasADi's integrators.
 
 Inside a step every input is a polynomial in τ = (t' − t)/H, by ``input_reconstruction``:
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from .calls import Array, Call, view
 from .table import Table
+from .vectors import Vectors
 
 HOLD, EXTRAPOLATE, INTERPOLATE = range(3)
 TIGHTEST, LOOSEST = 1e-14, 1e-2  # tolerances are kept between these
@@ -53,54 +54,41 @@ class Events:
 
 
 class Step:
-    """One communication step of one instance, on arrays that the caller shares.
+    """One communication step of one instance.
 
     :param mode: input_reconstruction.
     :param tolerance: of the importer.
-    :param now: array (t, y, u) at the start of the step; :meth:`advance` leaves y and u of the end in ``next``.
-    :param H: array with the length of the step.
-    :param given: inputs as set by the importer, at t or (interpolate) at t + H.
-    :param size: sizes of the states, which the tolerance is relative to.
+    :param vectors: of the instance; inputs are given at t or (interpolate) at t + H.
+    :ivar next: (t, y, u) at the end, of which :meth:`advance` sets y and u.
     """
 
-    def __init__(
-        self,
-        table: Table,
-        mode: int,
-        tolerance: float,
-        *,
-        now: Array,
-        H: Array,
-        given: Array,
-        k: Array,
-        size: Array,
-    ) -> None:
+    def __init__(self, table: Table, mode: int, tolerance: float, vectors: Vectors) -> None:
         self.mode, self.tolerance = mode, tolerance
-        self._table, self._H, self._k, self._size = table, H, k, size
-        self._t, self._y, u = np.split(now, [1, 1 + size.size])
-        end = np.zeros(now.size)
+        self._table, self._vectors = table, vectors
+        v, states = vectors, vectors.y.size
+        end = np.zeros(v.now.size)
         self.next = view(end)
-        _, self._y_next, self._u_next = np.split(end, [1, 1 + size.size])
+        _, self._y_next, self._u_next = np.split(end, [1, 1 + states])
         self._tau = np.ones(1)
         inputs, coefficients = _reconstruction(table, mode)
-        self._inputs = Call(inputs, (self._tau, H, u, given), (self._u_next,))
-        if not size.size:
+        self._inputs = Call(inputs, (self._tau, v.H, v.u, v.given), (self._u_next,))
+        if not states:
             return
         largest = max(PART * tolerance, LEAST)
         short, long = _integrators(table, mode, largest)
         error = np.ones(1)
         self._error, self._largest_error = view(error), largest**2
-        self._short = Call(short, (self._t, H, self._y, u, given, k, size), (self._y_next, self._u_next, error))
-        p, self._x, self._x_next = np.zeros(long.numel_in("p")), np.zeros(size.size), np.zeros(size.size)
-        span, c, self._p_k, self._p_size = np.split(p, np.cumsum([6, coefficients.numel_out(0), k.size]))
+        self._short = Call(short, (v.t, v.H, v.y, v.u, v.given, v.k, v.size), (self._y_next, self._u_next, error))
+        p, self._x, self._x_next = np.zeros(long.numel_in("p")), np.zeros(states), np.zeros(states)
+        span, c, self._p_k, self._p_size = np.split(p, np.cumsum([6, coefficients.numel_out(0), v.k.size]))
         self._span = view(span)
-        self._coefficients = Call(coefficients, (H, u, given), (c,))
+        self._coefficients = Call(coefficients, (v.H, v.u, v.given), (c,))
         self._long = Call(long, (self._x, np.zeros(0), p), (self._x_next,))
-        self._events = Events(table.functions["events"], k)
+        self._events = Events(table.functions["events"], v.k)
 
     def advance(self) -> bool:
-        """Compute y and u at t + H; False if that cannot be done."""
-        if not self._size.size:
+        """Compute y and u at t + H; False if that fails."""
+        if not self._vectors.size.size:
             self._inputs.run()
             return True
         self._short.run()
@@ -108,13 +96,14 @@ class Step:
         return (smooth and self._error[0] <= self._largest_error) or self._integrate(1.0)
 
     def _integrate(self, fraction: float) -> bool:
-        """The same over a fraction of the step: from event to event, with as many internal steps as it takes."""
-        t, H = float(self._t[0]), float(self._H[0])
+        """Integrate over a fraction of the step, from event to event, with error control."""
+        v = self._vectors
+        t, H = float(v.t[0]), float(v.H[0])
         events = [self._events.after(t)]
         while events[-1] <= t + fraction * H:
             events.append(self._events.after(events[-1]))
         self._coefficients.run()
-        self._p_k[:], self._p_size[:], self._x[:] = self._k, self._size, self._y / self._size
+        self._p_k[:], self._p_size[:], self._x[:] = v.k, v.size, v.y / v.size
         begin, earliest = 0.0, t
         for instant in events:
             end = min(instant - t, fraction * H)
@@ -124,12 +113,12 @@ class Step:
             if not self._long.succeeded:
                 return False
             begin, earliest, self._x[:] = end, instant, self._x_next
-        self._y_next[:] = self._x * self._size
+        self._y_next[:] = self._x * v.size
         return bool(np.isfinite(self._y_next).all())
 
     def obstacle(self) -> str:
         """What made :meth:`advance` fail, and when."""
-        t, H = self._t[0], self._H[0]
+        t, H = self._vectors.t[0], self._vectors.H[0]
         bounded = [(i, entry) for i, entry in enumerate(self._table.inputs) if entry.domain]
         for fraction in np.linspace(0.0, 1.0, 1025):
             self._tau[0] = fraction
@@ -143,7 +132,8 @@ class Step:
 
     def _singularity(self) -> str:
         """Where the motion ends, by bisection, and the condition that is about to fail there."""
-        reached, failed, y = 0.0, 1.0, self._y.copy()
+        v = self._vectors
+        reached, failed, y = 0.0, 1.0, v.y.copy()
         for _ in range(20):
             middle = (reached + failed) / 2
             if self._integrate(middle):
@@ -152,19 +142,19 @@ class Step:
                 failed = middle
         self._tau[0] = reached
         self._inputs.run()
-        t = self._t[0] + reached * self._H[0]
+        t = v.t[0] + reached * v.H[0]
         # Conditions are distances from a singularity, of order 1 elsewhere.
-        condition = self._table.failed_condition(t, y, self._u_next, self._k, 1e-3)
+        condition = self._table.failed_condition(t, y, self._u_next, v.k, 1e-3)
         return condition or f"no step from t = {t:.9g} is small enough for the tolerance {self.tolerance:g}"
 
 
 @lru_cache(maxsize=64)
 def _reconstruction(table: Table, mode: int) -> tuple[ca.Function, ca.Function]:
-    """Inputs inside a step, (τ, H, u at t, u given) → (u,), and the coefficients of their polynomials."""
+    """Inputs inside a step, (τ, H, u at t, given) → (u,), and the coefficients of their polynomials."""
     tau, H = ca.SX.sym("tau"), ca.SX.sym("H")
     u_0, u_1 = (ca.SX.sym(name, len(table.inputs)) for name in ("u_0", "u_1"))
     rows = _polynomials(table, mode, H, u_0, u_1)
-    # At τ = 1 the polynomials have rounding errors that the given values have not.
+    # At τ = 1 the polynomials have rounding errors.
     u = ca.if_else(tau == 1, u_1, _evaluate(rows, tau)) if mode == INTERPOLATE else _evaluate(rows, tau)
     return (
         ca.Function("inputs", [tau, H, u_0, u_1], [u]),

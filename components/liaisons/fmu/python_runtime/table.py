@@ -18,7 +18,7 @@ from .calls import Array
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What the slave has to know of one variable."""
+    """A variable."""
 
     name: str
     causality: str
@@ -27,10 +27,10 @@ class Entry:
     minimum: float | None
     maximum: float | None
     strict: bool  # True: the bounds themselves are forbidden too
-    domain: str  # the allowed values in words; empty when all are allowed
+    domain: str  # the allowed values in words; empty: all
 
     def margins(self, value: Any) -> list[Any]:
-        """Distances to the bounds there are; the value is allowed while each is > 0, or >= 0 if not strict.
+        """Distances to the bounds; the value is allowed while each is > 0, or >= 0 if not strict.
 
         :param value: a number or a CasADi expression.
         """
@@ -52,18 +52,18 @@ class Table:
 
     name: str
     guid: str
-    tolerance: float  # when the importer gives none
+    tolerance: float  # default
     parameters: tuple[Entry, ...]
     inputs: tuple[Entry, ...]
     outputs: tuple[Entry, ...]
-    drawn: tuple[Entry, ...]  # what only a picture needs, calculated when it is read
+    drawn: tuple[Entry, ...]  # for pictures, calculated when they are read
     sizes: tuple[tuple[str, int], ...]  # structural sizes by name
-    active: tuple[tuple[int, int, int], ...]  # places of s, s_dot, s_ddot among the inputs
-    mismatches: tuple[int, ...]  # of these coordinates where the memory has what is found of them; -1: nothing is kept
-    jumps: tuple[tuple[int, ...], ...]  # what jumps of each pair of them do, see prescribed.py; empty: nothing
+    active: tuple[tuple[int, int, int], ...]  # indices of s, s_dot, s_ddot among the inputs
+    mismatches: tuple[int, ...]  # indices in the memory of the mismatches of these coordinates; -1: it has none
+    jumps: tuple[tuple[int, ...], ...]  # effect of jumps of each pair of them, see prescribed.py; empty: none
     coupled: int  # the first so many states act on the motion
     condition_texts: tuple[str, ...]
-    start_only: int  # so many conditions, the last ones, are asked of the start alone
+    start_only: int  # number of conditions, the last ones, that only the start has to satisfy
     functions: dict[str, ca.Function]
 
     @property
@@ -81,7 +81,7 @@ class Table:
 
     @property
     def lasting(self) -> int:
-        """How many conditions are asked of the motion, too."""
+        """Number of conditions that the motion has to satisfy, too."""
         return len(self.condition_texts) - self.start_only
 
     def failed_condition(self, t: float, y: Array, u: Array, k: Array, least: float, *, start: bool = False) -> str:
@@ -103,7 +103,7 @@ def load(resources: str) -> Table:
 
 
 def starts(resources: str) -> Iterator[tuple[str, int, Any]]:
-    """Start values that replace those of the component, if the folder has some: kind, value reference, value.
+    """Start values in the folder that replace those of the component: kind, value reference, value.
 
     See ``starts.c`` of the native FMUs; here every variable is one number.
     """

@@ -135,7 +135,7 @@ def _base(m: Chain) -> tuple[Base, ca.SX]:
     if components is None:
         d = m.w.shape[0]
         return Base(*(ca.SX.zeros(d) for _ in range(3))), ca.SX(d, 0)
-    position = m.place(components)
+    position = m.joint_column(components)
     velocity = m.dot(position)
     return Base(position, velocity, m.dot(velocity)), ca.jacobian(position, m.s)
 

@@ -94,10 +94,10 @@ class Orbit:
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
     """Not for orbits that are almost circles; through the origin, or without a spring, uniform and straight."""
     position, velocity = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
-    speed, found = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(velocity)
+    speed, norm = np.sqrt(3 * at.thermal_energy / at.mass), np.linalg.norm(velocity)
     require(
-        abs(found - speed) <= 1e-6 * speed,
-        f"IsokineticOscillator.exact: the start velocity {found:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
+        abs(norm - speed) <= 1e-6 * speed,
+        f"IsokineticOscillator.exact: the start velocity {norm:.9g} m/s must be {speed:.9g} m/s: m v² = 3 k_B T",
     )
     a, r_0, moment = (
         at.stiffness / (3 * at.thermal_energy),

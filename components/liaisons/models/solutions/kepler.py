@@ -63,7 +63,7 @@ def _motion(
         s_0 = np.arcsinh(rate * sigma / (mu * e)) / rate if beta < 0 else sigma / mu
     nearest = parameter / (1 + e)
 
-    def place(s: NDArray) -> NDArray:
+    def position(s: NDArray) -> NDArray:
         c_1, c_2, _ = stumpff(beta * s**2)
         return nearest - mu * s**2 * c_2 + 1j * L * s * c_1
 
@@ -78,9 +78,9 @@ def _motion(
     s = np.sign(since) * _universal_anomaly(np.abs(since), nearest, e, beta, mu)
     c_1, c_2, _ = stumpff(beta * s**2)
     r = nearest + mu * e * s**2 * c_2
-    turn = r_0 / place(np.asarray(s_0))
+    turn = r_0 / position(np.asarray(s_0))
     turn /= abs(turn)  # from the frame of the pericentre; well defined on a circle, too
-    return turn * place(s), turn * (-mu * s * c_1 + 1j * L * (1 - beta * s**2 * c_2)) / r
+    return turn * position(s), turn * (-mu * s * c_1 + 1j * L * (1 - beta * s**2 * c_2)) / r
 
 
 def _universal_anomaly(t: NDArray, nearest: float, e: float, beta: float, mu: float) -> NDArray:

@@ -68,10 +68,10 @@ class SlowTurn:
 
     def spread(self, beads: int) -> NDArray:
         """u of beads that are equally far from one another along the hoop, from u = 0 on."""
-        wanted, u = self.length * np.arange(beads) / beads, _TURN * np.arange(beads) / beads
+        lengths, u = self.length * np.arange(beads) / beads, _TURN * np.arange(beads) / beads
         arc = _integrated(self.speed(_GRID))
         for _ in range(50):
-            step = (self.length / _TURN * u + _at(arc, u) - _at(arc, 0.0) - wanted) / self.speed(u)
+            step = (self.length / _TURN * u + _at(arc, u) - _at(arc, 0.0) - lengths) / self.speed(u)
             u = u - step
             if np.max(np.abs(step)) <= 1e-14:
                 break

@@ -12,11 +12,11 @@ from liaisons.models.solutions.validity import require
 
 @closed_form("helix, cycloid or parabola (K Ex. 4) for any fields and any start, without division by Ω")
 def exact(t: NDArray, at: Values) -> dict[str, NDArray]:
-    turn = -at.charge / at.mass * at.array("B_x", "B_y", "B_z")
+    rotation = -at.charge / at.mass * at.array("B_x", "B_y", "B_z")
     a = at.charge / at.mass * at.array("E_x", "E_y", "E_z")
     r_0, v_0 = at.array("x_0", "y_0", "z_0"), at.array("x_dot_0", "y_dot_0", "z_dot_0")
-    r, r_dot = _turning(t, r_0, v_0, a, turn)
-    centre = _centre(t, r_0, v_0, a, turn) if turn.any() else r
+    r, r_dot = _turning(t, r_0, v_0, a, rotation)
+    centre = _centre(t, r_0, v_0, a, rotation) if rotation.any() else r
     names = (form.format(axis) for form in ("{}", "{}_dot", "guiding_centre_{}") for axis in "xyz")
     return dict(zip(names, (*r, *r_dot, *centre), strict=True))
 
@@ -28,32 +28,34 @@ def drift(at: Values) -> NDArray:
     return np.cross(E, B) / (B @ B)
 
 
-def _turning(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, turn: NDArray) -> tuple[NDArray, NDArray]:
+def _turning(
+    t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rotation: NDArray
+) -> tuple[NDArray, NDArray]:
     """r and r' of r'' = acceleration + turn∧r', uniform: along the axis uniform acceleration, across it a turn.
 
     :param t: times since the start [s], any shape; the vectors have shape (3,).
     :returns: shape (3, ...) each.
     """
     times = np.asarray(t, dtype=float)[..., None]  # the last axis is that of the vectors
-    rate = float(np.linalg.norm(turn))
+    rate = float(np.linalg.norm(rotation))
     c_1, c_2, c_3 = stumpff((rate * times) ** 2)
-    axis = turn / rate if rate > 0 else np.zeros(3)
+    axis = rotation / rate if rate > 0 else np.zeros(3)
     v_along, a_along = axis * (axis @ v_0), axis * (axis @ acceleration)
     v, a = v_0 - v_along, acceleration - a_along
-    v_left, a_left = np.cross(turn, v), np.cross(turn, a)
+    v_left, a_left = np.cross(rotation, v), np.cross(rotation, a)
     cosine = 1 - (rate * times) ** 2 * c_2
     r = r_0 + times * (v_along + c_1 * v) + times**2 * (a_along / 2 + c_2 * (v_left + a)) + times**3 * c_3 * a_left
     r_dot = v_along + cosine * v + times * (a_along + c_1 * (v_left + a)) + times**2 * c_2 * a_left
     return np.moveaxis(r, -1, 0), np.moveaxis(r_dot, -1, 0)
 
 
-def _centre(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, turn: NDArray) -> NDArray:
+def _centre(t: ArrayLike, r_0: NDArray, v_0: NDArray, acceleration: NDArray, rotation: NDArray) -> NDArray:
     """What a :func:`_turning` goes round, turn not 0: along the axis it goes with it, across it drifts evenly.
 
     :returns: shape (3, ...).
     """
-    square = turn @ turn
-    across = np.cross(turn, acceleration) / square
-    centre_0 = r_0 + np.cross(turn, v_0 - across) / square
-    rate, along = across + turn * (turn @ v_0) / square, turn * (turn @ acceleration) / square
+    square = rotation @ rotation
+    across = np.cross(rotation, acceleration) / square
+    centre_0 = r_0 + np.cross(rotation, v_0 - across) / square
+    rate, along = across + rotation * (rotation @ v_0) / square, rotation * (rotation @ acceleration) / square
     return _turning(t, centre_0, rate, along, np.zeros(3))[0]

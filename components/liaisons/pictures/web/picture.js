@@ -48,8 +48,7 @@ const along = (a, direction, length) => a.map((x, i) => x + direction[i] * lengt
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const middle = (a, b) => a.map((x, i) => (x + b[i]) / 2);
 
-// Yaw and pitch that face the plane of a mechanism, or look a little from above at a spatial one.
-const FACING = { xz: [0, 0], xy: [0, Math.PI / 2], yz: [Math.PI / 2, 0], null: [-0.6, 0.35] };
+/* global DRAWING: sizes as fractions of the extent, numbers of coils, views of planes, the light; from inline.py */
 
 const PIECES = 16; // of a trail, each paler than the next
 
@@ -62,7 +61,7 @@ export class View {
 
   /** The view at the beginning. */
   home() {
-    const [yaw, pitch] = FACING[this.plane];
+    const [yaw, pitch] = DRAWING.facing[this.plane];
     Object.assign(this, { yaw, pitch, zoom: 1, shift: [0, 0] });
     this.forget();
   }
@@ -123,28 +122,28 @@ export class View {
 
   #add(items, shape, values, colours, trail, time) {
     const at = (member) => this.see(shape[member](values));
-    const unit = this.scale * this.extent;
+    const unit = this.scale * this.extent, { sizes, coils } = DRAWING;
     const radius = shape.radius ? this.scale * shape.radius(values) : null;
     const line = (a, b, width, colour, bias = 0) => items.push({
       depth: (a[2] + b[2]) / 2 + bias,
       paint: (c) => path(c, [a, b], width, colour),
     });
     const draws = {
-      rod: () => line(at("from"), at("to"), Math.max(radius ? 2 * radius : 0.022 * unit, 2), colours.rod),
+      rod: () => line(at("from"), at("to"), Math.max(radius ? 2 * radius : 2 * sizes.rod * unit, 2), colours.rod),
       ball: () => {
-        const p = at("at"), r = Math.max(radius ?? 0.035 * unit, 3);
+        const p = at("at"), r = Math.max(radius || sizes.ball * unit, 3);
         items.push({ depth: p[2] + 1e-3, paint: (c) => ball(c, p, r, colours) });
       },
       box: () => this.#box(items, shape, values, colours),
       wire: () => {
         const seen = shape.points.map((p) => this.see(p(values)));
         if (shape.closed) seen.push(seen[0]);
-        seen.slice(1).forEach((p, i) => line(seen[i], p, Math.max(0.008 * unit, 1.5), colours.wire, -1e-3));
+        seen.slice(1).forEach((p, i) => line(seen[i], p, Math.max(2 * sizes.wire * unit, 1.5), colours.wire, -1e-3));
       },
       spring: () => {
         const a = at("from"), b = at("to");
-        shape.coils ??= Math.min(Math.max(Math.round((30 * Math.hypot(...minus(shape.to(values), shape.from(values)))) / this.extent), 3), 9);
-        items.push({ depth: (a[2] + b[2]) / 2, paint: (c) => spring(c, a, b, 0.03 * unit, shape.coils, colours.spring) });
+        shape.coils ??= Math.min(Math.max(Math.round((30 * Math.hypot(...minus(shape.to(values), shape.from(values)))) / this.extent), coils[0]), coils[1]);
+        items.push({ depth: (a[2] + b[2]) / 2, paint: (c) => spring(c, a, b, sizes.spring * unit, shape.coils, colours.spring) });
       },
       trail: () => {
         const now = shape.at(values);
@@ -171,7 +170,7 @@ export class View {
         const corners = [[1, 1], [1, -1], [-1, -1], [-1, 1]].map(([a, b]) => this.see(
           along(along(face, axes[j], a * half[j]), axes[k], b * half[k]),
         ));
-        const light = 0.55 + 0.45 * Math.max(0, side * dot(axis, [-0.35, -0.6, 0.72]));
+        const light = 0.55 + 0.45 * Math.max(0, side * dot(axis, DRAWING.light));
         items.push({ depth: this.see(face)[2], paint: (c) => polygon(c, corners, colours.box(light), colours.edge) });
       }
     });

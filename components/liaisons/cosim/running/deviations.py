@@ -1,4 +1,4 @@
-"""What functions of time do inside a communication step: how far they leave what their targets follow, and where.
+"""Deviations of functions of time from the polynomials that inputs follow within a communication step, and breaks.
 
 A deviation d of a polynomial from a function shrinks, where the step is halved, by 2⁴ for a cubic and 2⁶ for a quintic;
 in the half that has a jump of the value not at all, of the rate by 2, of the acceleration by 4.  So bisection finds
@@ -33,29 +33,27 @@ break may do so once, where it comes to lie at an end.
 _NOTHING = 2e-14
 """A deviation of this part of the function may be rounding."""
 _MOST, _OFTEN = 20, 3
-"""So many breaks are looked for in a step; a function that has more, so often, is not looked at any more."""
+"""Most breaks in a step; a function with more, so often, is not searched any more."""
 
 
 @final
-class Inside:
-    """Integrals, once and twice, of what each function of time differs from its polynomial in the step under way.
+class Deviations:
+    """Integrals, once and twice, of the deviations of functions of time in the present step, on the bus.
 
-    They are on the bus, and so recorded.
-
-    :param drives: those that drive integers or truth values are left out: they are sampled.
-    :param tolerance: relative to the function; what deviates less has no break.
-    :ivar columns: of each input, where the first of the two integrals is, and how many numbers its function returns;
-        ``place`` is where all of them are.
+    :param drives: those of integers and Booleans are left out: they are sampled.
+    :param tolerance: relative to the function; a smaller deviation is no break.
+    :ivar columns: of each input: column of the first of the two integrals, and how many numbers its function returns;
+        ``span`` are the columns of all integrals.
     """
 
     def __init__(self, drives: Sequence[Drive], bus: Bus, tolerance: float) -> None:
         self._drives = drives = [drive for drive in drives if drive.among is None]
         self._tolerance = tolerance
         first, values, _ = bus.room(2 * len(drives))
-        self.place = slice(first, first + 2 * len(drives))
+        self.span = slice(first, first + 2 * len(drives))
         self._values = values.reshape(-1, 2)
         self.columns = {
-            place: (first + 2 * k, len(drive.inputs)) for k, drive in enumerate(drives) for place in drive.inputs
+            input_: (first + 2 * k, len(drive.inputs)) for k, drive in enumerate(drives) for input_ in drive.inputs
         }
         self.reset()
 
@@ -65,18 +63,16 @@ class Inside:
     def reset(self) -> None:
         """Forget everything."""
         self._sizes = np.zeros(len(self._drives))
-        self._found = [0] * len(self._drives)
+        self._breaks = [0] * len(self._drives)
         self._overrun = [0] * len(self._drives)
         self._end = -math.inf
 
-    def ahead(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    def integrate_steps(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """The integrals of steps from each of these instants [s] to the next, up to the first that may have a break.
 
-        What a function raises later than that is nobody's concern yet.
-
-        :returns: shape (steps, columns), where :attr:`place` says on the bus.
+        :returns: shape (steps, columns), of the columns :attr:`span` of the bus; no steps if a function raises.
         """
-        steps, found = np.diff(times)[:, None], []
+        steps, integrals = np.diff(times)[:, None], []
         nodes, thirds = times[:-1, None] + steps * _NODES, times[:-1, None] + steps * _THIRDS[1:-1]
         many, sizes = len(steps), self._sizes.copy()
         for k, drive in enumerate(self._drives):
@@ -92,10 +88,10 @@ class Inside:
                 off = inside - np.hstack([begin[:, :1], between, end[:, :1]]) @ _CUBIC.T
             else:
                 off = inside - np.hstack([begin, end]) @ _QUINTIC.T
-            found.append(_integrals(off, steps[:, 0]))
+            integrals.append(_integrals(off, steps[:, 0]))
             largest = np.abs(np.hstack([begin, end])).max(axis=1, initial=self._sizes[k])
             largest = np.maximum.accumulate(largest)
-            allowed = self._tolerance * np.where(largest > 0, largest, 1.0)
+            allowed = self._allowed(largest)
             leaves = (np.abs(off).max(axis=1) > allowed) | (np.abs(right * powers - end).max(axis=1) > allowed)
             if self._overrun[k] < _OFTEN and leaves.any():
                 many = min(many, int(np.argmax(leaves)))
@@ -104,16 +100,20 @@ class Inside:
             self._sizes = sizes
         if many and times[many] > self._end:  # not a step that was cut
             self._end = float(times[many])
-            for k, count in enumerate(self._found):
+            for k, count in enumerate(self._breaks):
                 self._overrun[k] += count >= _MOST
-                self._found[k] = 0
-        return np.hstack(found)[:many]
+                self._breaks[k] = 0
+        return np.hstack(integrals)[:many]
 
-    def look(self, start: float, end: float, *, locate: bool = True) -> float:
+    def _allowed(self, size: ArrayLike) -> NDArray[np.float64]:
+        """Largest deviation without a break, of a function of some size."""
+        return self._tolerance * np.where(np.asarray(size) > 0, size, 1.0)
+
+    def integrate(self, start: float, end: float, *, locate: bool = True) -> float:
         """Evaluate the integrals between two instants [s].
 
-        :param locate: look for breaks, too.
-        :returns: the first break that was found, after the start and not after the end; infinite if there is none.
+        :param locate: search for breaks, too.
+        :returns: the first break after the start and not after the end [s]; infinite if there is none.
         """
         size, first = end - start, math.inf
         for k, drive in enumerate(self._drives):
@@ -125,25 +125,25 @@ class Inside:
 
     def _break(self, k: int, start: float, end: float, deviation: float) -> float:
         drive, powers = self._drives[k], (end - start) ** np.arange(len(self._drives[k].inputs))
-        here = drive(end) * powers
-        self._sizes[k] = size = max(self._sizes[k], float(np.max(np.abs([drive(start) * powers, here]))))
-        allowed = self._tolerance * (size or 1.0)
+        last = drive(end) * powers
+        self._sizes[k] = size = max(self._sizes[k], float(np.max(np.abs([drive(start) * powers, last]))))
+        allowed = self._allowed(size)
         if start >= self._end:  # not a step that was cut
-            self._overrun[k] += self._found[k] >= _MOST
-            self._found[k], self._end = 0, end
-        if self._found[k] >= _MOST or self._overrun[k] >= _OFTEN:
+            self._overrun[k] += self._breaks[k] >= _MOST
+            self._breaks[k], self._end = 0, end
+        if self._breaks[k] >= _MOST or self._overrun[k] >= _OFTEN:
             return math.inf
-        found = _located(drive, start, end, deviation, _NOTHING * (size or 1.0)) if deviation > allowed else None
-        if found is None and np.max(np.abs(drive.right(end) * powers - here)) > allowed:
-            found = end
-        if found is None or found <= start + rounding(start):
+        instant = _located(drive, start, end, deviation, _NOTHING * (size or 1.0)) if deviation > allowed else None
+        if instant is None and np.max(np.abs(drive.right(end) * powers - last)) > allowed:
+            instant = end
+        if instant is None or instant <= start + rounding(start):
             return math.inf
-        self._found[k] += 1
-        return found
+        self._breaks[k] += 1
+        return instant
 
 
 def _integrals(off: NDArray[np.float64], size: ArrayLike) -> NDArray[np.float64]:
-    """Once and twice, of deviations at the nodes; of what changes its sign inside nothing is taken to cancel."""
+    """∫ and ∫∫ of deviations at the nodes, all taken with the sign of their mean, so that nothing cancels."""
     size = np.asarray(size)
     sizes = np.copysign(np.abs(off), (off @ _WEIGHTS)[..., None])
     return (sizes @ _ONCE_TWICE) * np.stack([size, size**2], -1)
@@ -163,10 +163,7 @@ def _located(drive: Drive, start: float, end: float, deviation: float, nothing: 
 
 
 def _deviation(drive: Drive, start: float, end: float) -> NDArray[np.float64]:
-    """How far the value is off, at the nodes, what its target follows.
-
-    That is the quintic through both ends of a port, else the cubic through the thirds.
-    """
+    """Deviation, at the nodes, from the quintic through both ends of a port, else from the cubic through the thirds."""
     size = end - start
     values = np.array([drive(start + size * node)[0] for node in _NODES])
     if len(drive.inputs) < 3:

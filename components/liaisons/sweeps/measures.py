@@ -1,4 +1,4 @@
-"""What is kept of a case: one number a name."""
+"""Measures of a case: one number of its result for each column of the table."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ _MEASURES: dict[str, Callable[[Any], float]] = {"final": lambda x: x[-1], "max":
 
 
 def measures(keep: str | Iterable[str] | Mapping[str, Measure]) -> dict[str, Measure]:
-    """Name of the column -> what stands in it.
+    """Name of the column -> its measure.
 
     :raises SweepError: if there is nothing to keep, or a word after the colon is unknown.
     """
-    found: dict[str, Measure] = {}
-    found.update(keep if isinstance(keep, Mapping) else ((name, name) for name in listed("keep", keep, SweepError)))
-    if not found:
+    names = keep if isinstance(keep, Mapping) else listed("keep", keep, SweepError)
+    columns: dict[str, Measure] = {name: keep[name] if isinstance(keep, Mapping) else name for name in names}
+    if not columns:
         raise SweepError("nothing is kept; name a signal, e.g. keep=['theta', 'theta:max']")
-    for name, measure in found.items():
+    for name, measure in columns.items():
         if isinstance(measure, str):
             split(measure)
         elif not callable(measure):
             raise SweepError(f"keep: {name} = {shown(measure)}; give the name of a signal or a function of the Result")
-    return found
+    return columns
 
 
 def split(measure: str) -> tuple[str, str]:
-    """Signal and word of a measure."""
+    """Signal of a measure, and ``"final"``, ``"max"`` or ``"min"``."""
     signal, colon, word = measure.partition(":")
     if not signal:
         raise SweepError(f"keep {measure!r}: no signal is named; write SIGNAL, SIGNAL:max or SIGNAL:min")
@@ -52,21 +52,21 @@ def evaluate(keep: Mapping[str, Measure], result: Result) -> tuple[float, ...]:
 
     :raises SweepError: if a function fails or returns no number.
     """
-    values = []
-    for name, measure in keep.items():
+
+    def value(name: str, measure: Measure) -> float:
         if isinstance(measure, str):
             signal, word = split(measure)
-            values.append(float(_MEASURES[word](result[signal])))
-            continue
+            return float(_MEASURES[word](result[signal]))
         try:
-            values.append(float(measure(result)))
+            return float(measure(result))
         except Exception as error:
             raise SweepError(f"keep: the function of {name!r} fails: {type(error).__name__}: {error}") from error
-    return tuple(values)
+
+    return tuple(value(*column) for column in keep.items())
 
 
 def identity(measure: Measure) -> bytes:
-    """What tells a measure from another: of a function its code, so that a journal does not outlive a change of it."""
+    """Content of a measure for the key of a journal, which changes with the code of a function."""
     if isinstance(measure, str):
         return measure.encode()
     code = getattr(measure, "__code__", None)

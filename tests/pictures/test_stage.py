@@ -1,0 +1,34 @@
+"""The part of space that is seen holds all that is drawn, from all sides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from liaisons.pictures import Picture
+from liaisons.pictures.frames import RATE, frames
+from liaisons.pictures.stage import Stage
+
+TURNS = np.linspace(0, 2 * np.pi, 7)
+
+
+@pytest.mark.parametrize("third", [0, "y"])
+def test_everything_lies_within_what_is_seen(third: float | str) -> None:
+    """A ball on a rod that goes round, in a plane and on a tilted one."""
+    bob = ["x", third, "z"]
+    shapes = ({"shape": "rod", "from": [0, 0, 0], "to": bob}, {"shape": "ball", "at": bob})
+    time = np.linspace(0, 2 * np.pi, 25)
+    signals = {"x": 3 * np.cos(time), "y": 0.5 * np.cos(time), "z": np.sin(time)}
+    stage = Stage(frames(Picture(shapes), time, signals.__getitem__, title="it"))
+    for turn in TURNS if third else TURNS[:1]:
+        corners = np.concatenate([face.corners for k in range(len(time)) for face in stage.faces(k, turn)])
+        assert np.all(np.abs(corners) <= stage.half)
+        assert third or np.all(np.abs(corners).max(axis=0) >= 0.8 * stage.half)
+
+
+@pytest.mark.parametrize("count", [40, 200])
+def test_a_trail_lasts_three_seconds(count: int) -> None:
+    time = np.arange(count) / RATE
+    trail = {"shape": "trail", "at": ["x", 0, 0]}
+    stage = Stage(frames(Picture((trail,)), time, {"x": time}.__getitem__, title="it"))
+    assert len(stage.faces(count - 1)) == min(count, 3 * RATE) - 1
