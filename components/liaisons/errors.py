@@ -113,8 +113,8 @@ class ValidityError(LiaisonsError, ValueError):
 def suggestion(name: object, known: Iterable[str]) -> str:
     """``", did you mean 'x'?"`` for the closest of the known names, else the list of them.
 
-    :param name: what was asked for.
-    :param known: what there is.
+    :param name: the unknown name.
+    :param known: all names.
     """
     known = sorted(known)
     near = difflib.get_close_matches(str(name), known, n=1)

@@ -57,7 +57,7 @@ def check_writable(path: Path) -> None:
             part.unlink()
         elif path.is_dir():
             raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
-        elif not os.access(path, os.W_OK):  # not opened: that of a pipe waits until somebody reads
+        elif not os.access(path, os.W_OK):  # not opened: opening a pipe waits for a reader
             raise PermissionError(EACCES, os.strerror(EACCES))
     except OSError as error:
         raise _unwritable(path, error) from None

@@ -60,8 +60,8 @@ def flatten(
     parts = system.filled()
     if converted := [connection for connection in system.connections if connection.conversion != SAME]:
         raise SimulationError(f"{system.name}: {converted[0]} converts values, which is not flattened; use one unit")
-    known = catalogue() | dict(components or {})
-    models = {name: _model(part, known) for name, part in parts.items()}
+    classes = catalogue() | dict(components or {})
+    models = {name: _model(part, classes) for name, part in parts.items()}
     starts = {
         f"{name}.{variable}": value
         for name, part in parts.items()
@@ -83,7 +83,7 @@ def flatten(
     )
 
 
-def _model(part: SystemComponent, known: Mapping[str, type[Component]]) -> Model:
+def _model(part: SystemComponent, classes: Mapping[str, type[Component]]) -> Model:
     """The model that an FMU of ours was built from."""
     from liaisons.language import Chain
 
@@ -92,35 +92,35 @@ def _model(part: SystemComponent, known: Mapping[str, type[Component]]) -> Model
         raise SimulationError(
             f"{part.name}: {fmu.path.name} has its motion in a file, which no other FMU can take over"
         )
-    if fmu.model_name not in known:
+    if fmu.model_name not in classes:
         raise SimulationError(
             f"{part.name}: {fmu.path.name} is a {fmu.model_name!r}, which the catalogue does not have; "
             f"flatten(components={{{fmu.model_name!r}: ...}}) takes the class that it was built from"
         )
     sizes = {shape[0] for name, shape in fmu.arrays.items() if name != "picture"}
-    component = known[fmu.model_name]
+    component = classes[fmu.model_name]
     is_chain = issubclass(component, Chain) and len(sizes) == 1
-    found = model(component, **({"n": sizes.pop()} if is_chain else {})).flat()
-    missing = [v.name for v in found.variables if v.name not in fmu.variables]
+    derived = model(component, **({"n": sizes.pop()} if is_chain else {})).flat()
+    missing = [v.name for v in derived.variables if v.name not in fmu.variables]
     if missing:
         raise SimulationError(
             f"{part.name}: {fmu.path.name} has no variable {missing[0]!r}, which {fmu.model_name} has; "
             "it was built from another component of this name: give that one in flatten(components=...)"
         )
-    return found
+    return derived
 
 
-def _starts(part: SystemComponent, found: Model) -> dict[str, float]:
+def _starts(part: SystemComponent, derived: Model) -> dict[str, float]:
     """Start values of parameters and inputs: those of the system, else those that the file has."""
-    given = {
+    own = {
         element: value
         for name, values in part.starts.items()
         for element, value in zip(
             part.fmu.elements(name), values if isinstance(values, tuple) else (values,), strict=True
         )
     }
-    found_in_file = {v.name: part.fmu.variables[v.name].start for v in (*found.parameters, *found.inputs)}
-    starts: dict[str, Any] = {name: given.get(name, start) for name, start in found_in_file.items()}
+    in_file = {v.name: part.fmu.variables[v.name].start for v in (*derived.parameters, *derived.inputs)}
+    starts: dict[str, Any] = {name: own.get(name, start) for name, start in in_file.items()}
     return {name: float(start) for name, start in starts.items() if start is not None}
 
 

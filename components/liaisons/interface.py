@@ -1,6 +1,6 @@
-"""What users call: a component's name, file or class stands for its FMU, which is built if need be.
+"""The public functions that take components: the FMU of a name, file or class is built if need be.
 
-Below this storey there are FMU files only.
+The layers below take FMU files only.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from liaisons.folders import passing_folder
 from liaisons.library import Target, fmu_file
 
 MOST_KNOTS = 100
-"""As many as the parameters of a PlannedMotion hold; more are in a file."""
+"""Knots in the parameters of a PlannedMotion; more are in a file."""
 _KNOT = ("instant", "value", "rate", "acceleration")
 
 P = ParamSpec("P")
@@ -34,18 +34,18 @@ T = TypeVar("T")
 
 
 def _by_name(
-    function: Callable[Concatenate[Path | str | T, P], R], *others: type[T]
+    function: Callable[Concatenate[Path | str | T, P], R], *types: type[T]
 ) -> Callable[Concatenate[Target | T, P], R]:
-    """The same function, whose first argument may be a component; what is of another type stands for itself."""
+    """The same function, whose first argument may be a component, or an instance of further types."""
 
     @wraps(function)
     def call(subject: Target | T, /, *arguments: P.args, **options: P.kwargs) -> R:
-        found = subject if isinstance(subject, others) else fmu_file(cast("Target", subject))
-        return function(found, *arguments, **options)
+        target = subject if isinstance(subject, types) else fmu_file(cast("Target", subject))
+        return function(target, *arguments, **options)
 
     signature = inspect.signature(function)  # for help()
     first, *further = signature.parameters.values()
-    annotation = " | ".join(["Path | str | type[Component]", *(other.__name__ for other in others)])
+    annotation = " | ".join(["Path | str | type[Component]", *(type_.__name__ for type_ in types)])
     first = first.replace(kind=first.POSITIONAL_ONLY, annotation=annotation)
     vars(call)["__signature__"] = signature.replace(parameters=[first, *further])
     return call
@@ -78,8 +78,8 @@ def tabulated(
 ) -> cosim.OperatorFmu:
     """A table as the value of a coordinate: ``simulate("Pendulum", length=tabulated(t, length))``.
 
-    It is a ``PlannedMotion``, one polynomial of degree five from time to time.  What is not given of rates and
-    accelerations is that of the quintic spline through what is.  Where a time stands twice is a jump, which becomes a
+    It is a ``PlannedMotion``, one polynomial of degree five from time to time.  Rates and accelerations that are None
+    are those of the quintic spline through the others.  A time that is repeated is a jump, which becomes a
     communication point.
 
     :param times: [s], ascending, shape (n,), n >= 2.
@@ -93,10 +93,10 @@ def tabulated(
 
 
 def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
-    """Write a copy of an FMU with a table in its resources, which lasts as long as this process.
+    """Path of a copy of an FMU with a table in its resources; it is deleted at the end of this process.
 
     :param table: its columns, (columns, rows).
-    :raises SimulationError: if it is one in Python, which takes none.
+    :raises SimulationError: for an FMU in Python, which takes none.
     """
     copy = _copies() / hashlib.sha256(fmu.read_bytes() + table.tobytes()).hexdigest()[:16] / fmu.name
     if not copy.exists():
@@ -108,7 +108,7 @@ def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
 
 @lru_cache(maxsize=1)
 def _copies() -> Path:
-    """Where FMUs with tables are kept as long as this process lasts."""
+    """Folder of FMUs with tables, deleted at the end of this process."""
     stack = ExitStack()
     atexit.register(stack.close)
     return stack.enter_context(passing_folder())
@@ -127,7 +127,7 @@ class System(cosim.System):
         result = system.simulate(stop_time=60, step_size=0.1)
         result["swing.theta"]
 
-    or, an operator being the value of a coordinate, its first lines in one::
+    or, with an operator as the value of a coordinate::
 
         system.add("swing", "Pendulum", theta_0=0.05, length=operator("Sinusoid", offset=1.0, amplitude=0.1))
 

@@ -25,11 +25,11 @@ Target: TypeAlias = "str | Path | type[Component]"
 Where FMUs are taken, also the path of one."""
 
 _built: dict[tuple[type[Component], str, Path], tuple[Path, tuple[int, ...]]] = {}
-"""FMUs that this process has seen to be up to date, and the files that these were."""
+"""FMUs that are up to date in this process, and the status of these files."""
 _files: WeakKeyDictionary[type[Component], Path] = WeakKeyDictionary()
 """The files that components were loaded from."""
 _owners: dict[tuple[Path, str], str] = {}
-"""Folder and name of an FMU -> where the component comes from that this process has built there."""
+"""Folder and name of an FMU -> origin of the component that this process has built into it."""
 
 
 def catalogue() -> dict[str, type[Component]]:
@@ -40,7 +40,7 @@ def catalogue() -> dict[str, type[Component]]:
 
 
 def catalogue_names() -> list[str]:
-    """Their names as the files have them: completion does not wait for anything to be loaded."""
+    """Names of these components, read from the files: completion loads no component."""
     files = (path.read_text(encoding="utf-8") for path in (Path(__file__).parent / "models").glob("[!_]*.py"))
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
@@ -48,7 +48,7 @@ def catalogue_names() -> list[str]:
 
 
 def components(target: Target) -> list[type[Component]]:
-    """The components that a word on the command line or an argument stands for.
+    """Components of a name, file or class.
 
     :param target: ``all`` are those of the catalogue, ``my_component.py`` those of a file.
     :raises ProjectError: for an unknown name, a file that cannot be loaded or has no component in it, or something
@@ -58,9 +58,9 @@ def components(target: Target) -> list[type[Component]]:
 
     if isinstance(target, type):
         if not _is_concrete(target):
-            what = "is abstract" if issubclass(target, Component) else "is no component"
+            reason = "is abstract" if issubclass(target, Component) else "is no component"
             raise ProjectError(
-                f"the class {target.__name__} {what}; derive one from liaisons.Mechanism or liaisons.Operator"
+                f"the class {target.__name__} {reason}; derive one from liaisons.Mechanism or liaisons.Operator"
             )
         return [target]
     if not isinstance(target, (str, os.PathLike)):
@@ -68,26 +68,26 @@ def components(target: Target) -> list[type[Component]]:
     target = str(target)
     file, separator, name = target.rpartition(".py:")
     if not separator and not target.endswith(".py"):
-        known = catalogue()
+        classes = catalogue()
         if target == "all":
-            return list(known.values())
-        if target not in known:
-            raise ProjectError(f"no component is called {target!r}{suggestion(target, known)}")
-        return [known[target]]
+            return list(classes.values())
+        if target not in classes:
+            raise ProjectError(f"no component is called {target!r}{suggestion(target, classes)}")
+        return [classes[target]]
     path = Path(f"{file}.py" if separator else target)
     module = load_module(path)
-    defined = vars(module).items()  # what it imports is left out
-    found = {name: value for name, value in defined if _is_concrete(value) and value.__module__ == module.__name__}
-    _files.update(dict.fromkeys(found.values(), path.resolve()))
-    if not found:
+    defined = vars(module).items()  # without what it imports
+    classes = {name: value for name, value in defined if _is_concrete(value) and value.__module__ == module.__name__}
+    _files.update(dict.fromkeys(classes.values(), path.resolve()))
+    if not classes:
         raise ProjectError(f"{path} defines no component; derive a class from liaisons.Mechanism or liaisons.Operator")
-    if separator and name not in found:
-        raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, found)}")
-    return [found[name]] if separator else list(found.values())
+    if separator and name not in classes:
+        raise ProjectError(f"{path} defines no component called {name!r}{suggestion(name, classes)}")
+    return [classes[name]] if separator else list(classes.values())
 
 
 def component(target: Target) -> type[Component]:
-    """The one component that a name, file or class stands for.
+    """The one component of a name, file or class.
 
     :raises ProjectError: as :func:`components` does, or if a file has several.
     """
@@ -100,7 +100,7 @@ def component(target: Target) -> type[Component]:
 
 
 def model(component: type[Component], **sizes: object) -> Model:
-    """The model of a component, with other structural sizes than it declares where they are given.
+    """The model of a component, with other structural sizes than it declares if any are given.
 
     :raises ProjectError: if the component has no size of that name.
     :raises ComponentError: if it cannot be derived, or a size is no whole number or too small.
@@ -111,8 +111,8 @@ def model(component: type[Component], **sizes: object) -> Model:
     if not sizes:
         return assemble(component)
     if not issubclass(component, Chain) or set(sizes) != {"n"}:
-        given = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
-        raise ProjectError(f"{component.__name__}: {given}: only chains have a size, and it is called n")
+        text = ", ".join(f"{name} = {size!r}" for name, size in sizes.items())
+        raise ProjectError(f"{component.__name__}: {text}: only chains have a size, and it is called n")
     whole(f"{component.__name__}: n", sizes["n"], ProjectError)
     return assemble(component, sizes["n"])
 
@@ -148,14 +148,14 @@ def build(
 
     folder = fmus_directory() if output is None else as_path("output", output, BuildError)
     if isinstance(target, Model):
-        found, like = target, catalogue().get(target.name)
-        if like is not None and inspect.getdoc(like) != found.documentation:  # a model does not know its class
-            _keep_catalogue(found.name, f"the model {found.name}", folder.resolve())
+        derived, shipped = target, catalogue().get(target.name)
+        if shipped is not None and inspect.getdoc(shipped) != derived.documentation:  # a model does not know its class
+            _keep_catalogue(derived.name, f"the model {derived.name}", folder.resolve())
     else:
         chosen = component(target)
         claim(chosen, folder)
-        found = model(chosen)
-    return fmu.build(found, folder, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays)
+        derived = model(chosen)
+    return fmu.build(derived, folder, backend=backend, platforms=platforms, fmi=fmi, arrays=arrays)
 
 
 def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path:
@@ -167,25 +167,25 @@ def fmu_path(target: Target, backend: Backend = "auto", **sizes: object) -> Path
     """
     from liaisons.fmu import build
 
-    found = component(target)
-    sized = model(found, **sizes) if sizes else None
+    class_ = component(target)
+    sized = model(class_, **sizes) if sizes else None
     folder = fmus_directory() / "-".join(f"{name}={size}" for name, size in sizes.items())
-    key = (found, str(backend), folder)
+    key = (class_, str(backend), folder)
     path, seen = _built.get(key, (None, None))
     if path is None or seen != _identity(path):
-        claim(found, folder)
-        path = build(sized or model(found), folder, backend=backend)
+        claim(class_, folder)
+        path = build(sized or model(class_), folder, backend=backend)
         _built[key] = path, _identity(path)
     return path
 
 
 def claim(component: type[Component], folder: Path | str) -> None:
-    """Note that the FMU of a component goes to a folder, so that no other component's FMU takes its place.
+    """Reserve the FMU of this name in a folder for a component.
 
     In ``fmus/`` the names of the catalogue belong to the catalogue; in any folder, a process builds one component of a
     name.  One that was edited, or defined once more in a notebook, is still the same.
 
-    :raises ProjectError: if the place is another component's.
+    :raises ProjectError: if it is reserved for another component.
     """
     name, folder = component.__name__, Path(folder).resolve()
     file = _files.get(component) or getattr(sys.modules.get(component.__module__), "__file__", None)
@@ -207,7 +207,7 @@ def _taken(name: str, origin: str, folder: Path, owner: str) -> str:
 
 
 def _identity(path: Path) -> tuple[int, ...]:
-    """What changes with a file's content; nothing if there is none."""
+    """Status that changes with a file's content; empty without a file."""
     if not path.is_file():
         return ()
     status = path.stat()
@@ -215,7 +215,7 @@ def _identity(path: Path) -> tuple[int, ...]:
 
 
 def fmu_file(target: Target) -> Path:
-    """The FMU that an argument stands for: an FMU file, else that of a component, built if need be.
+    """Path of an FMU file, or of the FMU of a component, built if need be.
 
     :raises ProjectError: if there is no such file or component; else as :func:`fmu_path` does.
     """

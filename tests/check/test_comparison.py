@@ -33,15 +33,12 @@ def test_same_points_are_compared_as_they_are() -> None:
 
 
 def test_where_the_largest_difference_is() -> None:
-    one, other = _sine(0.5), _sine(0.5)
-    values = other.values.copy()
-    values[0, 3] += 2.0
-    changed = Result("changed", other.time, other.names, values, other.units)
-    assert (compare(one, changed)["x"].at, compare(one, changed)["x"].maximum) == (1.5, pytest.approx(2.0, abs=1e-15))
-    values = values.copy()
-    values[0, 1] = np.nan
-    broken = compare(one, Result("broken", other.time, other.names, values, other.units))["x"]
-    assert (np.isnan(broken.maximum), broken.at) == (True, 0.5)
+    one = _sine(0.5)
+    for point, error in ((3, 2.0), (1, np.nan)):
+        values = one.values.copy()
+        values[0, point] += error
+        changed = compare(one, replace(one, values=values))["x"]
+        assert (changed.at, changed.maximum) == (point / 2, pytest.approx(error, abs=1e-15, nan_ok=True))
 
 
 @pytest.mark.parametrize(("rate", "order", "method"), [(True, 4, "Hermite"), (False, 2, "linear")])

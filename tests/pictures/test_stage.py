@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from liaisons.pictures import Picture
-from liaisons.pictures.frames import frames
+from liaisons.pictures.frames import RATE, frames
 from liaisons.pictures.stage import Stage
 
 TURNS = np.linspace(0, 2 * np.pi, 7)
@@ -24,3 +24,11 @@ def test_everything_lies_within_what_is_seen(third: float | str) -> None:
         corners = np.concatenate([face.corners for k in range(len(time)) for face in stage.faces(k, turn)])
         assert np.all(np.abs(corners) <= stage.half)
         assert third or np.all(np.abs(corners).max(axis=0) >= 0.8 * stage.half)
+
+
+@pytest.mark.parametrize("count", [40, 200])
+def test_a_trail_lasts_three_seconds(count: int) -> None:
+    time = np.arange(count) / RATE
+    trail = {"shape": "trail", "at": ["x", 0, 0]}
+    stage = Stage(frames(Picture((trail,)), time, {"x": time}.__getitem__, title="it"))
+    assert len(stage.faces(count - 1)) == min(count, 3 * RATE) - 1

@@ -35,12 +35,12 @@ def _warnings_at_the_end() -> Iterator[None]:
     """What simulations warn of is printed when all is done, however it ends, where nothing scrolls it away."""
     nowhere = logging.NullHandler()  # else Python prints each at once
     logger.addHandler(nowhere)
-    with collected_warnings() as found:
+    with collected_warnings() as warned:
         try:
             yield
         finally:
             logger.removeHandler(nowhere)
-            for text in found.texts:
+            for text in warned.texts:
                 print(f"warning: {text}", file=sys.stderr)
 
 

@@ -27,7 +27,7 @@ def _examples(lines: str) -> str:
 application = typer.Typer(
     help="From one Lagrangian with active constraints to verified FMUs.",
     epilog=_examples("""
-        liaisons list                                   what there is
+        liaisons list                                   components and scenarios
         liaisons run pumped_swing                       a claim, its FMUs, its verdict, its figure
         liaisons run --all
         liaisons build Pendulum                         writes fmus/Pendulum.fmu
@@ -58,8 +58,8 @@ def command(examples: str, **options: Any) -> Callable[[Callable[..., int]], Cal
     return application.command(epilog=_examples(examples), **options)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(requested: bool) -> None:
+    if requested:
         print(f"liaisons {__version__}")
         raise typer.Exit
 

@@ -26,14 +26,14 @@ def expression(text: str) -> Expression:
     function = ca.Function("input", [_T], [ca.densify(ca.vertcat(value, rate, _rate(rate)))])
     buffer, run = cast("Any", function.buffer())  # called in place, at a twentieth of the cost
     time: Any = np.zeros(1)
-    found: Any = np.zeros(3)
+    values: Any = np.zeros(3)
     buffer.set_arg(0, memoryview(time))
-    buffer.set_res(0, memoryview(found))
+    buffer.set_res(0, memoryview(values))
 
     def evaluate(t: float) -> tuple[float, float, float]:
         time[0] = t
         run()
-        value, rate, acceleration = found.tolist()
+        value, rate, acceleration = values.tolist()
         if buffer.ret() or not math.isfinite(value):
             raise FormulaError(f"{quoted(text)} has no value there: {value}")
         return value, rate, acceleration
@@ -48,8 +48,8 @@ def _rate(value: ca.SX) -> ca.SX:
 def _magnitude(value: ca.SX) -> ca.SX:
     """On the side where time goes: at a zero, its sign is that which it is about to have."""
     rate = _rate(value)
-    turn = ca.sign(rate) + (rate == 0) * ca.sign(_rate(rate))
-    return (ca.sign(value) + (value == 0) * turn) * value
+    sign = ca.sign(rate) + (rate == 0) * ca.sign(_rate(rate))
+    return (ca.sign(value) + (value == 0) * sign) * value
 
 
 _T = ca.SX.sym("t")

@@ -25,27 +25,27 @@ Triple = tuple[float, float, float]
 """Value, rate, acceleration."""
 
 _TIMES = ("time", "t")
-_ROUNDING = 1e-9  # of the span of a table: so far it may miss the begin or the end
+_ROUNDING = 1e-9  # of the span of a table: by so much it may miss start or stop
 
 
 @dataclass(frozen=True)
 class Given:
-    """What --input prescribes: functions of time by the names of inputs, and operators by owner and port."""
+    """Values that --input prescribes: functions of time by the names of inputs, and operators by owner and port."""
 
     functions: dict[str, Function] = field(default_factory=dict)
     operators: dict[str, dict[str, OperatorFmu]] = field(default_factory=dict)
 
 
 def drives(system: System, given: Iterable[str], start_time: float, stop_time: float, *, single: bool) -> Given:
-    """Read what is given.
+    """Functions of time and operators of ``--input``.
 
     :param given: ``NAME=EXPRESSION``, or the name of a file with a column of times and one an input.
-    :param start_time: begin of the simulation [s], and
-    :param stop_time: its end; tables have to reach from one to the other.
-    :param single: the system is one FMU, whose inputs go by their own names.
-    :raises LiaisonsError: if one of them cannot be understood or read, or there is no such input.
+    :param start_time: start of the simulation [s].
+    :param stop_time: its stop [s]; tables have to reach from one to the other.
+    :param single: the system is one FMU, whose inputs have no prefix.
+    :raises LiaisonsError: if an expression cannot be parsed, a file not read, or there is no such input.
     """
-    found, names = Given(), set[str]()
+    prescribed, names = Given(), set[str]()
     for text in given:
         name, equals, right = text.partition("=")
         if _is_file(text) or not equals:
@@ -53,18 +53,18 @@ def drives(system: System, given: Iterable[str], start_time: float, stop_time: f
             _check_reach(text, times, start_time, stop_time)
             ports = {column: _driven(system, column, single=single) for column in columns}
             try:
-                new = _of_table(found, times, columns, ports)
+                new = _of_table(prescribed, times, columns, ports)
             except LiaisonsError as error:
                 raise SimulationError(f"{text}: {error}") from None
         else:
             new = {name.strip()}
-            found.functions[name.strip()] = _of_expression(
+            prescribed.functions[name.strip()] = _of_expression(
                 name.strip(), right, lambda name: _driven(system, name, single=single)
             )
         for name in new & names:
             raise SimulationError(f"--input: {name} is given twice; leave one out")
         names |= new
-    return found
+    return prescribed
 
 
 def _is_file(text: str) -> bool:
@@ -117,7 +117,7 @@ def _check_reach(file: str, times: NDArray[np.float64], start_time: float, stop_
 
 
 def _of_table(
-    found: Given, times: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]], ports: Mapping[str, Port]
+    prescribed: Given, times: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]], ports: Mapping[str, Port]
 ) -> set[str]:
     """An operator for each coordinate, which takes the columns of its rates, and a function for each other input.
 
@@ -130,11 +130,11 @@ def _of_table(
     for name in ports.keys() - triples.keys() - rates:
         table = knots(times, columns[name])
         through, breaks = curve(table), table[0, 1:][np.diff(table[0]) == 0]
-        found.functions[name] = Signal(lambda t, through=through: float(through(t)), breaks.tolist())
+        prescribed.functions[name] = Signal(lambda t, through=through: float(through(t)), breaks.tolist())
     for name, triple in triples.items():
         owner, port = ports[name].part.name, ports[name].name
         beside = [columns.get(f"{name.removesuffix(port)}{rate.name}") for rate in triple[1:]]
-        found.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside)
+        prescribed.operators.setdefault(owner, {})[port] = tabulated(times, columns[name], *beside)
     return set(ports) - rates | triples.keys()
 
 
@@ -171,8 +171,8 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[np.fl
             try:
                 rows.append(_numbers(row, names))
                 if len(rows) > 1 and rows[-1][time] < rows[-2][time]:
-                    here, before = rows[-1][time], rows[-2][time]
-                    raise ValueError(f"{time} = {here:g} must not be less than {before:g}, the one before")
+                    later, before = rows[-1][time], rows[-2][time]
+                    raise ValueError(f"{time} = {later:g} must not be less than {before:g}, the one before")
             except ValueError as error:
                 raise SimulationError(f"{path}, line {number}: {error}") from None
     if len(rows) < 2:

@@ -1,4 +1,4 @@
-"""What must hold of the default experiment of every FMU, ours or not."""
+"""Invariants of the default experiment of any FMU."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _MOST_VALIDATED = 2**23
 
 
 def invariants(path: Path) -> Iterator[Verdict | str]:
-    """Verdicts on an FMU, and what there is to say of them.
+    """Verdicts on an FMU, and problems as text.
 
     :raises SimulationError: if it cannot be read, or refuses its default experiment.
     """
@@ -47,13 +47,13 @@ def invariants(path: Path) -> Iterator[Verdict | str]:
 
 
 def _experiment_problems(path: Path) -> Iterator[str]:
-    """What of a default experiment no importer can simulate, which the schema of FMI allows."""
+    """Problems of a default experiment that the schema of FMI allows."""
     experiment = fmpy.read_model_description(str(path), validate=False).defaultExperiment
-    given = {name: getattr(experiment, name, None) for name in ("startTime", "stopTime", "stepSize", "tolerance")}
-    values = {name: float(text) for name, text in given.items() if text is not None}
-    begin = values.pop("startTime", 0.0)
+    texts = {name: getattr(experiment, name, None) for name in ("startTime", "stopTime", "stepSize", "tolerance")}
+    values = {name: float(text) for name, text in texts.items() if text is not None}
+    start = values.pop("startTime", 0.0)
     for name, value in values.items():
-        least = begin if name == "stopTime" else 0.0
+        least = start if name == "stopTime" else 0.0
         if not least < value < float("inf"):
             yield f"DefaultExperiment: {name} = {value:g}: it must be a number > {least:g}"
 

@@ -1,4 +1,4 @@
-"""What commands simulate: the FMU or the system that a word stands for, as it was asked for."""
+"""FMU or system of a command-line argument, and its simulation."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _SPAN, _STEPS = 1.0, 1000  # [s] and their number, of an archive that says nothi
 
 
 def resolved(word: str, starts: Iterable[Any]) -> tuple[Path | System, dict[str, Any]]:
-    """The FMU or the system that a word stands for, and the start values that it has not taken by itself.
+    """The FMU or system of a command-line argument, and start values that are not in it yet.
 
     :raises ProjectError: if there is no such thing.
     """
-    given = dict(starts)
+    start_values = dict(starts)
     if word.lower().endswith(".ssp"):
-        return ssp.read(word, System, given), {}
+        return ssp.read(word, System, start_values), {}
     file, separator, name = word.rpartition(".py:")
-    found = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
-    return (found if isinstance(found, System) else fmu_file(word)), given
+    system = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
+    return (system if isinstance(system, System) else fmu_file(word)), start_values
 
 
 def simulation(
@@ -41,7 +41,7 @@ def simulation(
     record: list[str] | None = None,
     isolated: float = 0.0,
 ) -> tuple[System, Simulation]:
-    """What a word and the options of every simulation stand for; the files of an archive go with its system.
+    """System and simulation of a command-line argument; the files of an archive are deleted with its system.
 
     :param span: --start, --stop, --step and --tolerance, None where they are not given.
     :param given: --input.
@@ -60,8 +60,8 @@ def simulation(
     start, stop, step, tolerance = span
     begin = (own.start_time or 0.0) if start is None else start
     system.filled()
-    found = ssp.chosen(system, begin, stop, step)
-    end, size = found.stop_time, found.step_size
+    experiment = ssp.chosen(system, begin, stop, step)
+    end, size = experiment.stop_time, experiment.step_size
     if end is None or size is None:
         if single:
             raise ProjectError(f"{Path(word).name} does not say when to end, or by which steps; add --stop and --step")
@@ -94,9 +94,9 @@ def _refuse_twice(system: System, starts: Iterable[str], driven: Given, *, singl
 
     :raises ProjectError: if there is one.
     """
-    places = [owned(system.name, system.parts, "input", name, single=single) for name in driven.functions]
-    places += [(owner, port) for owner, operators in driven.operators.items() for port in operators]
-    for owner, variable in places:
+    variables = [owned(system.name, system.parts, "input", name, single=single) for name in driven.functions]
+    variables += [(owner, port) for owner, operators in driven.operators.items() for port in operators]
+    for owner, variable in variables:
         port = system.parts[owner][variable]
         for moved in port.triple() or [port]:
             name = moved.name if single else str(moved)

@@ -22,10 +22,10 @@ def check(fmu: Annotated[str, subject("FMU|NAME|FILE.py")], _limit: UnpackedLimi
     from liaisons.cli._invariants import invariants
 
     verdicts = []
-    for found in invariants(fmu_file(fmu)):
-        if isinstance(found, Verdict):
-            verdicts.append(found)
+    for report in invariants(fmu_file(fmu)):
+        if isinstance(report, Verdict):
+            verdicts.append(report)
         else:
-            print(found)
+            print(report)
     show(verdicts)
     return 0 if all(v.passed for v in verdicts) else 1

@@ -140,7 +140,7 @@ def _row(component: type[Component]) -> dict[str, str]:
     moving = component if issubclass(component, (Mechanism, Chain)) else None
     ending = "[n]" if issubclass(component, Chain) else ""
     free = [f"{c.name}{ending}" for c in moving.coordinates] if moving else []
-    free += [turn.name for turn in component.orientations] if issubclass(component, Mechanism) else []
+    free += [orientation.name for orientation in component.orientations] if issubclass(component, Mechanism) else []
     return {
         "name": component.__name__,
         "free": ", ".join(free) or "-",

@@ -28,17 +28,17 @@ def plan(
     from liaisons.operators import planned
 
     folder = output or Path()
-    found = planned(goal, progress=True)
+    motion = planned(goal, progress=True)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / goal.stem
-    found.save(path.with_suffix(".json"))
-    found.plot(path=path.with_suffix(".png"))
-    found.animate(path.with_suffix(".gif"))
-    found.system(interpolate=False).write_ssp(path.with_suffix(".ssp"))
-    print(f"{found!r}"[1:-1])
+    motion.save(path.with_suffix(".json"))
+    motion.plot(path=path.with_suffix(".png"))
+    motion.animate(path.with_suffix(".gif"))
+    motion.system(interpolate=False).write_ssp(path.with_suffix(".ssp"))
+    print(f"{motion!r}"[1:-1])
     for name, kind in (("plan", ".json"), ("figure", ".png"), ("motion", ".gif"), ("system", ".ssp")):
         print(f"{name}: {path.with_suffix(kind)}")
-    verdicts = found.verify()
+    verdicts = motion.verify()
     print()
     show(verdicts)
     return 0 if all(verdict.passed for verdict in verdicts) else 1

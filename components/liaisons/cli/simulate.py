@@ -27,6 +27,7 @@ from liaisons.cli._command import (
 )
 from liaisons.errors import SimulationError
 from liaisons.files import check_writable
+from liaisons.port_names import port_names
 from liaisons.processes import TIME_LIMIT
 
 if TYPE_CHECKING:
@@ -37,10 +38,10 @@ class _Command(TyperCommand):
     """``--plot`` may stand without a file and ``--isolated`` without a number, which Typer does not know."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        bare = {place for place, word in enumerate([*args[1:], "-"]) if word.startswith("-")}
+        bare = {index for index, word in enumerate([*args[1:], "-"]) if word.startswith("-")}
         alone = {"--plot": "--plot=", "--isolated": f"--isolated={TIME_LIMIT}"}
         return super().parse_args(
-            ctx, [alone.get(word, word) if place in bare else word for place, word in enumerate(args)]
+            ctx, [alone.get(word, word) if index in bare else word for index, word in enumerate(args)]
         )
 
 
@@ -52,7 +53,7 @@ class _Command(TyperCommand):
     liaisons simulate Pendulum --input motion.csv --stop 5
     liaisons simulate system.ssp --set swing.theta_0=0.1 --step 0.01
     liaisons simulate my_component.py --step 0.1 --tolerance 1e-10
-    liaisons simulate of_another_make.fmu --isolated
+    liaisons simulate foreign.fmu --isolated
     """,
     cls=_Command,
 )
@@ -84,9 +85,9 @@ def simulate(
     from liaisons.cosim.structure.components import time_limit
     from liaisons.results import IncompleteError, Interrupted
 
-    wanted = record.split(",") if record else None
+    names = record.split(",") if record else None
     limit = time_limit("--isolated =", isolated)
-    system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=wanted, isolated=limit)
+    system, asked = simulation(fmu, starts, start, stop, step, tolerance, given=given, record=names, isolated=limit)
     if diagram:
         system.diagram(diagram)
         print(f"diagram: {diagram}")
@@ -94,7 +95,7 @@ def simulate(
     _check_writable(csv, parquet, figure)
 
     def write(result: Result, words: str = "") -> None:
-        shown, contradictions = _taken_out(result, wanted or ())
+        shown, contradictions = _taken_out(result, names or ())
         show(shown.summary())
         for line in contradictions:
             print(line)
@@ -116,26 +117,26 @@ def simulate(
     return 0
 
 
-def _taken_out(result: Result, wanted: Collection[str]) -> tuple[Result, list[str]]:
-    """The result without mismatches that nobody wanted to see, and a line for each that is not 0."""
+def _taken_out(result: Result, requested: Collection[str]) -> tuple[Result, list[str]]:
+    """The result without mismatches unless they are requested, and a line for each that is not 0."""
     from liaisons.cli._subject import MISMATCH
 
-    kept, lines = [], []
+    rows, lines = [], []
     for row, name in enumerate(result.names):
         base = split(name)[0]
-        if name in wanted or not base.endswith(MISMATCH):
-            kept.append(row)
+        if name in requested or not base.endswith(MISMATCH):
+            rows.append(row)
         elif (late := abs(result.values[row]).nonzero()[0]).size:
-            motion, unit = base.removesuffix(MISMATCH), result.units[name]
+            value, rate, acceleration, *_ = port_names(base.removesuffix(MISMATCH))
             largest, first = abs(result.values[row]).max(), result.time[late[0]]
             lines.append(
-                f"{motion}, {motion}_dot and {motion}_ddot contradict each other: {name} is up to {largest:.6g} {unit},"
-                f" for the first time at t = {first:.6g} s"
+                f"{value}, {rate} and {acceleration} contradict each other: {name} is up to {largest:.6g} "
+                f"{result.units[name]}, for the first time at t = {first:.6g} s"
             )
-    names = tuple(result.names[row] for row in kept)
+    names = tuple(result.names[row] for row in rows)
     units = {name: result.units[name] for name in names}
-    errors = None if result.errors is None else result.errors[kept]
-    return replace(result, names=names, values=result.values[kept], units=units, errors=errors), lines
+    errors = None if result.errors is None else result.errors[rows]
+    return replace(result, names=names, values=result.values[rows], units=units, errors=errors), lines
 
 
 def _check_writable(csv: Path | None, parquet: Path | None, figure: Path | None) -> None:

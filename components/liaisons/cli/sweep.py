@@ -226,11 +226,11 @@ def _subject(
     from liaisons.cli._subject import resolved
     from liaisons.cosim import System
 
-    found, rest = resolved(word, starts.items())
-    given = {"start_time": start, "stop_time": stop, "step_size": step}
-    if isinstance(found, System):  # an archive says from when to when
-        given |= {name: getattr(found.experiment, name) for name, value in given.items() if value is None}
-    return {"subject": found, **given, "start_values": rest}
+    system, rest = resolved(word, starts.items())
+    span = {"start_time": start, "stop_time": stop, "step_size": step}
+    if isinstance(system, System):  # an archive says from when to when
+        span |= {name: getattr(system.experiment, name) for name, value in span.items() if value is None}
+    return {"subject": system, **span, "start_values": rest}
 
 
 def _cases(

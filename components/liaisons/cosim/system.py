@@ -33,10 +33,10 @@ class OperatorFmu:
 
 
 class System:
-    """FMUs, connected; :class:`liaisons.System`, a storey above, takes components by name, and archives.
+    """Connected FMUs; :class:`liaisons.System`, a layer above, takes components by name, and archives.
 
     :param name: used in messages, results and figures.
-    :ivar experiment: the last run, or what the archive says that it comes from.
+    :ivar experiment: of the last run, or of the archive that was read.
     """
 
     def __init__(self, name: str) -> None:
@@ -62,16 +62,16 @@ class System:
 
         :param name: name of this component; no dot, and not taken yet.
         :param fmu: path of the file.
-        :param isolated: in a process of its own: when it crashes, ends its process or hangs there, the run ends with
-            what there is, and says which call did it.  A number is for how long a call may take [s], True a minute.
-            On Linux; elsewhere it runs in this process, with a warning.
+        :param isolated: in a process of its own: when the FMU crashes, exits or hangs, the run ends with the partial
+            result and names the call.  A number: how long a call may take [s]; True: a minute.  On Linux; elsewhere
+            the FMU runs in this process, with a warning.
         :param solver: ``"cvode"`` integrates the equations of a stiff FMU of Model Exchange from the start; None:
             DOP853 integrates them until it detects that they are stiff.
         :param start_values: start values of parameters and inputs by name, where they differ from the FMU's; or an
             :func:`operator`, which is added as ``name_port`` and connected.
         :param keywords: further start values; a keyword that is also a setting is the setting.
-        :returns: a handle; ``handle["length"]`` is one of its ports, to be connected.
-        :raises SimulationError: if the name will not do, the file cannot be used here, or a start value is unknown,
+        :returns: the component; ``component["length"]`` is one of its ports, to be connected.
+        :raises SimulationError: if the name is bad, the file cannot be used, or a start value is unknown,
             cannot be set, or has the wrong type.
         """
         if not isinstance(name, str) or not name or "." in name:
@@ -97,9 +97,9 @@ class System:
         return self.prescribe(name, operators)
 
     def prescribe(self, name: str, operators: Mapping[str, OperatorFmu]) -> SystemComponent:
-        """Let operators prescribe ports of a component.
+        """Connect operators with ports of a component.
 
-        :returns: its handle.
+        :returns: the component.
         """
         part = self._parts[name]
         for port, value in operators.items():
@@ -115,8 +115,8 @@ class System:
         * a named point with another (``upper["bob"]``, ``lower["pivot"]``): all their axes;
         * else an output with an input; where their units differ by a factor or offset, values are converted.
 
-        Which port gives and which takes follows from causality, so their order does not matter.  Nothing is connected
-        unless everything fits.
+        Source and target follow from causality, so the order of ports does not matter.  Nothing is connected unless
+        everything fits.
 
         :raises ConnectError: if causality or units clash, or an input has a source already; names both.
         """
@@ -136,8 +136,8 @@ class System:
         """
         joined: dict[VariableReference, Connection] = {}
         for connection in connections:
-            place = connection.target.place
-            taken = self._connections.get(place) or joined.setdefault(place, connection)
+            input_ = connection.target.place
+            taken = self._connections.get(input_) or joined.setdefault(input_, connection)
             if taken is not connection:
                 ends = f"{connection.source} cannot be connected with {connection.target}"
                 cure = "; where two mechanisms hang, a Junction adds their forces" if connection.back else ""
@@ -218,9 +218,9 @@ class System:
         return tuple(self._connections.values())
 
     def filled(self) -> Mapping[str, SystemComponent]:
-        """The same.
+        """The FMUs by name.
 
-        :raises SimulationError: if there is none.
+        :raises SimulationError: if there are none.
         """
         if not self._parts:
             raise SimulationError(f"{self.name} is empty; add() an FMU first")

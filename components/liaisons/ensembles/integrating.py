@@ -94,9 +94,9 @@ def ensemble(
     if threads is not None:
         whole("threads", threads)
     _check_times(start_time, stop_time, step_size, samples)
-    given = {name: _array(f"{model.name}: {name}", value) for name, value in start_values.items()}
-    lanes = {name: array for name, array in given.items() if array.ndim}
-    shared = {name: array for name, array in given.items() if not array.ndim}
+    arrays = {name: _array(f"{model.name}: {name}", value) for name, value in start_values.items()}
+    lanes = {name: array for name, array in arrays.items() if array.ndim}
+    shared = {name: array for name, array in arrays.items() if not array.ndim}
     count = _count(model.name, lanes)
     if samples * count > _MOST_NUMBERS:
         raise SimulationError(f"samples = {samples} of {count} cases are more numbers than memory holds; record less")
@@ -126,7 +126,7 @@ def ensemble(
         runs = ((outputs, reached) for outputs, _, reached in (run(steps // 2), run(steps // 4)))
         errors = _estimate((fine, states), *runs, order=METHODS[method].order)
     failures = _lost(fine, conditions, equations.condition_texts, time)
-    failures |= {case: (0, text) for case, text in _outside(variables, given, count).items()}
+    failures |= {case: (0, text) for case, text in _outside(variables, arrays, count).items()}
     for case, (first, _) in failures.items():
         fine[:, first:, case] = np.nan
     units = {variable.name: variable.unit for variable in model.outputs}
@@ -207,11 +207,11 @@ def _count(owner: str, lanes: Mapping[str, Floats]) -> int:
     """How many cases there are."""
     counts = {name: len(array) for name, array in lanes.items()}
     if len(set(counts.values())) > 1:
-        said = ", ".join(f"{name} {count}" for name, count in counts.items())
-        raise SimulationError(f"{owner}: arrays of different lengths: {said}; give one number a case")
+        lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
+        raise SimulationError(f"{owner}: arrays of different lengths: {lengths}; give one number a case")
     if not any(counts.values()):
-        what = f"{next(iter(counts))} is empty" if counts else "no value is an array"
-        raise SimulationError(f"{owner}: {what}, so there are no cases; give one number a case")
+        reason = f"{next(iter(counts))} is empty" if counts else "no value is an array"
+        raise SimulationError(f"{owner}: {reason}, so there are no cases; give one number a case")
     return next(iter(counts.values()))
 
 
@@ -229,28 +229,28 @@ def _check_times(start_time: float, stop_time: float, step_size: float, samples:
         )
 
 
-def _outside(variables: Mapping[str, Variable], given: Mapping[str, Floats], count: int) -> dict[int, str]:
+def _outside(variables: Mapping[str, Variable], arrays: Mapping[str, Floats], count: int) -> dict[int, str]:
     """Cases with a value outside its domain, and what is wrong with it."""
-    found: dict[int, str] = {}
-    for name, array in given.items():
-        variable, everyone = variables[name], np.broadcast_to(array, count)
+    texts: dict[int, str] = {}
+    for name, array in arrays.items():
+        variable, values = variables[name], np.broadcast_to(array, count)
         less = np.less if variable.strict else np.less_equal
         low = -np.inf if variable.minimum is None else variable.minimum
         high = np.inf if variable.maximum is None else variable.maximum
-        allowed = np.isfinite(everyone) & less(low, everyone) & less(everyone, high)
+        allowed = np.isfinite(values) & less(low, values) & less(values, high)
         for case in np.flatnonzero(~allowed).tolist():
-            found.setdefault(case, f"{name} = {everyone[case]:g}: must be {variable.domain() or 'finite'}")
-    return found
+            texts.setdefault(case, f"{name} = {values[case]:g}: must be {variable.domain() or 'finite'}")
+    return texts
 
 
 def _lost(outputs: Floats, conditions: Floats, texts: tuple[str, ...], time: Floats) -> dict[int, tuple[int, str]]:
     """Case -> from which time on it is not to be used, and why."""
     checks = {f"{text} (t = {{:g}} s)": row > 0 for text, row in zip(texts, conditions, strict=True)}
     checks["no longer finite at t = {:g} s; take smaller steps"] = np.isfinite(outputs).all(axis=0)
-    found: dict[int, tuple[int, str]] = {}
+    failures: dict[int, tuple[int, str]] = {}
     for text, holds in checks.items():
         for case in np.flatnonzero(~holds.all(axis=0)).tolist():
             first = int(np.argmin(holds[:, case]))
-            if first < found.get(case, (len(time), ""))[0]:
-                found[case] = (first, text.format(time[first]))
-    return found
+            if first < failures.get(case, (len(time), ""))[0]:
+                failures[case] = (first, text.format(time[first]))
+    return failures

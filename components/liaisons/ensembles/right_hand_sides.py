@@ -1,8 +1,8 @@
-"""A model as an ensemble needs it: free of whatever no recorded output depends on, operators put into place.
+"""A model as an ensemble needs it: without states that no recorded output depends on, with its operators.
 
 The vectors of :class:`liaisons.mechanics.model.Model` become columns of SX symbols: ``t``; ``lanes``, values that
-differ between the cases; ``shared``, values that are given once for all of them; ``y``, the states that count.  What
-nobody gives keeps its start value and is a number in the expressions.
+differ between the cases; ``shared``, values that all cases share; ``y``, the states that count.  All
+others keep their start values and are numbers in the expressions.
 """
 
 from __future__ import annotations
@@ -63,16 +63,16 @@ def operator_model(model: Model, name: str, operator: type[Component]) -> Model:
         raise ComponentError(f"operators: {model.name} has no active coordinate {name!r}{suggestion(name, active)}")
     if not (isinstance(operator, type) and issubclass(operator, Operator)):
         raise ComponentError(f"operators: {name} = {operator!r} is no Operator; give the class, e.g. Sinusoid")
-    found = flat_model(operator)
-    if found.states or found.inputs:
+    moving = flat_model(operator)
+    if moving.states or moving.inputs:
         raise ComponentError(
             f"operators: {operator.__name__} on {name} closes a loop; in an ensemble an operator is a function of time"
         )
-    return found
+    return moving
 
 
 def settable(model: Model, moving: Mapping[str, Model]) -> dict[str, Variable]:
-    """What can be given values, by name; ``length.amplitude`` is an operator's."""
+    """Variables that can be set, by name; ``length.amplitude`` is an operator's."""
     driven = {name for a in model.active if a.value in moving for name in (a.value, a.rate, a.acceleration)}
     own = {v.name: v for v in (*model.parameters, *model.inputs) if v.name not in driven}
     return own | {f"{name}.{p.name}": p for name, operator in moving.items() for p in operator.parameters}
@@ -87,11 +87,11 @@ def right_hand_side(
     record: Sequence[str],
     start_time: float = 0.0,
 ) -> RightHandSide:
-    """Put the expressions together.
+    """Expressions of an ensemble.
 
     :param moving: active coordinate -> model of the operator that moves it.
     :param lanes: names of the values that differ between the cases, in the order of their column.
-    :param shared: likewise of those that are given once for all.
+    :param shared: names of the values that all cases share.
     :param record: names of outputs.
     :raises ComponentError: for an unknown output, outputs that no state moves, or a function that is not made of scalar
         operations.
@@ -101,15 +101,15 @@ def right_hand_side(
         if name not in rows:
             raise ComponentError(f"record: {model.name} has no output {name!r}{suggestion(name, rows)}")
     t, y = ca.SX.sym("t"), ca.SX.sym("y", len(model.states))
-    given: dict[str, ca.SX] = {}
+    named: dict[str, ca.SX] = {}
 
     def symbols(title: str, names: list[str]) -> ca.SX:
         column = ca.SX.sym(title, len(names))
-        given.update((name, column[i]) for i, name in enumerate(names))
+        named.update((name, column[i]) for i, name in enumerate(names))
         return column
 
     def values(variables: Iterable[Variable], prefix: str = "") -> dict[str, ca.SX]:
-        return {v.name: given.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
+        return {v.name: named.get(f"{prefix}{v.name}", ca.SX(v.starts[0])) for v in variables}
 
     constants = symbols("lanes", list(lanes)), symbols("shared", list(shared))
     inputs = values(model.inputs)
@@ -121,8 +121,8 @@ def right_hand_side(
             inputs |= {triple.value: z[0], triple.rate: z[1], triple.acceleration: z[2]}
     u, k = _column(inputs.values()), _column(values(model.parameters).values())
 
-    begin = ca.SX(start_time)
-    at_start = [begin, ca.substitute(u, t, begin), k]
+    instant = ca.SX(start_time)
+    at_start = [instant, ca.substitute(u, t, instant), k]
     start, memory = _scalar(model.start, *at_start)
     at_start.insert(1, start)
     remembered = _scalar(model.remember, t, y, u, k, memory)[0]  # what outputs see after a completed step
@@ -131,7 +131,7 @@ def right_hand_side(
     projected = None if model.project is None else _scalar(model.project, t, y, u, k)[0]
     lasting = len(model.condition_texts) - model.start_only
     conditions, begun = (_scalar(model.conditions, *at)[0] for at in ((t, y, u, k), at_start))
-    domains = [(v, bound) for v in model.inputs for bound in _bounds(v, inputs[v.name]) if v.name not in given]
+    domains = [(v, bound) for v in model.inputs for bound in _bounds(v, inputs[v.name]) if v.name not in named]
     conditions = ca.vertcat(conditions[:lasting, :], begun[lasting:, :], *(bound for _, bound in domains))
     texts = (*model.condition_texts, *(f"{v.name} must stay {v.domain()}" for v, _ in domains))
 
@@ -172,10 +172,10 @@ def _column(expressions: Iterable[ca.SX]) -> ca.SX:
     return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
 
-def _closure(wanted: ca.SX, y: ca.SX, maps: Iterable[ca.SX]) -> list[int]:
-    """The states that the wanted expressions depend on, directly or through others."""
+def _closure(expressions: ca.SX, y: ca.SX, maps: Iterable[ca.SX]) -> list[int]:
+    """The states that expressions depend on, directly or through others."""
     uses = [np.array(ca.DM(ca.jacobian_sparsity(expression, y), 1)) != 0 for expression in maps]
-    needed = np.any(np.array(ca.DM(ca.jacobian_sparsity(wanted, y), 1)) != 0, axis=0)
+    needed = np.any(np.array(ca.DM(ca.jacobian_sparsity(expressions, y), 1)) != 0, axis=0)
     while True:
         grown = needed.copy()
         for use in uses:

@@ -97,7 +97,7 @@ void integrate(long blocks, long steps, double start, double h, const double *sh
 def compiled(equations: RightHandSide, tableau: Tableau, shared: Floats) -> Advance:
     """Steps in machine code.
 
-    :param shared: values that are given once for all cases.
+    :param shared: values that all cases share.
     :raises BuildError: if there is no compiler, or it fails.
     """
     integrate = _library(source(equations, tableau)).integrate
@@ -167,20 +167,20 @@ def source(equations: RightHandSide, tableau: Tableau) -> str:
 def _declarations() -> Iterator[str]:
     """Tell gcc what libmvec has; the system's header does so under -ffast-math only."""
     name, version = platform.libc_ver()
-    known = tuple(int(part) for part in version.split(".")[:2]) if name == "glibc" else ()
+    glibc = tuple(int(part) for part in version.split(".")[:2]) if name == "glibc" else ()
     yield "#ifdef LIBMVEC"
     for ones, twos, since in _VECTORISED:
-        if known >= since:
+        if glibc >= since:
             for functions, arguments in ((ones, "double"), (twos, "double, double")):
                 for function in functions:
                     yield f'__attribute__((const, simd("notinbranch"))) double {function}({arguments});'
     yield "#endif"
 
 
-def _loop(equations: RightHandSide, expressions: ca.SX, place: str) -> Iterator[str]:
+def _loop(equations: RightHandSide, expressions: ca.SX, target: str) -> Iterator[str]:
     """Calculates expressions for all lanes."""
-    places = ("t", "k[{}][i]", "shared[{}]", "y[{}][i]")
-    statements = c_statements(list(zip(equations.symbols, places, strict=True)), [(expressions, place)])
+    columns = ("t", "k[{}][i]", "shared[{}]", "y[{}][i]")
+    statements = c_statements(list(zip(equations.symbols, columns, strict=True)), [(expressions, target)])
     yield "#pragma omp simd"
     yield f"    for (int i = 0; i < {LANES}; ++i) {{"
     yield from (f"        {statement}" for statement in statements)
@@ -205,13 +205,13 @@ def _library(code: str) -> ctypes.CDLL:
         return ctypes.CDLL(str(path))
 
 
-def _compiled(code: bytes, ways: Sequence[tuple[str, ...]]) -> bytes:
-    """By the first of these ways that the compiler takes."""
-    way, *others = ways
+def _compiled(code: bytes, option_sets: Sequence[tuple[str, ...]]) -> bytes:
+    """The library, by the first of these sets of options that the compiler takes."""
+    options, *further = option_sets
     target = host()
     try:
-        return compile_library({"ensemble.c": code}, replace(target, flags=(*target.flags, *way)))
+        return compile_library({"ensemble.c": code}, replace(target, flags=(*target.flags, *options)))
     except BuildError:
-        if not others:
+        if not further:
             raise
-        return _compiled(code, others)
+        return _compiled(code, further)

@@ -232,7 +232,7 @@ def _derivatives(model: Model, direction: str) -> dict[str, ca.Function]:
         vectors = result_vectors if forward else argument_vectors
         dense = [_dense(x, _counts(model, vector)) for x, vector in zip(derivatives, vectors, strict=True)]
         # What maps share is shared already, and cse is slow on them.
-        dense = ca.cse(dense) if all(isinstance(x, ca.SX) for x in dense) else dense
+        dense = list(ca.cse(dense)) if all(isinstance(x, ca.SX) for x in dense) else dense
         title = f"{name}_{direction}"
         functions[title] = ca.Function(title, [*arguments, *symbols, *seeds], dense)
     return functions

@@ -42,25 +42,18 @@ _SOURCES = (
     *("symplectic.c", "exchange.c", "states.c", "starts.c", "messages.c", "fmi_common.c"),
 )
 
-# What the back ends can do; attributes that are not named are false or 0.
-_BOTH = {
-    "canNotUseMemoryManagementFunctions": "true",
-    "canGetAndSetFMUstate": "true",
-    "canSerializeFMUstate": "true",
-}
-_MODEL_EXCHANGE = {"completedIntegratorStepNotNeeded": "true", **_BOTH, "providesDirectionalDerivative": "true"}
-_CO_SIMULATION = {
-    "canHandleVariableCommunicationStepSize": "true",
-    "canInterpolateInputs": "true",
+# Capabilities of the back ends; others are false or 0.
+_BOTH = ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate")
+_NATIVE = (*_BOTH, "providesDirectionalDerivative")
+_MODEL_EXCHANGE: dict[str, str] = dict.fromkeys(("completedIntegratorStepNotNeeded", *_NATIVE), "true")
+_CO_SIMULATION: dict[str, str] = {
+    **dict.fromkeys(("canHandleVariableCommunicationStepSize", "canInterpolateInputs"), "true"),
     "maxOutputDerivativeOrder": "1",
-    **_BOTH,
-    "providesDirectionalDerivative": "true",
+    **dict.fromkeys(_NATIVE, "true"),
 }
-_CO_SIMULATION_IN_PYTHON = {
-    "needsExecutionTool": "true",
-    "canHandleVariableCommunicationStepSize": "true",
-    **_BOTH,
-}
+_CO_SIMULATION_IN_PYTHON: dict[str, str] = dict.fromkeys(
+    ("needsExecutionTool", "canHandleVariableCommunicationStepSize", *_BOTH), "true"
+)
 LOG_CATEGORIES = {
     "logStatusWarning": "what works differently from what was asked for",
     "logStatusDiscard": "values and steps that were refused, and why",

@@ -27,18 +27,12 @@ from liaisons.fmu.markup import document, element
 from liaisons.language.variables import Dimension, Variable
 from liaisons.mechanics.model import Model
 
-_BOTH = {
-    "canGetAndSetFMUState": "true",
-    "canSerializeFMUState": "true",
-    "providesDirectionalDerivatives": "true",
-    "providesAdjointDerivatives": "true",
-}
+_STATES = ("canGetAndSetFMUState", "canSerializeFMUState")
+_BOTH = dict.fromkeys((*_STATES, "providesDirectionalDerivatives", "providesAdjointDerivatives"), "true")
 _CO_SIMULATION = {
     "canHandleVariableCommunicationStepSize": "true",
     "maxOutputDerivativeOrder": "1",
-    "providesIntermediateUpdate": "true",
-    "canReturnEarlyAfterIntermediateUpdate": "true",
-    "hasEventMode": "true",
+    **dict.fromkeys(("providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate", "hasEventMode"), "true"),
     **_BOTH,
 }
 

@@ -1,4 +1,4 @@
-"""What a mechanism looks like and how it moves: its picture, frames of it, and the files they go into."""
+"""Pictures of mechanisms, their frames, and animations in files."""
 
 from liaisons.pictures.animation import Scene, animate, motion_frames, motion_page
 from liaisons.pictures.declared import Picture, together

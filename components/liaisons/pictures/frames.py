@@ -1,4 +1,4 @@
-"""A picture in motion: where each shape is at each frame."""
+"""Positions of the shapes of a picture at each frame."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Moving:
 
     @property
     def corners(self) -> NDArray:
-        """Of a box, (n, 8, 3); of others none."""
+        """Corners of a box, (n, 8, 3); none of other shapes."""
         if self.axes is None or self.size is None:
             return self.points[:, :0]
         return self.points + _CORNERS @ (self.axes * self.size[:, :, None] / 2)
@@ -76,7 +76,7 @@ class Frames:
 def frames(picture: Picture, time: NDArray, signal: Signal, *, title: str) -> Frames:
     """The shapes of a picture at some times.
 
-    :param title: what it is of, for messages.
+    :param title: for messages.
     :raises SimulationError: if a coordinate is not finite, or the axes of a box are no right-handed unit vectors.
     """
     shapes = tuple(_moving(shape, len(time), signal) for shape in picture.shapes)

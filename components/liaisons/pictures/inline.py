@@ -1,4 +1,4 @@
-"""One HTML file: style, script and data inside, and a policy that lets nothing else in."""
+"""Pages as one HTML file with style, script and data, whose policy allows no other source."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What simulations, sweeps and ensembles give back: named signals with units; knows no symbols and no FMU."""
+"""Results of simulations, sweeps and ensembles: named signals with units; needs no symbols and no FMU."""
 
 from liaisons.errors import IncompleteError, Interrupted
 from liaisons.results.result import Result

@@ -1,4 +1,4 @@
-"""What a scenario claims: each claim with what was found, what has to be, and the bound of the difference."""
+"""Claims of a scenario: each with result, reference, and the bound of their difference."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Claims:
         *,
         names: Iterable[str] | None = None,
     ) -> None:
-        """Claim that what was found is what has to be.
+        """Claim that results agree with a reference.
 
         :param got: numbers, real or complex; or signals by name, a result.
         :param expected: numbers that broadcast to these; or numbers by name, a closed form.
@@ -71,7 +71,7 @@ class Claims:
         self._judge(text, [np.abs(_difference(text, *pair)) for pair in pairs], bound)
 
     def below(self, text: str, got: ArrayLike, limit: ArrayLike, bound: Bound) -> None:
-        """Claim that nothing of what was found exceeds the limit; the error is by how much it does."""
+        """Claim that no result exceeds the limit; the error is the largest excess."""
         self._judge(text, [np.maximum(_difference(text, got, limit), 0.0)], bound)
 
     def order(self, text: str, sizes: ArrayLike, errors: ArrayLike, order: float, bound: Bound) -> None:
@@ -114,21 +114,21 @@ def _signal(text: str, got: Any, name: str) -> ArrayLike:
 
 
 def _difference(text: str, got: object, expected: object) -> NDArray[Any]:
-    """Numbers less what they have to be."""
-    found, wanted = (_numbers(text, given) for given in (got, expected))
+    """Results less the reference."""
+    numbers, reference = (_numbers(text, values) for values in (got, expected))
     try:
-        if found.size:
-            return found - np.broadcast_to(wanted, found.shape)
+        if numbers.size:
+            return numbers - np.broadcast_to(reference, numbers.shape)
     except ValueError:
         pass
-    raise ValidityError(f"{text!r}: shapes {found.shape} and {wanted.shape} cannot be compared")
+    raise ValidityError(f"{text!r}: shapes {numbers.shape} and {reference.shape} cannot be compared")
 
 
-def _numbers(text: str, given: object) -> NDArray[Any]:
+def _numbers(text: str, values: object) -> NDArray[Any]:
     try:
-        found = np.asarray(given)
+        numbers = np.asarray(values)
     except ValueError:  # rows of different lengths
-        found = np.asarray(None)
-    if found.dtype.kind not in "biufc":
-        raise ValidityError(f"{text!r}: {shown(given)} are no numbers")
-    return found.astype(complex if found.dtype.kind == "c" else float)
+        numbers = np.asarray(None)
+    if numbers.dtype.kind not in "biufc":
+        raise ValidityError(f"{text!r}: {shown(values)} are no numbers")
+    return numbers.astype(complex if numbers.dtype.kind == "c" else float)

@@ -32,7 +32,7 @@ class Scenario:
 @final
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a scenario showed; ``error`` says why it did not come to its end."""
+    """Result of a scenario; ``error`` is the reason if it did not finish."""
 
     scenario: Scenario
     figure: Path
@@ -42,7 +42,7 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """Whether it came to its end and all of its claims hold."""
+        """Whether it finished and all of its claims hold."""
         return not self.error and all(verdict.passed for verdict in self.verdicts)
 
     def rows(self) -> list[Mapping[str, str]]:
@@ -69,20 +69,20 @@ def scenario(main: Callable[[Claims], None]) -> Scenario:
             f"@scenario: {shown(main)} is no function; decorate main(claim: Claims) at the end of a file"
         )
     path, module = Path(inspect.getfile(main)), sys.modules[main.__module__]
-    lines, begin = inspect.getsourcelines(main)
-    after = path.read_text(encoding="utf-8").splitlines()[begin - 1 + len(lines) :]
+    lines, first = inspect.getsourcelines(main)
+    after = path.read_text(encoding="utf-8").splitlines()[first - 1 + len(lines) :]
     if any(after):
-        raise ProjectError(f"{path}:{begin}: {main.__name__} runs before what comes after it; put it last in the file")
+        raise ProjectError(f"{path}:{first}: {main.__name__} runs before what comes after it; put it last in the file")
     documentation = inspect.getdoc(module)
     if not documentation:
         raise ProjectError(f"{path} is no scenario: state its claim in the docstring of the file")
-    found = Scenario(path.stem, " ".join(documentation.split("\n\n")[0].split()), path, main)
+    made = Scenario(path.stem, " ".join(documentation.split("\n\n")[0].split()), path, main)
     if main.__module__ == "__main__":
-        outcome = execute(found, debug=True)
+        outcome = execute(made, debug=True)
         print(report([outcome]))
         print(f"figure: {from_here(outcome.figure)}")
         raise SystemExit(0 if outcome.passed else 1)
-    return found
+    return made
 
 
 def load(target: str) -> Scenario:
@@ -90,10 +90,10 @@ def load(target: str) -> Scenario:
 
     :raises ProjectError: for an unknown name, or a file that cannot be loaded or has no scenario.
     """
-    known = scenario_files()
-    if not target.endswith(".py") and target not in known:
-        raise ProjectError(f"no scenario is called {target!r}{suggestion(target, known)}")
-    path = Path(target) if target.endswith(".py") else known[target]
+    files = scenario_files()
+    if not target.endswith(".py") and target not in files:
+        raise ProjectError(f"no scenario is called {target!r}{suggestion(target, files)}")
+    path = Path(target) if target.endswith(".py") else files[target]
     module = load_module(path)
     for value in vars(module).values():
         if isinstance(value, Scenario):
@@ -112,7 +112,7 @@ def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = Fa
     plt.switch_backend("Agg")
     figure = (figures or figures_directory(scenario.path)) / f"{scenario.name}.png"
     figure.parent.mkdir(parents=True, exist_ok=True)
-    begin, claims = time.perf_counter(), Claims()
+    start, claims = time.perf_counter(), Claims()
     try:
         scenario.main(claims)
         save(figure)
@@ -123,7 +123,7 @@ def execute(scenario: Scenario, figures: Path | None = None, *, debug: bool = Fa
         reason = f"{type(error).__name__}: {error}"
     finally:
         plt.close("all")
-    return Outcome(scenario, figure, tuple(claims.verdicts), time.perf_counter() - begin, reason)
+    return Outcome(scenario, figure, tuple(claims.verdicts), time.perf_counter() - start, reason)
 
 
 def report(outcomes: Iterable[Outcome]) -> str:

@@ -7,7 +7,7 @@
 #include "calls.h"
 
 enum { MOST_ITERATIONS = 100, SLOW = 3, SECANTS = 3, POWERS = 8, POINTS = 3 };
-enum { AS_SET, POLYNOMIAL, ASKED, MEAN }; /* input reconstruction */
+enum { AS_SET, POLYNOMIAL, AT_INSTANTS, MEAN }; /* input reconstruction */
 enum { RAISED = -1, DIVERGED = -2 };      /* results that are no status of FMI */
 
 static const double NOISE = 1e4, DEPENDENT = 1e-12, SMALLEST = 1e-3;
@@ -38,7 +38,7 @@ typedef struct { /* see newton.py */
 } Newton;
 
 typedef struct { /* see node.py */
-    int way, repeated, sloped;
+    int approximation, repeated, sloped;
     const Call *calls; /* if repeated, the first two save and restore */
     size_t count, inputs, outputs;
     size_t value, slope; /* of its first output */
@@ -198,9 +198,9 @@ static int step(System *system, const Node *node, const double powers[], double 
     for (size_t i = 0; i < node->inputs; i++) node->set_values[i] = system->now[node->sources[i]];
     if (node->sloped)
         for (size_t i = 0; i < node->inputs; i++) node->rate_values[i] = system->now[node->rates[i]];
-    if (node->way == POLYNOMIAL) differentiate(system, node, powers, node->shape);
-    if (node->way == ASKED) set_intermediate_inputs(system, node, powers);
-    if (node->way == MEAN)
+    if (node->approximation == POLYNOMIAL) differentiate(system, node, powers, node->shape);
+    if (node->approximation == AT_INSTANTS) set_intermediate_inputs(system, node, powers);
+    if (node->approximation == MEAN)
         for (size_t i = 0; i < node->inputs; i++) {
             const double begin = system->before[node->sources[i]], end = system->now[node->sources[i]];
             node->shape[i] = system->held[node->roots[i]] ? begin : (begin + end) / 2;
@@ -233,37 +233,37 @@ static void accelerate(size_t n, size_t done, const double *points, const double
     const size_t kept = SECANTS + 1, last = (done - 1) % kept * n;
     const size_t many = done < kept ? done : kept;
     double *const rest = room + 2 * SECANTS * n;
-    size_t found = 0;
+    size_t secants = 0;
     for (size_t i = 0; i < n; i++) {
         rest[i] = changes[last + i];
         next[i] = points[last + i] + changes[last + i];
     }
     for (size_t k = 1; k < many && done >= 3; k++) {
-        const size_t here = (done - k) % kept * n, there = (done - k - 1) % kept * n;
-        double *const direction = room + 2 * found * n, *const way = direction + n;
+        const size_t late = (done - k) % kept * n, early = (done - k - 1) % kept * n;
+        double *const direction = room + 2 * secants * n, *const advance = direction + n;
         for (size_t i = 0; i < n; i++) {
-            direction[i] = changes[here + i] - changes[there + i];
-            way[i] = (points[here + i] - points[there + i]) + direction[i];
+            direction[i] = changes[late + i] - changes[early + i];
+            advance[i] = (points[late + i] - points[early + i]) + direction[i];
         }
         const double length = sqrt(product(n, direction, direction));
-        for (size_t other = 0; other < found; other++) {
+        for (size_t other = 0; other < secants; other++) {
             const double *const past = room + 2 * other * n, part = product(n, past, direction);
             for (size_t i = 0; i < n; i++) {
                 direction[i] -= part * past[i];
-                way[i] -= part * past[n + i];
+                advance[i] -= part * past[n + i];
             }
         }
         const double left = sqrt(product(n, direction, direction));
         if (!(left > DEPENDENT * length)) continue;
-        found++;
+        secants++;
         for (size_t i = 0; i < n; i++) {
             direction[i] /= left;
-            way[i] /= left;
+            advance[i] /= left;
         }
         const double part = product(n, direction, rest);
         for (size_t i = 0; i < n; i++) {
             rest[i] -= part * direction[i];
-            next[i] -= part * way[i];
+            next[i] -= part * advance[i];
         }
     }
 }

@@ -40,20 +40,22 @@ class Coupled:
         parts, feeds = simulation.parts, simulation.feeds
         references = [reference for name in (SIGNALS, *parts) for reference in bus.outputs(name, every=False)]
         groups, cyclic = simulation.groups, simulation.cyclic
-        alone = {name for name, part in parts.items() if part.approximation.is_prescribed and name not in cyclic}
-        self.signals = signals = Signals(parts, feeds, references, alone)
+        prescribed = {name for name, part in parts.items() if part.approximation.is_prescribed and name not in cyclic}
+        self.signals = signals = Signals(parts, feeds, references, prescribed)
         self._drives = [(drive, [signals.index[r] for r in drive.places]) for drive in simulation.drives]
         self._slopes = [signals.slope(drive.places[2]) if len(drive.places) == 3 else -1 for drive, _ in self._drives]
         self._components: list[StrongComponent] = []
         for names in groups:
             cycle = frozenset(names if names[0] in cyclic else ())
-            nodes = [Node(parts[name], instances[name], bus, signals, cycle, alone=name in alone) for name in names]
+            nodes = [
+                Node(parts[name], instances[name], bus, signals, cycle, prescribed=name in prescribed) for name in names
+            ]
             self._components.append(StrongComponent(nodes, signals, bus, simulation, cyclic=bool(cycle)))
         self._nodes = [node for component in self._components for node in component.nodes]
         component_of = {name: k for k, group in enumerate(groups) for name in group} | {SIGNALS: len(groups)}
         leading: list[list[Curve]] = [[] for _ in range(len(groups) + 1)]
         for target, (source, _) in feeds.items():
-            if component_of[source] != component_of[target[0]] and target[0] not in alone:
+            if component_of[source] != component_of[target[0]] and target[0] not in prescribed:
                 leading[component_of[source]].append(signals.curve(target))
         *self._histories, self._driven = (SignalHistory(signals, curves) for curves in leading)
         library = compiled.steps()

@@ -13,17 +13,16 @@ import numpy as np
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.coupling.polynomials import HIGHEST, polynomials
-from liaisons.cosim.coupling.records import AS_SET, MEAN, POLYNOMIAL, NodeRecord, records
-from liaisons.cosim.coupling.records import ASKED as AT_INSTANTS
+from liaisons.cosim.coupling.records import AS_SET, AT_INSTANTS, MEAN, POLYNOMIAL, NodeRecord, records
 from liaisons.cosim.coupling.signals import Indices, Signals, Vector
-from liaisons.cosim.instances.protocol import ASKED, Instance
+from liaisons.cosim.instances.protocol import INTERMEDIATE_INSTANTS, Instance
 from liaisons.cosim.structure.components import Port, SystemComponent
 from liaisons.cosim.structure.schedule import Depends, VariableReference
 
-_TIMES = np.arange(1, ASKED + 1) / ASKED
+_TIMES = np.arange(1, INTERMEDIATE_INSTANTS + 1) / INTERMEDIATE_INSTANTS
 """Where it asks for inputs inside a step of length 1."""
 INSIDE = np.array([_TIMES**order / math.factorial(order) for order in range(1, HIGHEST + 1)])
-"""What a derivative adds to the value at each of these, shape (HIGHEST, ASKED)."""
+"""What a derivative adds to the value at each of these, shape (HIGHEST, INTERMEDIATE_INSTANTS)."""
 
 Phase = Literal["initialization", "instant", "crossing", "step"]
 """Of what an evaluation is part: equations of initialization, or of one instant; a step to a break, or another one."""
@@ -34,7 +33,7 @@ class Node:
     """One FMU in a coupled step.
 
     :param cycle: those that it is solved together with, itself among them; empty if it is outside of cycles.
-    :param alone: it is not told how its inputs move.
+    :param prescribed: its inputs hold or extrapolate, as the user has said.
     """
 
     def __init__(
@@ -45,7 +44,7 @@ class Node:
         signals: Signals,
         cycle: Collection[str],
         *,
-        alone: bool = False,
+        prescribed: bool = False,
     ) -> None:
         self.name = part.name
         self.part = part
@@ -63,7 +62,7 @@ class Node:
         self.slopes = slice(signals.count + first, signals.count + first + len(outputs))
         self.sloped = bool(outputs) and self.name in signals.sloped
 
-        self._interface = None if alone else part.approximation.interface
+        self._interface = None if prescribed else part.approximation.interface
         self._roots: Indices = np.array([signals.root(input_, cycle) for input_ in inputs], dtype=np.intp)
         self._set_values, buffer = _buffer(len(inputs), bus.buffer(inputs) if inputs else None)
         self._put: list[Call] = [instance.setter(self.inputs, buffer)] if inputs else []
@@ -100,7 +99,7 @@ class Node:
         highest = HIGHEST if self.part.approximation.takes_every_order else 1
         self._polynomials = polynomials(self.curves, self._signals.zero + 1, highest)
         if self._interface == "intermediate update":
-            self._reconstruction, self._shape = AT_INSTANTS, np.empty((ASKED, len(self.inputs)))
+            self._reconstruction, self._shape = AT_INSTANTS, np.empty((INTERMEDIATE_INSTANTS, len(self.inputs)))
             return [self._instance.intermediate_update(self.inputs, self._shape)]
         self._reconstruction = POLYNOMIAL
         self._shape, set_derivatives = self._set_input_derivatives(self._polynomials.which)
@@ -187,7 +186,7 @@ class Node:
             record.point(rates=self.rates, rate_values=self._rate_values)
         if phase in {"initialization", "instant"}:
             return calls, record
-        record.way = self._reconstruction
+        record.approximation = self._reconstruction
         record.point(shape=self._shape)
         if (curves := self._polynomials) is not None:
             record.derivatives, record.terms = curves.terms.shape

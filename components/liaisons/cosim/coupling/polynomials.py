@@ -67,7 +67,7 @@ def polynomials(curves: Sequence[Curve], width: int, highest: int) -> Polynomial
     :param width: number of signals at one end.
     :param highest: order of the highest derivative; 1 leaves straight lines.
     """
-    curves = curves if highest > 1 else [curve.alone() for curve in curves]
+    curves = curves if highest > 1 else [curve.linear() for curve in curves]
     signals: dict[tuple[int, int], int] = {}
     for curve in curves:
         for end in (0, width):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.compiled.calls import Record as CallRecord
 
-AS_SET, POLYNOMIAL, ASKED, MEAN = range(4)
+AS_SET, POLYNOMIAL, AT_INSTANTS, MEAN = range(4)
 """How inputs move within a step."""
 
 Fields = list[tuple[str, Any]]
@@ -73,7 +73,7 @@ class NodeRecord(_Record):
     """See :class:`liaisons.cosim.coupling.node.Node`."""
 
     _fields_ = [
-        *_flags("way", "repeated", "sloped"),
+        *_flags("approximation", "repeated", "sloped"),
         ("calls", POINTER(CallRecord)),
         *_numbers("count", "inputs", "outputs", "value", "slope"),
         *_pointers("sources", "rates", "roots", "set_values", "rate_values", "read", "slopes"),

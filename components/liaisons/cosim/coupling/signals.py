@@ -59,7 +59,7 @@ class Curve:
     order: int
     rate: int
 
-    def alone(self) -> Curve:
+    def linear(self) -> Curve:
         """The straight line through its own values."""
         return Curve((self.data[self.order],), 0, self.rate)
 
@@ -71,7 +71,7 @@ class Signals:
     Index i < n is a value, n + i its slope, 2n a zero that stands for what is not known.
 
     :param references: the outputs, those of one component side by side.
-    :param alone: components that are not told how their inputs move.
+    :param prescribed: components outside of cycles whose inputs hold or extrapolate, as the user has said.
     :ivar sloped: components that give derivatives of their outputs.
     :ivar ends: all at t and at t + H; ``earlier`` those at the point before t, ``since`` how long ago that was.
     :ivar rates: index of the derivative of each.
@@ -85,10 +85,10 @@ class Signals:
         parts: Mapping[str, SystemComponent],
         feeds: Feeds,
         references: Sequence[VariableReference],
-        alone: Collection[str] = (),
+        prescribed: Collection[str] = (),
     ) -> None:
         self._parts = parts
-        self._alone = alone
+        self._prescribed = prescribed
         self._feeds = feeds
         self.count = len(references)
         self.references = references
@@ -157,7 +157,7 @@ class Signals:
             self.sloped = frozenset(names)
             self.zero = 2 * self.count
             for (name, _), source in self._feeds.items():
-                informed = self._parts[name].approximation.takes_polynomials and name not in self._alone
+                informed = self._parts[name].approximation.takes_polynomials and name not in self._prescribed
                 if name in names and not (informed and self._rate(source) != self.zero):
                     names.discard(name)
             if len(names) == len(self.sloped):

@@ -36,8 +36,8 @@ from liaisons.cosim.instances.buffer_layouts import BufferLayout, Transfer, layo
 from liaisons.cosim.messages import COMPLAINTS, DISCARD, ERROR, FATAL, STATUSES, WARNING, logger
 from liaisons.errors import EndedError, RefusedError, SimulationError, one_line
 
-ASKED = 5
-"""How often an FMU of ours asks for inputs inside a step: at its fifths, the end among them."""
+INTERMEDIATE_INSTANTS = 5
+"""Instants in a step at which an FMU of ours takes inputs: its fifths, the end among them."""
 
 Scalars = Sequence[Scalar]
 Numbers = Array[c_double]
@@ -121,9 +121,9 @@ class Instance(ABC):
     def intermediate_update(self, variables: Scalars, values: NDArray[np.float64]) -> Call:
         """Let these inputs follow values inside each step; returns a call to make before it.
 
-        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to ask.
+        Where :attr:`Fmu.inside_inputs` says that it can, and it was made to request them.
 
-        :param values: at the fifths of the step, shape (ASKED, len(variables)); may change from step to step.
+        :param values: at the fifths of the step, shape (INTERMEDIATE_INSTANTS, len(variables)); may change any time.
         """
         raise NotImplementedError
 

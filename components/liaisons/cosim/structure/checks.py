@@ -1,4 +1,4 @@
-"""What is asked of a system before any FMU is touched: the coupling, what the FMUs can, what is connected."""
+"""Checks of a system before any FMU is loaded: coupling, capabilities of the FMUs, connections."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class ConnectionGraph:
 
 
 def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
-    """The coupling that is asked for; else implicit where it reduces the error, else Gauss-Seidel.
+    """The requested coupling; else implicit where it reduces the error, else Gauss-Seidel.
 
     It does where a cycle has a bidirectional port, and where, outside of cycles, a continuous signal feeds an FMU that
     takes input derivatives.
@@ -118,7 +118,7 @@ def coupling(graph: ConnectionGraph, asked: Coupling | None) -> Coupling:
 def _gains(
     parts: Mapping[str, SystemComponent], connections: Sequence[Connection], driven: Collection[VariableReference]
 ) -> bool:
-    """Whether an FMU of ours can be told how a smooth signal moves inside a step, and iterations carry all signals."""
+    """Whether an FMU of ours takes derivatives of a continuous input, and iterations carry all signals."""
     if any(c.source.variable.type != "Real" or c.conversion != SAME for c in connections):
         return False
     if any(parts[owner].fmu.variables[name].type != "Real" for owner, name in driven):
@@ -128,7 +128,7 @@ def _gains(
 
 
 def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
-    """Whether the coupling can carry what is connected: iterations follow the curves of reals as they are.
+    """Check that the coupling can carry all signals: iterations carry reals without conversion.
 
     :raises SimulationError: naming a connection that it cannot.
     """
@@ -154,10 +154,10 @@ def signals(connections: Sequence[Connection], chosen: Coupling) -> None:
 def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemComponent]:
     """The components as the coupling needs them.
 
-    In an iteration, FMUs of ours that cannot be told how inputs move interpolate them.  In explicit coupling those do
-    whose inputs are all known at the end of a step, and smooth, unless the user has said what they do.
+    In an iteration, FMUs of ours that take no derivatives of inputs interpolate their inputs.  In explicit coupling
+    those do whose inputs are all known at the end of a step, and continuous, unless start values say otherwise.
 
-    :raises SimulationError: if the user has said that one that has to interpolate does something else.
+    :raises SimulationError: if a start value keeps an FMU from interpolation that the coupling needs.
     """
     parts, feeds, driven = graph.parts, graph.feeds, graph.driven
     if chosen not in ITERATING:
@@ -190,7 +190,7 @@ def prepared(graph: ConnectionGraph, chosen: Coupling) -> Mapping[str, SystemCom
 
 
 def _free(part: SystemComponent) -> bool:
-    """Whether it extrapolates its inputs, and nobody has said that it should."""
+    """Whether it extrapolates its inputs by default, not by a start value."""
     return part.approximation.method == 1 and INPUT_RECONSTRUCTION not in part.starts
 
 

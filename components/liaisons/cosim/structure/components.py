@@ -77,7 +77,7 @@ class InputApproximation:
 @final
 @dataclass(frozen=True, eq=False)
 class SystemComponent:
-    """One FMU in a system; ``component["length"]`` is one of its ports.
+    """One FMU in a system; ``component["length"]`` is a port.
 
     :param name: name in the system.
     :param fmu: description of the file.

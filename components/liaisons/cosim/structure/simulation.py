@@ -238,17 +238,19 @@ def _span(
     return start, stop, step
 
 
-def owned(title: str, parts: Mapping[str, SystemComponent], what: str, name: str, *, single: bool) -> VariableReference:
-    """The variable that a name stands for: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
+def owned(
+    title: str, parts: Mapping[str, SystemComponent], label: str, name: str, *, single: bool
+) -> VariableReference:
+    """Component and variable of a name: ``"variable"`` of a single FMU, ``"component.variable"`` of a system.
 
-    :param what: what it is named for.
+    :param label: kind of the name, for messages.
     :raises SimulationError: if there is no such part; whether there is such a variable is not looked at.
     """
     if single:
         return next(iter(parts)), name
     owner, _, variable = name.partition(".")
     if owner not in parts:
-        raise SimulationError(f"{what} {name!r}: {title} has no component {owner!r}{suggestion(owner, parts)}")
+        raise SimulationError(f"{label} {name!r}: {title} has no component {owner!r}{suggestion(owner, parts)}")
     return owner, variable
 
 
@@ -263,11 +265,11 @@ def _recorded(
     """Name in the result -> what is recorded under it; of an array, all its elements."""
     names = [] if record is None else listed("record", record)
     all_of = () if record is not None else [next(iter(parts))] if single else parts
-    places = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].carried)]
+    variables = [(name, variable) for name in all_of for variable in parts[name].fmu.recorded(parts[name].carried)]
     for full in (*names, *also):
         owner, name = owned(title, parts, "record", full, single=single)
-        places += [(owner, scalar) for scalar in parts[owner].recordable(name)]
-    return {place[1] if single else ".".join(place): place for place in places}
+        variables += [(owner, scalar) for scalar in parts[owner].recordable(name)]
+    return {variable[1] if single else ".".join(variable): variable for variable in variables}
 
 
 def communication_points(
@@ -295,7 +297,7 @@ def communication_points(
 
 
 def first_points(start_time: float, stop_time: float | None, step_size: float | None) -> list[float]:
-    """The begin, the end of the first step, and the end of all [s], where steps choose their sizes.
+    """Start, end of the first step, and stop [s], where steps choose their sizes.
 
     :raises SimulationError: unless all are finite, step_size > 0 and stop_time > start_time.
     """
@@ -325,6 +327,6 @@ def _given(times: ArrayLike, start_time: float, stop_time: float | None, step_si
         raise InvalidValueError(f"times of shape {points.shape}: give two finite numbers at least")
     late = np.flatnonzero(np.diff(points) <= 0)
     if late.size:
-        here, before = float(points[late[0] + 1]), float(points[late[0]])
-        raise InvalidValueError(f"times[{late[0] + 1}] = {here!r}: must be greater than {before!r}, the one before")
+        later, before = float(points[late[0] + 1]), float(points[late[0]])
+        raise InvalidValueError(f"times[{late[0] + 1}] = {later!r}: must be greater than {before!r}, the one before")
     return points.tolist()

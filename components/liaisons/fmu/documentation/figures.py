@@ -45,15 +45,15 @@ def _values(model: Model, results: Trajectory | None) -> Mapping[str, NDArray]:
     m = model if results is None else results.model
     u, k = start_vectors(m)
     if results is None:
-        y, remembered = m.start.call([ca.DM(0), u, k])
-        times, inputs, states = np.zeros(1), u[None], np.array(y).T
-        outputs = np.array(m.outputs_function.call([ca.DM(0), y, u, k, remembered])[0]).T
-    else:
-        times, inputs, states, outputs = results.times, results.inputs, results.states, results.values
-    drawn = np.zeros((len(times), 0))
+        y, memory = m.start.call([ca.DM(0), u, k])
+        z = m.outputs_function.call([ca.DM(0), y, u, k, memory])[0]
+        results = Trajectory(m, np.zeros(1), u[None], np.array(y).T, np.array(z).T)
+    count = len(results.times)
+    drawn = np.zeros((count, 0))
     if m.draw is not None:
-        drawn = np.array(m.draw.map(len(times))(times, states.T, inputs.T, np.tile(k, (len(times), 1)).T)).T
-    groups = ((m.parameters, k[None]), (m.inputs, inputs), (m.outputs, outputs), (m.drawn, drawn))
+        arguments = results.times, results.states.T, results.inputs.T, np.tile(k, (count, 1)).T
+        drawn = np.array(m.draw.map(count)(*arguments)).T
+    groups = ((m.parameters, k[None]), (m.inputs, results.inputs), (m.outputs, results.values), (m.drawn, drawn))
     return {
         name: column for variables, table in groups for name, column in zip(_names(variables), table.T, strict=True)
     }

@@ -20,7 +20,7 @@ enum { SIMULATION = 1 << USE_CO_SIMULATION | EVENTS, WITH_EVENTS = EXCHANGE | EV
  *                                   |  |  |  continuous time
  *                                   |  |  |  |  step
  *                                   |  |  |  |  |  inside a step: outputs are read
- *                                   |  |  |  |  |  |  inside a step: inputs are asked for
+ *                                   |  |  |  |  |  |  inside a step: inputs are requested
  *                                   |  |  |  |  |  |  |  configuration
  *                                   |  |  |  |  |  |  |  |  terminated   */
 #define FMI2_CALLS(CALL)                                                               \
@@ -98,7 +98,7 @@ enum { SIMULATION = 1 << USE_CO_SIMULATION | EVENTS, WITH_EVENTS = EXCHANGE | EV
 #define IN_o 0
 #define ALLOWED(name, i, z, e, c, s, g, a, f, t, uses)                                                                \
     PHASES_##name = IN_##i * INSTANTIATED | IN_##z * INITIALIZATION | IN_##e * EVENT | IN_##c * CONTINUOUS            \
-                    | IN_##s * STEP | IN_##g * INTERMEDIATE | IN_##a * ASKING | IN_##f * CONFIGURATION                \
+                    | IN_##s * STEP | IN_##g * INTERMEDIATE | IN_##a * INPUT_REQUEST | IN_##f * CONFIGURATION         \
                     | IN_##t * TERMINATED,                                                                            \
     USES_##name = uses,
 

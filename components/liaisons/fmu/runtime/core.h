@@ -69,7 +69,7 @@ typedef struct {
     double tolerance; /* where the importer gives none */
     size_t parameters, inputs, outputs, states, memory, events; /* numbers */
     size_t coupled; /* the first so many states act on the motion; the others are integrals along it */
-    size_t conditions, start_conditions; /* asked of the motion, and of the start: these and more */
+    size_t conditions, start_conditions; /* of the motion, and of the start: these and more */
     size_t drawn; /* so many of the outputs, the last ones, only a picture needs */
     int by_number;  /* in FMI 3.0, too, references stand for numbers: there are no arrays */
     size_t columns; /* of a table that the first parameters hold, and that a file may replace; or 0 */
@@ -114,9 +114,9 @@ typedef enum {
     EVENT = 8,
     CONTINUOUS = 16,
     STEP = 32,
-    INTERMEDIATE = 64, /* inside a communication step, while the importer is told of a step of the solver */
+    INTERMEDIATE = 64, /* inside a communication step, after a step of the solver, in intermediate update mode */
     TERMINATED = 128,
-    ASKING = 256 /* at the start of a communication step, while the importer is asked for inputs inside it */
+    INPUT_REQUEST = 256 /* at the start of a communication step, when the importer may set inputs inside it */
 } Phase;
 
 typedef enum { USE_MODEL_EXCHANGE, USE_CO_SIMULATION, USE_CO_SIMULATION_WITH_EVENTS } Use;
@@ -126,17 +126,17 @@ enum { HOLD, EXTRAPOLATE, INTERPOLATE };
 
 typedef struct Instance Instance;
 typedef void Report(void *owner, Status status, const char *text);
-/* Told of each step of the solver; returns whether to stop, then *until is the time to go on to before that. */
-typedef int Observe(void *owner, double time, double *until);
-/* Asked for the inputs at a time, which the importer may give by core_give. */
-typedef void Ask(void *owner, double time);
+/* Called after each step of the solver; returns whether to return early, at the time *until. */
+typedef int StepFinished(void *owner, double time, double *until);
+/* Requests the inputs at a time, which the importer may set by core_set_requested_inputs. */
+typedef void RequestInputs(void *owner, double time);
 
 typedef struct {
     Use use;
     int whole; /* references stand for whole variables; a last one stands for the time */
-    int early; /* communication steps may stop early: where `observe` says so, and at an instant that is an event */
-    Observe *observe; /* or NULL */
-    Ask *ask;         /* or NULL */
+    int early; /* communication steps may return early: where `step_finished` says so, and at time events */
+    StepFinished *step_finished;   /* or NULL */
+    RequestInputs *request_inputs; /* or NULL */
     Report *report;
     void *owner; /* passed to all three */
 } Options;
@@ -190,8 +190,8 @@ typedef struct { /* where a communication step has led */
 Status core_set_input_derivatives(Instance *, const unsigned references[], size_t n, const int orders[],
                                   const double values[]);
 Status core_output_derivatives(Instance *, const unsigned references[], size_t n, double values[], size_t count);
-/* What inputs are at the time that is asked for; an input that is given at all of these follows their polynomial. */
-Status core_give(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
+/* Inputs at a requested time; an input that is set at all of these follows their polynomial. */
+Status core_set_requested_inputs(Instance *, const unsigned references[], size_t n, const double values[], size_t count);
 /* A step that is refused is taken back: DISCARD if a shorter one would not be, and is not one that was discarded just
  * before from the same time as long or shorter; else ERROR.  So an importer that tries the same again comes to an end. */
 Status core_step(Instance *, double time, double size, Arrival *arrival);

@@ -56,7 +56,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
 }
 
 /* Tell the importer of a step of the solver. */
-static int observe(void *owner, double time, double *until) {
+static int step_finished(void *owner, double time, double *until) {
     const Fmu *fmu = owner;
     fmi3Boolean stop = fmi3False;
     double stop_time = time;
@@ -66,8 +66,8 @@ static int observe(void *owner, double time, double *until) {
     return stop;
 }
 
-/* Ask the importer for inputs at a time. */
-static void ask(void *owner, double time) {
+/* Request inputs at a time. */
+static void request_inputs(void *owner, double time) {
     const Fmu *fmu = owner;
     fmi3Boolean stop = fmi3False;
     double stop_time = time;
@@ -101,8 +101,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                              .whole = 1,
                              .early = early_return,
                              /* all outputs can be had, unless only inputs are of interest */
-                             .observe = intermediate_update && (n == 0 || inputs < n) ? observe : NULL,
-                             .ask = intermediate_update && inputs > 0 ? ask : NULL};
+                             .step_finished = intermediate_update && (n == 0 || inputs < n) ? step_finished : NULL,
+                             .request_inputs = intermediate_update && inputs > 0 ? request_inputs : NULL};
     return fmi_instantiate(&fmu.common, sizeof fmu, name, token, resources, options, __func__);
 }
 
@@ -198,7 +198,8 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
     if (n == 0 && count == 0) return fmi3OK;
     NEED(references);
     NEED(values);
-    if (core_phase(core) == ASKING) return (fmi3Status)core_give(core, references, n, values, count);
+    if (core_phase(core) == INPUT_REQUEST)
+        return (fmi3Status)core_set_requested_inputs(core, references, n, values, count);
     return (fmi3Status)core_set(core, references, n, values, count);
 }
 

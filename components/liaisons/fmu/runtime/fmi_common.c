@@ -51,7 +51,7 @@ static const char *phase_name(Phase phase) {
     case CONTINUOUS: return "in continuous-time mode";
     case STEP: return "between communication steps";
     case INTERMEDIATE: return "inside a communication step";
-    case ASKING: return "while inputs are asked for";
+    case INPUT_REQUEST: return "while inputs are asked for";
     default: return "after termination";
     }
 }

@@ -127,7 +127,7 @@ int core_activity(const Instance *self) {
     return found;
 }
 
-/* ---- inputs that are asked for ----------------------------------------------------------------------------- */
+/* ---- requested inputs --------------------------------------------------------------------------------------- */
 
 /* The powers 1 to 5 of a polynomial that is 0 at 0, from its values at 1/5, 2/5 ... 1. */
 static const double POWERS[ORDER][ORDER] = {
@@ -138,7 +138,8 @@ static const double POWERS[ORDER][ORDER] = {
     {3125 / 24.0, -3125 / 12.0, 3125 / 12.0, -3125 / 24.0, 625 / 24.0},
 };
 
-Status core_give(Instance *self, const unsigned references[], size_t n, const double values[], size_t count) {
+Status core_set_requested_inputs(Instance *self, const unsigned references[], size_t n, const double values[],
+                                 size_t count) {
     const size_t first = self->model->parameters, end = first + self->model->inputs;
     if (core_check_references(self, references, n, count) != SUCCESS) return ERROR;
     for (size_t i = 0; i < n; i++) {
@@ -146,16 +147,16 @@ Status core_give(Instance *self, const unsigned references[], size_t n, const do
         if (span.first < first || span.first >= end)
             return core_report(self, ERROR, "%s is no input", core_name(self, span.first));
         for (size_t k = 0; k < span.count; k++)
-            self->movers.given[(span.first - first + k) * ORDER + self->movers.asked] = *values++;
+            self->movers.given[(span.first - first + k) * ORDER + self->movers.requested] = *values++;
     }
     return SUCCESS;
 }
 
-void core_ask(Instance *self, double time, double H) {
+void core_request_inputs(Instance *self, double time, double H) {
     for (size_t i = 0; i < self->model->inputs * ORDER; i++) self->movers.given[i] = NAN;
-    self->s->phase = ASKING;
-    for (self->movers.asked = 0; self->movers.asked < ORDER; self->movers.asked++)
-        self->options.ask(self->options.owner, time + H * (double)(self->movers.asked + 1) / ORDER);
+    self->s->phase = INPUT_REQUEST;
+    for (self->movers.requested = 0; self->movers.requested < ORDER; self->movers.requested++)
+        self->options.request_inputs(self->options.owner, time + H * (double)(self->movers.requested + 1) / ORDER);
     self->s->phase = STEP;
     for (size_t i = 0; i < self->model->inputs; i++) {
         const double *given = &self->movers.given[i * ORDER];

@@ -6,8 +6,8 @@
 
 /* The polynomials of all inputs that move in a step of size H, from u and what was set. */
 void core_reconstruct(Instance *, double H);
-/* Ask the importer how inputs move in a step of size H. */
-void core_ask(Instance *, double time, double H);
+/* Request the inputs inside a step of size H. */
+void core_request_inputs(Instance *, double time, double H);
 /* Find the degrees of the polynomials, and leave out those of inputs that do not move after all. */
 void core_settle_movers(Instance *);
 /* What the inputs do in this step: LOADS, MOVES. */

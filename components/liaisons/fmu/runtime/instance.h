@@ -101,7 +101,7 @@ typedef struct { /* the inputs that move inside the step */
     Mover *list;
     size_t count, *of_input; /* index of an input among them */
     double *given;           /* by the importer, at ORDER times inside the step; those of one input side by side */
-    size_t asked;            /* which of these times it is */
+    size_t requested;          /* which of these times it is */
 } Movers;
 
 typedef struct { /* the numbers that an operator prescribes */

@@ -13,7 +13,7 @@ typedef struct {
     double tolerance;
     const double *size; /* of each component: the error of a step stays below tolerance * (size + |y|) */
     Rates *rates, *coupled_rates;                          /* of all, and of the coupled ones, which cost less */
-    Signal (*accept)(void *context, double t, double y[]); /* asked after each step; may correct y */
+    Signal (*accept)(void *context, double t, double y[]); /* called after each step; may correct y */
     void *context;
 } Problem;
 

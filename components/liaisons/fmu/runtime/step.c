@@ -28,12 +28,12 @@ static Signal moved_coupled_rates(void *context, double t, const double y[], dou
 }
 
 /* Tell the importer of a step of the solver, which may want to end the communication step. */
-static Signal observed(Instance *self, double t) {
+static Signal intermediate_update(Instance *self, double t) {
     double until = INFINITY;
     self->s->time = self->step.start + t;
     self->s->phase = INTERMEDIATE;
     self->known.current = 0;
-    self->step.returning = self->options.observe(self->options.owner, self->s->time, &until) && self->options.early;
+    self->step.returning = self->options.step_finished(self->options.owner, self->s->time, &until) && self->options.early;
     self->s->time = self->step.start;
     self->s->phase = STEP;
     if (!self->step.returning) return GO_ON;
@@ -44,7 +44,7 @@ static Signal observed(Instance *self, double t) {
 static Signal accept(void *context, double t, double y[]) {
     Instance *self = context;
     const Model *model = self->model;
-    if (model->conditions == 0 && model->project == NULL && self->options.observe == NULL) return GO_ON;
+    if (model->conditions == 0 && model->project == NULL && self->options.step_finished == NULL) return GO_ON;
     if (!move_inputs(self, t)) return STOP;
     if (model->project != NULL) { /* back onto constraints and unit quaternions */
         evaluate(self, model->project, self->step.start + t, y, self->d.y);
@@ -52,7 +52,7 @@ static Signal accept(void *context, double t, double y[]) {
         memset(self->v.low, 0, model->states * sizeof *self->v.low);
     }
     if (!core_check_conditions(self, self->step.start + t, y, model->conditions)) return STOP;
-    return self->options.observe == NULL ? GO_ON : observed(self, t);
+    return self->options.step_finished == NULL ? GO_ON : intermediate_update(self, t);
 }
 
 /* Why no step from a time inside the communication step is small enough. */
@@ -266,7 +266,7 @@ static int advance(Instance *self, double time, double size) {
     }
     core_depart(self);
     core_reconstruct(self, size);
-    if (self->options.ask != NULL) core_ask(self, time, size);
+    if (self->options.request_inputs != NULL) core_request_inputs(self, time, size);
     core_settle_movers(self);
     self->step.motion = &self->model->motions[core_activity(self)];
     if (!core_check_conditions(self, time, self->v.y, self->model->conditions)) return 0;

@@ -1,0 +1,39 @@
+"""Conversions between units of a file, and a file that never ends."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from liaisons.cosim.description.model_description import UnitDefinition
+from liaisons.cosim.description.xml_documents import parse
+
+KELVIN, CELSIUS, FAHRENHEIT = (
+    UnitDefinition.of(name, {"K": "1", **attributes})
+    for name, attributes in (
+        ("K", {}),
+        ("degC", {"offset": "273.15"}),
+        ("degF", {"factor": repr(5 / 9), "offset": repr(273.15 - 32 * 5 / 9)}),
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("unit", "other", "value", "expected"),
+    [
+        (CELSIUS, FAHRENHEIT, 100.0, 212.0),
+        (FAHRENHEIT, CELSIUS, 32.0, 0.0),
+        (KELVIN, FAHRENHEIT, 273.15, 32.0),
+        (CELSIUS, KELVIN, -273.15, 0.0),
+    ],
+)
+def test_both_units_may_have_an_offset(
+    unit: UnitDefinition, other: UnitDefinition, value: float, expected: float
+) -> None:
+    assert unit.to(other).of(value) == pytest.approx(expected, abs=1e-10)
+
+
+def test_an_element_without_an_end_is_not_waited_for() -> None:
+    with pytest.raises(ValueError, match="an element is longer than 16777216 bytes"):
+        parse(io.BytesIO(b"<a " + b" " * (2**24 + 2**22) + b"/>"), lambda *_: None)
