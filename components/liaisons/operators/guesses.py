@@ -199,7 +199,7 @@ def _far_circles(problem: Problem, intervals: int) -> Iterator[CollocatedTraject
 
 def _phases(sense: int, size: int) -> tuple[Array, float]:
     """Phases of circles, and that at which a weighted sum of them is extremal."""
-    phases = sense * np.pi / 2 * np.arange(size)
+    phases: Any = sense * np.pi / 2 * np.arange(size)
     return phases, float(np.angle(mixture(size) @ np.exp(1j * phases)))
 
 
