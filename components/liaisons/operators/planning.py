@@ -162,7 +162,8 @@ def planned(path: Path | str, **options: Any) -> Plan:
 
 
 def _duration(value: Any) -> tuple[float, float]:
-    low, high = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
+    pair: Any = value if isinstance(value, (tuple, list)) and len(value) == 2 else (value, value)
+    low, high = pair
     for seconds in (low, high):
         finite("duration", seconds, PlanError)
     if not _SHORTEST < low <= high < _LONGEST:
