@@ -23,7 +23,8 @@ def test_dictionary_and_keywords_are_the_same(fmu: Callable[..., Any]) -> None:
         simulate(path, start_values={"theta_0": 0.2, "mass": 2.0}, **SPAN),
         simulate(path, start_values={"theta_0": 0.2}, mass=2.0, **SPAN),
     ]
-    for start_values, keywords in (({"theta_0": 0.2, "mass": 2.0}, {}), ({}, {"theta_0": 0.2, "mass": 2.0})):
+    values: dict[str, Any] = {"theta_0": 0.2, "mass": 2.0}
+    for start_values, keywords in ((values, {}), ({}, values)):
         system = System("one")
         system.add("swing", path, start_values=start_values, **keywords)
         assert dict(system.parts["swing"].starts) == {"theta_0": 0.2, "mass": 2.0}

@@ -58,7 +58,7 @@ def merged(
     for name in keywords:
         if name in values:
             raise error(f"{label}: {name} is given in start_values and as a keyword; leave one out")
-    return values | keywords
+    return {**values, **keywords}
 
 
 @contextmanager

@@ -226,7 +226,7 @@ def _span(
         return 0.0 if start is None else start, stop, step
     fmus = [part.fmu for part in parts.values()][: 1 if single else None]
     usual = common_experiment(fmus)
-    start = usual.start_time if start is None else start
+    start = (usual.start_time or 0.0) if start is None else start
     stop = usual.stop_time if stop is None and single else stop
     step = usual.step_size if step is None else step
     if step is None and stop is not None and (fmus[0].is_model_exchange or not single):
