@@ -126,4 +126,4 @@ def test_component_name_is_taken_once(system: System, fmu: FmuPaths) -> None:
 )
 def test_start_values_that_will_not_do(system: System, fmu: FmuPaths, starts: dict[str, float], words: str) -> None:
     with pytest.raises(SimulationError, match=words):
-        system.add("bad", fmu("Faulty"), **starts)
+        system.add("bad", fmu("Faulty"), start_values=starts)

@@ -300,7 +300,9 @@ def test_portable_archives_are_for_masters_that_step_all_at_once(component: FmuP
     system = System("2 pumped swings")
     swing = system.add("swing", component("Pendulum"), theta_0=0.05, input_reconstruction=2)
     system.connect(system.add("motor", component("Sinusoid"), offset=1.0)["y"], swing["length"])
-    for form, starts in (("portable", {"theta_0": 0.05}), ("full", {"theta_0": 0.05, "input_reconstruction": 2})):
+    cases: list[tuple[Form, dict[str, float]]]
+    cases = [("portable", {"theta_0": 0.05}), ("full", {"theta_0": 0.05, "input_reconstruction": 2})]
+    for form, starts in cases:
         path = tmp_path / f"{form}.ssp"
         system.write_ssp(path, form=form, stop_time=2.000000000000001, step_size=0.1 + 0.2)
         again = System.from_ssp(path)

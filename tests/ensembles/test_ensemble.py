@@ -150,7 +150,9 @@ def test_an_operator_moves_the_length_as_an_fmu_does(fmu: Callable[..., Path]) -
     for case, amplitude in enumerate(amplitudes):
         system = System("swing")
         swing = system.add("swing", fmu(Pendulum), theta_0=0.4, input_reconstruction=2)
-        system.connect(system.add("motor", fmu(Sinusoid), amplitude=amplitude, **motion)["y"], swing["length"])
+        system.connect(
+            system.add("motor", fmu(Sinusoid), start_values=motion, amplitude=amplitude)["y"], swing["length"]
+        )
         result = system.simulate(5.0, 0.01, tolerance=1e-11)
         for name in ("theta", "p_theta", "length_force"):
             # The solver keeps 1e-11 a step; interpolated inputs 1e-13; forces are ten times as large.

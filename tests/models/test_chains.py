@@ -187,7 +187,7 @@ def test_driven_chain(sized, fmu, backend: str, omega: float) -> None:
     n, drive = 5, {"amplitude": 0.2, "angular_frequency": omega}
     system = System("driven chain")
     chain = system.add("chain", sized(DrivenChain, n, backend), stiffness=2.0, input_reconstruction=2)
-    operator = system.add("operator", fmu(Sinusoid), **drive)
+    operator = system.add("operator", fmu(Sinusoid), start_values=drive)
     system.connect(operator["y"], chain["drive"])
     result = system.simulate(stop_time=20, step_size=0.1, tolerance=TOLERANCE)
     exact = DrivenChain.exact(result.time, n=n, stiffness=2.0, **drive)

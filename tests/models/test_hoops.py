@@ -456,7 +456,7 @@ def test_fmu_calculates_length_and_area(fmu, component, start: Values, length: f
 
 def turning(fmu, component: type[Hoop], rate: float, stop_time: float = 50.0, **start: float) -> Result:
     system = System("turning hoop")
-    hoop = system.add("hoop", fmu(component), **start)
+    hoop = system.add("hoop", fmu(component), start_values=start)
     operator = system.add("operator", fmu(Ramp), rate=rate)
     system.connect(operator["y"], hoop["beta"])
     return system.simulate(stop_time=stop_time, step_size=0.1, tolerance=1e-10)

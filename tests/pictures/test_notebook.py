@@ -38,9 +38,9 @@ class Balls:
         """One beside the other."""
         return Picture(tuple({"shape": "ball", "at": [name, 0.0, 0.0]} for name in self.names))
 
-    def values(self, known: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
+    def values(self, signals: Mapping[str, NDArray[np.float64]]) -> Mapping[str, NDArray[np.float64]]:
         """What is known."""
-        return known
+        return signals
 
 
 def rolling(title: str = "a ball", end: float = 1.0, count: int = 1) -> Result:

@@ -45,19 +45,19 @@ class FmuScene:
     def _pictures(self) -> Mapping[str, Picture]:
         return {prefix: picture_of(part) for prefix, part in self.parts.items()}
 
-    def values(self, known: Values) -> Values:
+    def values(self, signals: Values) -> Values:
         """All variables of the picture at some frames; those not recorded come from FMUs initialized at each frame.
 
-        :param known: signals at the frames, by name.
+        :param signals: at the frames, by name.
         :raises SimulationError: if an FMU cannot calculate them.
         """
-        signals = dict(known)
+        values = dict(signals)
         for prefix, part in self.parts.items():
-            missing = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in signals]
-            recorded = {name.removeprefix(prefix): values for name, values in known.items() if name.startswith(prefix)}
+            missing = [name for name in self._pictures[prefix].variables if f"{prefix}{name}" not in values]
+            recorded = {name.removeprefix(prefix): signals[name] for name in signals if name.startswith(prefix)}
             if missing:
-                signals |= {f"{prefix}{name}": values for name, values in _asked(part, missing, recorded).items()}
-        return signals
+                values |= {f"{prefix}{name}": rows for name, rows in _asked(part, missing, recorded).items()}
+        return values
 
 
 def of_file(result: Path, fmu: Path, starts: Mapping[str, object]) -> Result:
