@@ -49,7 +49,7 @@ def swing(times: NDArray, *, start: float = 0.0) -> NDArray:
 
 WORDS = ("--stop", "2", "--step", "0.01", "--tolerance", "1e-10")
 MODE = ("--set", "input_reconstruction=2")
-# six digits of sixth order in H from Hermite's polynomial, 3e-12 (DESIGN measures 5e-11 at H = 0.1), and the solver
+# six digits of sixth order in H from Hermite's polynomial, 3e-12 (5e-11 at H = 0.1), and the solver
 EXACT = 1e-8
 
 

@@ -1,4 +1,4 @@
-"""Variables of a component: names, units and descriptions, as DESIGN.md defines them for every FMU."""
+"""Variables of a component: names, units and descriptions, the same rules for every FMU (docs/reference/fmu.md)."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from liaisons.mechanics.printing import of_operator
 
 
 def assemble(component: type[Component], n: object = None) -> Model:
-    """Model of a component: derived, and laid out as variables and functions (DESIGN: names in an FMU).
+    """Model of a component: derived, and laid out as variables and functions; names: docs/reference/fmu.md.
 
     :param component: a subclass of Mechanism, Chain or Operator.
     :param n: number of links of a chain; as declared by default.

@@ -24,7 +24,7 @@ CONSISTENT = 1e-6
 
 @cache
 def mechanism_model(component: type[Mechanism]) -> Model:
-    """Model of a mechanism, derived and laid out as variables and functions (DESIGN: names in an FMU).
+    """Model of a mechanism, derived and laid out as variables and functions; names: docs/reference/fmu.md.
 
     :param component: a subclass of Mechanism.
     """

@@ -33,7 +33,7 @@ _VECTORS = {
 
 @cache
 def chain_model(component: type[Chain], n: int) -> Model:
-    """Model of a chain of n links, laid out as variables and functions (DESIGN: names in an FMU).
+    """Model of a chain of n links, laid out as variables and functions; names: docs/reference/fmu.md.
 
     :param component: a subclass of Chain.
     :param n: how many links, at least ``component.n.minimum``.
