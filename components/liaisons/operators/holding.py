@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import svd
 
 from liaisons.arguments import finite, merged, named, numbers, shown
+from liaisons.cosim.structure.sources import rounding
 from liaisons.errors import PlanError
 from liaisons.library import Target, component
 from liaisons.operators.controllers import After, Controller, LinearPrediction, ReferenceTrajectory
@@ -279,9 +280,10 @@ def _reference_trajectory(
     T, moves, order = motion.duration, motion.goal.moves, motion.problem.order
     if T / H > _MOST:
         raise PlanError(f"{sampled.name}: step_size = {H:g} over {T:g} s: more than {_MOST} steps; give a longer one")
+    instant = max(_INSTANT * T, 3 * rounding(T))  # a run tells two instants apart that far
     edges = [0.0, *motion.switches, T]
     parts = [np.linspace(a, b, max(1, int(np.ceil((b - a) / H - 1e-9))), endpoint=False) for a, b in pairwise(edges)]
-    times = np.unique(np.concatenate([*parts, motion.switches - _INSTANT * T, [T]]))
+    times = np.unique(np.concatenate([*parts, motion.switches - instant, [T]]))
     sigma = motion.sigma(times)
     planned = np.array([[sigma[name] for name in motion_names(m)] for m in moves])
     reference, steps = sampled.steps(times, planned, H)
@@ -304,7 +306,7 @@ def _reference_trajectory(
     elif rests and np.all(np.abs(sampled.rates(end, still)) * sampled.time <= _SAME * sampled.sizes[: len(end)]):
         after, last = "rests", still
     if np.any(np.abs(last - planned[:, :, -1]) > _SAME * size):
-        times = np.append(times[:-1], [T - _INSTANT * T, T])
+        times = np.append(times[:-1], [T - instant, T])
         planned = np.dstack([planned, last])
         reference, steps = sampled.steps(times, planned, H)
     return ReferenceTrajectory(times, planned, reference, after), steps, not missing - turned
