@@ -71,7 +71,7 @@ def test_a_broken_scenario_does_not_hide_the_verdicts_of_the_others(liaisons: Cl
         ('"""Twice', '"" and """Twice', "state its claim in the docstring"),
         ("@scenario\n", "@scenario\nclass main:\n    pass\n\n", "no function; decorate main(claim: Claims)"),
         ("some are not", 'some are not"))\n\nprint(("more', "arithmetic.py:9: main runs before what comes after it"),
-        ("from liaisons import", "from liaisons import no_such_name,", "no_such_name"),
+        ("from liaisons.scenarios import", "from liaisons.scenarios import no_such_name,", "no_such_name"),
     ],
 )
 def test_a_file_that_is_no_scenario(liaisons: Cli, tmp_path: Path, old: str, new: str, hint: str) -> None:

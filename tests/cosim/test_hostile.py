@@ -288,7 +288,7 @@ def trials(monkeypatch: pytest.MonkeyPatch, temporary: Path) -> list[object]:  #
         return run(*arguments, **options)  # type: ignore[call-overload]
 
     monkeypatch.setattr("liaisons.cosim.running.probe.subprocess.run", counted)
-    monkeypatch.setattr(cache, "_known", set())
+    monkeypatch.setattr(cache, "_remembered", set())
     return made
 
 
