@@ -54,7 +54,6 @@ from .library import fmu_path as fmu_path
 from .mechanics import assemble as assemble
 from .mechanics import derive as derive
 from .operators import Controller as Controller
-from .operators import Held as Held
 from .operators import Plan as Plan
 from .operators import hold as hold
 from .operators import plan as plan

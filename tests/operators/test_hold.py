@@ -80,8 +80,8 @@ def test_the_staircase_ends_where_control_does() -> None:
 
 
 def test_old_names_are_deprecated() -> None:
-    with pytest.deprecated_call(match=r"liaisons\.Held is called liaisons\.Controller"):
-        held = liaisons.Held
+    with pytest.deprecated_call(match=r"liaisons\.Held is now liaisons\.operators\.Controller"):
+        held = liaisons.Held  # type: ignore[attr-defined]
     assert held is Controller
     regulator = hold("Pendulum", **HELD["Pendulum"])
     with pytest.deprecated_call(match="multipliers is called floquet_multipliers"):

@@ -42,7 +42,7 @@ class Verdict:
         return self.error <= self.tolerance
 
     def row(self) -> dict[str, str]:
-        """The verdict as one row of :func:`table`."""
+        """The verdict as one row of ``liaisons.scenarios.table``."""
         unit = f" {self.unit}" if self.unit else ""
         return {
             "claim": self.claim,

@@ -28,7 +28,7 @@ input of an FMU that holds its inputs      mean of both ends        H²
 Outside of cycles the source has been stepped, so that both ends are known; an output without derivatives is
 interpolated through the points before t, at the start, and always of a function of time, through points in the step.
 Discrete outputs keep their value at t until the end of the step.  At announced breaks the past is forgotten
-(:mod:`liaisons.cosim.running.breaks`).
+(``liaisons.cosim.running.breaks``).
 
 FMI 2.0 FMUs of ours take the polynomials as derivatives of their inputs (``fmi2SetRealInputDerivatives``).  FMI 3.0 has
 none; there they take their inputs at the fifths of a step, in intermediate update mode, and follow the quintic through
