@@ -4,9 +4,6 @@ The public names are in ``__init__.pyi``, where type checkers read them, too; ea
 simulating FMUs never loads the symbolic layers.
 """
 
-import pkgutil
-import warnings
-
 import lazy_loader
 
 _getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
@@ -21,6 +18,9 @@ _RENAMED = {
 def __getattr__(name: str) -> object:
     if name not in _RENAMED:
         return _getattr(name)
+    import pkgutil
+    import warnings
+
     new = f"{__name__}.{_RENAMED[name]}"
     warnings.warn(f"liaisons.{name} is now {new}", DeprecationWarning, stacklevel=2)
     return pkgutil.resolve_name(new)
