@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,6 +37,14 @@ def passing_folder() -> Iterator[Path]:
             yield Path(folder.name)
     finally:
         _report(folder.name)
+
+
+@lru_cache(maxsize=1)
+def process_folder() -> Path:
+    """The folder of this process, removed when it ends."""
+    stack = ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(passing_folder())
 
 
 def _report(name: str) -> None:

@@ -5,12 +5,10 @@ The layers below take FMU files only.
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
-from functools import lru_cache, wraps
+from functools import wraps
 from pathlib import Path
 from typing import Concatenate, ParamSpec, Self, TypeVar, cast, final
 
@@ -21,7 +19,7 @@ from liaisons import cache, cosim, flattening, live, ssp, sweeps
 from liaisons.arguments import merged, renamed
 from liaisons.cosim.structure.components import Solver
 from liaisons.cosim.structure.knots import knots
-from liaisons.folders import passing_folder
+from liaisons.folders import process_folder
 from liaisons.library import Target, fmu_file
 
 MOST_KNOTS = 100
@@ -98,20 +96,12 @@ def with_table(fmu: Path, table: NDArray[np.float64]) -> Path:
     :param table: its columns, (columns, rows).
     :raises SimulationError: for an FMU in Python, which takes none.
     """
-    copy = _copies() / hashlib.sha256(fmu.read_bytes() + table.tobytes()).hexdigest()[:16] / fmu.name
+    copy = process_folder() / hashlib.sha256(fmu.read_bytes() + table.tobytes()).hexdigest()[:16] / fmu.name
     if not copy.exists():
         copy.parent.mkdir()
         copy.write_bytes(ssp.with_table(fmu, table))
         cache.remember(cache.digest(copy))
     return copy
-
-
-@lru_cache(maxsize=1)
-def _copies() -> Path:
-    """Folder of FMUs with tables, deleted at the end of this process."""
-    stack = ExitStack()
-    atexit.register(stack.close)
-    return stack.enter_context(passing_folder())
 
 
 @final

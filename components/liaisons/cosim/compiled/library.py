@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import atexit
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from ctypes import CDLL
 from functools import lru_cache
 from hashlib import sha256
@@ -14,7 +13,7 @@ from liaisons.compiler import FLAGS, compile_library, host
 from liaisons.cosim.messages import logger
 from liaisons.errors import BuildError, SimulationError
 from liaisons.files import replacing
-from liaisons.folders import passing_folder
+from liaisons.folders import process_folder
 
 STEPS = tuple(Path(__file__).with_name(name) for name in ("loop.c", "coupling.c", "calls.h"))
 """Communication steps; Python makes those of explicit coupling as well, to the same bits."""
@@ -65,13 +64,6 @@ def _written(path: Path, content: bytes) -> Path:
         with replacing(_seal(path)) as part:
             part.write_text(sha256(content).hexdigest(), encoding="ascii")
     except (OSError, SimulationError):
-        path = _passing() / path.name
+        path = process_folder() / path.name
         path.write_bytes(content)
     return path
-
-
-@lru_cache(maxsize=1)
-def _passing() -> Path:
-    stack = ExitStack()
-    atexit.register(stack.close)
-    return stack.enter_context(passing_folder())
