@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,7 @@ _LAWS = "p = ∂L/∂q_dot: K eq. 79; der(p) = ∂L/∂q + Q: M eq. 36; forces o
 
 def annotation(component: type[Component]) -> list[str]:
     """The line of the annotation of a package: sources with the numbers of their equations, icon."""
-    source = re.findall(r"(?ms)^Source: .+?(?=\n\n|\Z)", component.__doc__ and _flat(component.__doc__) or "")
+    source = re.findall(r"(?ms)^Source: .+?(?=\n\n|\Z)", (component.__doc__ and _flat(component.__doc__)) or "")
     texts = [*(" ".join(text.split()) for text in source), *([_LAWS] if issubclass(component, Mechanism) else [])]
     body = "".join(f"<p>{html.escape(text, quote=False)}</p>" for text in texts or [component.summary()])
     info = f"Documentation(info={quoted(f'<html>{body}</html>')})"
@@ -38,7 +39,7 @@ def _shapes(component: type[Mechanism]) -> list[str]:
     symbols = [*m.symbols.values()]
     values = [starts[name] for name in m.symbols]
 
-    def at_start(expression: object) -> float:
+    def at_start(expression: Any) -> float:
         return float(ca.Function("at_start", symbols, [ca.densify(ca.SX(expression))])(*values))
 
     shapes = [shape.document(at_start) for shape in m.picture()]

@@ -32,7 +32,9 @@ class _ChainMotion:
         self.unit_of = {v.name: v.unit for v in self.model.variables} | {
             f"joint_{axis}": unit for axis, unit in component.joint.unit_of.items()
         }
-        beyond = [f"{name}_{axis}{end}" for name, end in (("pi", ""), ("phi", ""), ("pi", "_dot")) for axis in self.axes]
+        beyond = [
+            f"{name}_{axis}{end}" for name, end in (("pi", ""), ("phi", ""), ("pi", "_dot")) for axis in self.axes
+        ]
         self.pi, self.phi, self.pi_dot = ca.vertsplit(
             ca.vertcat(*map(ca.SX.sym, beyond)), [0, *(len(self.axes) * k for k in (1, 2, 3))]
         )
@@ -43,9 +45,15 @@ class _ChainMotion:
 
     def lines(self) -> list[str]:
         inside = [*self._links()]
-        first = Section(self.loop.notation, {str(x): f"{x}[1]" for x in ca.vertsplit(ca.vertcat(self.pi_dot, self.phi))})
+        first = Section(
+            self.loop.notation, {str(x): f"{x}[1]" for x in ca.vertsplit(ca.vertcat(self.pi_dot, self.phi))}
+        )
         self._base(first)
-        ends = [f"{name}_{axis}{end}[n + 1] = 0;" for name, end in (("pi", ""), ("phi", ""), ("pi", "_dot")) for axis in self.axes]
+        ends = [
+            f"{name}_{axis}{end}[n + 1] = 0;"
+            for name, end in (("pi", ""), ("phi", ""), ("pi", "_dot"))
+            for axis in self.axes
+        ]
         initial = [f"{q.name}{end} = {q.name}{end}_0;" for q in self.m.coordinates for end in ("", "_dot")]
         outside = ["kinetic_energy = sum(kinetic);", "potential_energy = sum(potential);"]
         outside += ["energy = kinetic_energy + potential_energy;"]
@@ -77,7 +85,9 @@ class _ChainMotion:
             starts = f"{named(f'{q.name}_0', q.unit, size='[n]')} = {rest}", f"{rate} = fill({number(q.start_rate)}, n)"
             yield from declared(starts[0], f'{starts[1]} "at the start"', head="parameter Real")
         bonded = "fill(1, n)" if m.base() is not None else "cat(1, {0}, ones(n - 1))"
-        yield from declared(f'bonded[n] = {bonded} "whether a link has a bond to the one before"', head="parameter Real")
+        yield from declared(
+            f'bonded[n] = {bonded} "whether a link has a bond to the one before"', head="parameter Real"
+        )
         for s in m.actives:
             names = (f"{s.name}_dot", f"{s.name}_ddot", f"{s.name}_force")
             yield from declared(named(s.name, s.unit, s.description), *(named(name, unit[name]) for name in names))
@@ -92,7 +102,11 @@ class _ChainMotion:
             of = unit[f"joint_{axis}"]
             ends = ("", of), ("_dot", units.rate(of)), ("_ddot", units.rate(units.rate(of)))
             yield from declared(*(named(f"joint_{axis}{end}", u, size="[n + 1]") for end, u in ends))
-            beyond = (f"pi_{axis}", units.momentum(of)), (f"pi_{axis}_dot", units.force(of)), (f"phi_{axis}", units.force(of))
+            beyond = (
+                (f"pi_{axis}", units.momentum(of)),
+                (f"pi_{axis}_dot", units.force(of)),
+                (f"phi_{axis}", units.force(of)),
+            )
             yield from declared(*(named(name, u, size="[n + 1]") for name, u in beyond))
         yield from declared(*(named(name, "J", size="[n]") for name in ("kinetic", "potential")))
         yield from declared(*(named(name, "J") for name in ("kinetic_energy", "potential_energy", "energy")))
@@ -104,11 +118,10 @@ class _ChainMotion:
         """Joint of the first link, and the forces of the operator."""
         m, position = self.m, self.m.base()
         column = ca.SX.zeros(len(self.axes)) if position is None else m.joint_column(position)
+        slope = ca.jacobian(column, m.s)
         for end in ("", "_dot", "_ddot"):
             for axis, value in zip(self.axes, ca.vertsplit(column), strict=True):
                 section.add(f"joint_{axis}{end}[1]", value)
-            if end == "":
-                slope = ca.jacobian(column, m.s)
             column = m.dot(column)
         for s, force in zip(m.actives, ca.vertsplit(slope.T @ (self.pi_dot - self.phi)), strict=True):
             section.add(f"{s.name}_force", force)

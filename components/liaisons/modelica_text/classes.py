@@ -28,10 +28,6 @@ def system_text(whole: Composition) -> str:
     """A package with the components of a system, and the model of the system."""
     components = {component.__name__: component for component, _ in whole.parts.values()}
     lines = composition_lines(whole)
-    if any(line.startswith("Constant.") for line in map(str.strip, lines)):
-        from liaisons.models import Constant
-
-        components["Constant"] = Constant
     return _text(_library(f"{whole.name}System", whole.name, components.values(), lines))
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
 
-from liaisons.language import Experiment, Mechanism, Operator
+from liaisons.language import Experiment
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.modelica_text.text import declared, filled, indented, number, packed
 
@@ -13,12 +13,14 @@ _INTERFACES = """\
 connector Translation Real s(unit="m"); flow Real f(unit="N"); end Translation;
 connector Rotation Real phi(unit="rad"); flow Real tau(unit="N.m"); end Rotation;
 connector Generalised Real q; flow Real Q; end Generalised;
+model FixedTranslation parameter Real s_0(unit="m") = 0; Translation flange(s=s_0); end FixedTranslation;
+model FixedRotation parameter Real phi_0(unit="rad") = 0; Rotation flange(phi=phi_0); end FixedRotation;
 """
 
 
 def interfaces(text: str) -> list[str]:
     """Connectors that a text uses."""
-    return [line for line in _INTERFACES.splitlines() if f" {line.split()[1]} " in text]
+    return [line for line in _INTERFACES.splitlines() if re.search(rf"\b{line.split()[1]} ", text)]
 
 
 def experiment(e: Experiment) -> str:
@@ -29,7 +31,7 @@ def experiment(e: Experiment) -> str:
 
 def signals(m: MechanicalComponent, points: list[str]) -> list[str]:
     """Lines of the model ``Signals``: coordinates are prescribed by inputs."""
-    size = f"[{m.dimension.name}]" if m.dimension else ""
+    size = "[n]" if m.dimension else ""
     inputs = [f"u_{s.name}[3]{f'(start={{{number(s.start)}, 0, 0}})' if s.start else ''}" for s in m.actives]
     zero = " = zeros(n)" if m.dimension else " = 0"
     inputs += [f"{q.name}{end}{size}{zero}" for q in m.coordinates for end in ("_force", "_load")]
@@ -58,7 +60,8 @@ def flanges(m: MechanicalComponent, points: dict[str, str]) -> list[str]:
     kinds: dict[str, list[str]] = {}
     for name, unit, force in ports:
         kind, position, effort = _ROLES.get(unit, ("Generalised", "q", "Q"))
-        kinds.setdefault(kind, []).append(f"flange_{name}({position}={name}, {effort}={force})")
+        size = "[n]" if m.dimension and force == f"Q_{name}" else ""
+        kinds.setdefault(kind, []).append(f"flange_{name}{size}({position}={name}, {effort}={force})")
     rates = (f"{s.name}_{d}dot = der({s.name}{'_dot' if d else ''});" for s in m.actives for d in ("", "d"))
     return [
         'model Flanges "Coordinates and points as connectors" extends Motion;',

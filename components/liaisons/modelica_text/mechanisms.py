@@ -13,7 +13,7 @@ from liaisons.language import Mechanism
 from liaisons.mechanics import assemble, derive
 from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.printing import of_mechanism
-from liaisons.modelica_text.text import Section, bounds, declared, indented, filled, named, number, quoted
+from liaisons.modelica_text.text import Section, bounds, declared, filled, indented, named, number, quoted
 
 _OPERATOR = "forces of the operator"
 _OUTSIDE = "forces from outside"
@@ -87,7 +87,9 @@ class _Motion:
             own = named(q.name, q.unit, q.description, start=f"{q.name}_0")
             yield from declared(own, *self._rates(q.name), momentum)
         for o in m.orientations:
-            yield from declared(*(named(name, "1", o.description * (not i), start=f"{name}_0") for i, name in enumerate(o.quaternion)))
+            yield from declared(
+                *(named(name, "1", o.description * (not i), start=f"{name}_0") for i, name in enumerate(o.quaternion))
+            )
             yield from declared(*(named(name, "rad/s") for name in o.rates))
             yield from declared(*(named(f"{name}_dot", "rad/s2") for name in o.rates))
             yield from declared(*(named(f"{_BODY}{axis}", "kg.m2/s") for axis in o.axes))
@@ -110,7 +112,9 @@ class _Motion:
         """Momenta; under constraints with a guess, from which a tool solves for the multipliers."""
         m, p = self.m, ca.vertsplit(self.equations.momenta)
         rates = [*m.coordinates] if m.constraints or m.non_holonomic else []
-        pairs = [(self.m.symbols[f"{q.name}{end}"], ca.SX.sym(f"{q.name}{end}_0")) for q in rates for end in ("", "_dot")]
+        pairs = [
+            (self.m.symbols[f"{q.name}{end}"], ca.SX.sym(f"{q.name}{end}_0")) for q in rates for end in ("", "_dot")
+        ]
         for q, momentum in zip(m.coordinates, p, strict=False):
             at_start = ca.substitute([momentum], *map(list, zip(*pairs, strict=True)))[0] if pairs else None
             guess = {} if at_start is None else {"start": self.section.written(at_start) or "0"}

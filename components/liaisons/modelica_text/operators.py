@@ -12,7 +12,7 @@ from liaisons.formulas import Notation
 from liaisons.language import Operator, ParameterArray
 from liaisons.mechanics import assemble
 from liaisons.modelica_text.faces import experiment
-from liaisons.modelica_text.text import Section, bounds, declared, filled, indented, named, number, quoted, wrapped
+from liaisons.modelica_text.text import Section, bounds, declared, filled, indented, named, number, quoted
 
 ENTRY = """\
 function entry "Of a column of a table: in the row where the interval of a time begins (ahead = 0), or ends (1)"
@@ -28,7 +28,7 @@ algorithm
   for i in 1:size(instant, 1) - 1 loop
     if last == i and instant[i + 1] >= instant[i] then
       last := i + 1;
-      if (rests and t >= instant[i + 1]) or (not rests and instant[i + 1] > instant[i] and (k == 0 or t >= instant[i])) then
+      if rests and t >= instant[i + 1] or not rests and instant[i + 1] > instant[i] and (k == 0 or t >= instant[i]) then
         k := if rests then i + 1 else i;
       end if;
     end if;
@@ -62,7 +62,9 @@ def operator_classes(component: type[Operator]) -> list[str]:
                     section.lines.append(f"{name} = {call};")
                     symbols.append(symbol)
                     rows.append(ca.SX.sym(name))
-    triple, rates = (ca.vertsplit(ca.substitute(stack(map(ca.SX, x)), stack(symbols), stack(rows))) for x in (triple, rates))
+    triple, rates = (
+        ca.vertsplit(ca.substitute(stack(map(ca.SX, x)), stack(symbols), stack(rows))) for x in (triple, rates)
+    )
     for state, rate in zip(component.internal_states, rates, strict=False):
         section.add(f"der({state.name})", rate)
     for i, y in enumerate(triple, start=1):
@@ -70,7 +72,9 @@ def operator_classes(component: type[Operator]) -> list[str]:
     for state in component.internal_states:
         declarations += declared(named(state.name, state.unit, state.description, start=f"{state.name}_0"))
     for item in inputs:
-        declarations += declared(f"{named(item.name, item.unit)} = {number(item.start)} {quoted(item.description)}", head="input Real")
+        declarations += declared(
+            f"{named(item.name, item.unit)} = {number(item.start)} {quoted(item.description)}", head="input Real"
+        )
     initial = filled(f"{state.name} = {state.name}_0;" for state in component.internal_states)
     asserted = [
         f"assert({p.name} > {number(p.minimum)}, {quoted(f'{p.name} > {number(p.minimum)} is needed')});"
@@ -106,7 +110,9 @@ def _parameters(operator: Operator) -> Iterator[str]:
         text = f"{named(p.name, p.unit, size=size, **limits)} = {value} {quoted(p.description)}"
         yield from declared(text, head="parameter Real")
     for state in operator.internal_states:
-        yield from declared(f'{named(f"{state.name}_0", state.unit)} = {number(state.start)} "at the start"', head="parameter Real")
+        yield from declared(
+            f'{named(f"{state.name}_0", state.unit)} = {number(state.start)} "at the start"', head="parameter Real"
+        )
 
 
 def chosen(expression: ca.SX) -> ca.SX:
@@ -116,7 +122,8 @@ def chosen(expression: ca.SX) -> ca.SX:
 
     def operation(code: int, x: list[ca.SX]) -> ca.SX:
         if code in (ca.OP_FMIN, ca.OP_FMAX):
-            return ca.if_else(x[0] < x[1], *(x if code == ca.OP_FMIN else x[::-1]))
+            less, more = x if code == ca.OP_FMIN else x[::-1]
+            return ca.if_else(x[0] < x[1], less, more)
         return ca.SX.unary(code, *x) if len(x) == 1 else ca.SX.binary(code, *x)
 
     ((result,),) = interpret(function, entry=lambda i, _: symbols[i], constant=ca.SX, operation=operation)

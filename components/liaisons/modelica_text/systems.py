@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import final
 
 from liaisons.errors import ComponentError
-from liaisons.language import Experiment, Mechanism, Operator
+from liaisons.language import Experiment, Operator
 from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.modelica_text.faces import experiment
@@ -53,7 +53,8 @@ def composition_lines(whole: Composition, prefix: str = "") -> list[str]:
             if source is None:
                 at = starts.get(s.name, s.start)
                 assert isinstance(at, float | int)
-                held.append(f"{prefix}Constant.{kind} {part}_{s.name}(value={number(at)});")
+                fixed, at_start = ("FixedRotation", "phi_0") if s.unit == "rad" else ("FixedTranslation", "s_0")
+                held.append(f"{prefix}{fixed} {part}_{s.name}({at_start}={number(at)});")
                 joined.append(f"connect({part}_{s.name}.flange, {part}.flange_{s.name});")
                 continue
             other, name = source

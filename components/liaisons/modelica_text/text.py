@@ -40,7 +40,9 @@ def named(name: str, unit: str, description: str = "", size: str = "", **others:
     """A variable in a list of them: name, size, attributes, description."""
     pairs = ({"unit": quoted(unit)} if unit else {}) | others
     modified = ", ".join(f"{attribute}={value}" for attribute, value in pairs.items())
-    return f"{identifier(name)}{size}{f'({modified})' if pairs else ''}{f' {quoted(description)}' if description else ''}"
+    return (
+        f"{identifier(name)}{size}{f'({modified})' if pairs else ''}{f' {quoted(description)}' if description else ''}"
+    )
 
 
 def declared(*variables: str, head: str = "Real") -> list[str]:
@@ -113,14 +115,14 @@ class Section:
         definitions: dict[str, str] = {}
         try:
             for name, term in tree.where:
-                text = expression(term, local, self.events)
+                text = expression(term, local, events=self.events)
                 known = self.abbreviations | definitions
                 if uses[name.name] > 1 or text in known:
                     definitions |= {} if text in known else {text: f"{self._letter}_{len(known) + 1}"}
                     local[name.name] = (known | definitions)[text] + self.index
                 else:  # only too wide for a page
                     local[name.name] = f"({text})"
-            result = expression(tree.term, local, self.events)
+            result = expression(tree.term, local, events=self.events)
         except UnsupportedError:
             return None
         self.abbreviations |= definitions
