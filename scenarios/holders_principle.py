@@ -27,10 +27,10 @@ MODES = range(1, 4)
 Path = dict[str, NDArray]
 
 
-def sines(run: Result, n: int) -> tuple[NDArray, NDArray]:
-    """sin(nπt/T) and its rate."""
+def sine(run: Result, name: str, n: int) -> Path:
+    """δ of one coordinate: sin(nπt/T), and its rate."""
     k = n * np.pi / T
-    return np.sin(k * run.time), k * np.cos(k * run.time)
+    return {name: np.sin(k * run.time), f"{name}_dot": k * np.cos(k * run.time)}
 
 
 def variation(component: Any, run: Result, path: Path, w: Path, **values: float) -> float:
@@ -40,7 +40,7 @@ def variation(component: Any, run: Result, path: Path, w: Path, **values: float)
 
 def across(run: Result, n: int) -> Path:
     """sin(nπt/T) times what is across the rod, (1 - z, x)."""
-    s, s_dot = sines(run, n)
+    s, s_dot = sine(run, "s", n).values()
     x_dot, z_dot = s_dot * (1 - run["z"]) - s * run["z_dot"], s_dot * run["x"] + s * run["x_dot"]
     return {"x": s * (1 - run["z"]), "x_dot": x_dot, "z": s * run["x"], "z_dot": z_dot}
 
@@ -52,18 +52,18 @@ def main(claim: Claims) -> None:
     quadrature = within(1e-7, "J.s", because="Simpson's rule: h⁴/180 = 3e-12 times fourth derivatives of 3e3 W/s³")
     run = simulate("Pendulum", length=operator("Sinusoid", **LENGTH), theta_0=1.0, **SETTINGS)
     path = {name: run[name] for name in ("theta", "theta_dot", "length", "length_dot")}
-    along = [dict(zip(("theta", "theta_dot"), sines(run, n), strict=True)) for n in MODES]
+    along = [sine(run, "theta", n) for n in MODES]
     kept = [variation(Pendulum, run, path, w) for w in along]
     claim("adapted: ⟨δI, w⟩ = 0 for three w that leave the length alone", kept, 0.0, interpolated)
 
-    off = [dict(zip(("length", "length_dot"), sines(run, n), strict=True)) for n in MODES]
-    work = [-simpson(run["length_force"] * w["length"], x=run.time) for w in off]
+    off = [sine(run, "length", n) for n in MODES]
+    work = [float(-simpson(run["length_force"] * w["length"], x=run.time)) for w in off]
     varied = [variation(Pendulum, run, path, w | along[0]) for w in off]
     claim(f"w that varies the length: -∫ λ w_l dt, {min(work):.1f} to {max(work):.1f} J.s", varied, work, quadrature)
 
     heavy = [variation(Pendulum, run, path, w, gravity=9.0) for w in along]
     torque = (9.81 - 9.0) * run["length"] * np.sin(run["theta"])
-    missing = [simpson(torque * w["theta"], x=run.time) for w in along]
+    missing = [float(simpson(torque * w["theta"], x=run.time)) for w in along]
     claim("with another weight it is no motion: ⟨δI, w⟩ is the weight's virtual work", heavy, missing, quadrature)
 
     x, z = np.sin(1.0), -np.cos(1.0)

@@ -58,7 +58,7 @@ def slopes(t: NDArray, z: NDArray, u: NDArray, turning: NDArray) -> tuple[float,
     places = CubicSpline(t, rates, axis=1).antiderivative()(t)
     a = np.append(np.linalg.solve(*np.split(-np.array([places.real, places.imag])[:, :, -1], [2], axis=1)), -1)
     parts = [(s * e, s_dot * e + 1j * s * e * turning, 0), (0 * e, 0 * e, 1), (-a @ places, -a @ rates, 1)]
-    path = dict(zip((*NAMES, "x_dot", "y_dot", "angle_dot"), [*z, u * e.real, u * e.imag, turning], strict=True))
+    path: Any = dict(zip((*NAMES, "x_dot", "y_dot", "angle_dot"), [*z, u * e.real, u * e.imag, turning], strict=True))
     found = []
     for place, rate, turn in parts:
         w = {"x": place.real, "y": place.imag, "x_dot": rate.real, "y_dot": rate.imag}
@@ -70,7 +70,7 @@ def slopes(t: NDArray, z: NDArray, u: NDArray, turning: NDArray) -> tuple[float,
 def main(claim: Claims) -> None:
     run = simulate(Skate, stop_time=T, step_size=T / 400, tolerance=1e-12)
     t, skated = run.time, np.array([run[name] for name in NAMES])
-    start = fsolve(lambda p: hamiltonian_flow(H, [0, 0, 0, *p], T)[:3] - skated[:, -1], [0.5] * 3, xtol=1e-13)
+    start: Any = fsolve(lambda p: hamiltonian_flow(H, [0, 0, 0, *p], T)[:3] - skated[:, -1], [0.5] * 3, xtol=1e-13)
     least = hamiltonian_flow(H, [0, 0, 0, *start], t)
     p, turning = (least[3] + 1j * least[4]) * np.exp(-1j * least[2]), least[5] / INERTIA  # p along and across the edge
     bound = within(1e-8, "J.s", because="cubic interpolation and quadrature, h⁴/180 = 3e-12 times derivatives of 1e3")
