@@ -320,10 +320,11 @@ def test_motors_give_no_more_than_they_can() -> None:
 def test_what_acts_on_a_bounded_force_shares_it() -> None:
     motion = planned("cat")
     regulator, sampled = hold(motion, bounds={"psi_1_force": (-20, 20)}), _beside(motion)
-    trajectory, most = regulator.trajectory, regulator.correction_limits["highest"]
-    for x, sigma, w in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), most.T, strict=True):
+    trajectory, limits = regulator.trajectory, regulator.correction_limits
+    least, most = limits["lowest"].T, limits["highest"].T
+    for x, sigma, low, high in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), least, most, strict=True):
         forces, masses = sampled.forces(x[: len(sampled.names)], sigma)
-        assert forces[0] + np.abs(masses[0]) @ w <= 20 + 1e-9
+        assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
 
 
 @pytest.mark.parametrize(

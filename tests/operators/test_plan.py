@@ -121,6 +121,7 @@ def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
     begin, end = motion.sigma([0.0, motion.duration])["psi_1"]
     assert begin == pytest.approx(end, abs=1e-12)
+    assert abs(begin) > 1  # where a loop begins is free: from 0 it costs seven times as much
     assert any("Θ-speed" in verdict.claim for verdict in found)
     replay = motion.replay()
     values = replay.values.copy()
