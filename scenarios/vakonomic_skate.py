@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import fsolve
 
-from liaisons import Coordinate, Mechanism, Parameter, analysis, non_holonomic, simulate
-from liaisons.check import hamiltonian_flow
+from liaisons import Coordinate, Mechanism, Parameter, analysis, hamiltonian_flow, non_holonomic, simulate
 from liaisons.scenarios import Claims, panels, scenario, within
 
 INERTIA, GRAVITY, SPIN, T = 0.3, 2.0, 1.5, 2.0  # kg.m2, m/s2, rad/s, s; 1 kg
