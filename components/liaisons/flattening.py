@@ -53,6 +53,19 @@ def flatten(
     :raises BuildError: if the FMU cannot be built.
     """
     from liaisons.fmu import build
+
+    return build(
+        composed(system, components),
+        fmus_directory() / "flat" if output is None else output,
+        backend=backend,
+        platforms=platforms,
+        fmi=fmi,
+        arrays=arrays,
+    )
+
+
+def composed(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
+    """The equations of motion of a whole system; raises what :func:`flatten` does."""
     from liaisons.mechanics.composition import compose
 
     if not isinstance(system, System):
@@ -67,19 +80,11 @@ def flatten(
         for name, part in parts.items()
         for variable, value in _starts(part, models[name]).items()
     }
-    whole = compose(
+    return compose(
         _identifier(system.name),
         models,
         {str(connection.target): str(connection.source) for connection in system.connections},
         starts=starts,
-    )
-    return build(
-        whole,
-        fmus_directory() / "flat" if output is None else output,
-        backend=backend,
-        platforms=platforms,
-        fmi=fmi,
-        arrays=arrays,
     )
 
 

@@ -11,7 +11,7 @@ import casadi as ca
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.language import layout
-from liaisons.language.checks import Formulas, components_of, declared, require_units
+from liaisons.language.checks import Formulas, components_of, declared, require_units, shapes_of
 from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -220,3 +220,4 @@ class MechanicalComponent(Component, abstract=True):
         for item in self.points:
             for axis, component in components_of(self, item.name).items():
                 formulas.take(f"{item.name}[{axis!r}]", component, configuration, item.unit)
+        shapes_of(self)
