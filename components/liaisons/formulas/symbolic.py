@@ -31,12 +31,12 @@ def symbol(name: str) -> Any:
     return sympy_package().Symbol(name, real=True)
 
 
-def expression(formula: Formula) -> Any:
+def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
     """A formula without abbreviations; its symbols are real and have the names of the variables."""
     sympy = sympy_package()
     known = {"π": sympy.pi}
 
-    def value(term: Term) -> Any:  # noqa: PLR0911 - one for each kind
+    def value(term: Term) -> Any:  # noqa: C901, PLR0911
         match term:
             case kinds.Number(number):
                 return sympy.sympify(number)
