@@ -29,6 +29,7 @@ from liaisons.models import (
     IsokineticOscillator,
     Pendulum,
     PendulumChain,
+    PlannedMotion,
     Sinusoid,
     SpatialCat,
 )
@@ -48,7 +49,7 @@ def test_latex_is_read_by_mathtext(component) -> None:
     text, parser = equations(component).latex(), MathTextParser("path")
     inside = re.findall(r"\\begin\{align\*\}\n(.*?)\n\\end\{align\*\}", text, re.DOTALL)
     lines = [line for block in inside for line in block.split(" \\\\\n")] + re.findall(r"\$(.+?)\$", text)
-    assert len(inside) >= 1 or "Too long to be read" in text
+    assert inside or text.endswith("It is read from a table.")
     for line in lines:
         parser.parse(f"${line.replace('&', '')}$")
 
@@ -174,6 +175,7 @@ def test_text_read_back_has_the_values_of_the_symbols(component) -> None:
         )
         count += 1
     assert count >= len(shown.equations) / 2
+    assert count or component is PlannedMotion
 
 
 def test_words_are_upright_and_no_products() -> None:

@@ -194,7 +194,7 @@ LOOSE: Any = SimpleNamespace(
     **{item.__name__: item for item in (Parameter, Coordinate, ActiveCoordinate, Experiment, output)}
 )
 """As who writes without a type checker has them."""
-MOVING = {"s": ActiveCoordinate("m", "driven"), "kinetic_energy": lambda m: m.dot(m.s) ** 2}
+NOTHING = {"kinetic_energy": lambda _: ca.SX(0)}
 WAVE = {"amplitude": Parameter(1.0, "", "amplitude"), "signal": lambda m, t: m.amplitud * ca.sin(t)}
 
 
@@ -221,7 +221,7 @@ WAVE = {"amplitude": Parameter(1.0, "", "amplitude"), "signal": lambda m, t: m.a
         (lambda: LOOSE.Experiment(step_size=0), "Experiment: step_size = 0: it must be a number > 0"),
         (lambda: LOOSE.Experiment(tolerance=math.nan), "Experiment: tolerance = nan: it must be a number > 0"),
         (lambda: LOOSE.Experiment(stop_time="10"), "Experiment: stop_time = '10': it must be a number > 0"),
-        (lambda: type("Frozen", (Mechanism,), MOVING), "declare at least one Coordinate"),
+        (lambda: type("Frozen", (Mechanism,), NOTHING), "declare at least one Coordinate"),
         (
             lambda: type("Still", (Mechanism,), {"x": Coordinate("m", "position")}),
             r"Still defines no kinetic_energy\(\), which every Mechanism has to",

@@ -157,7 +157,7 @@ def of_component(component: type[Component]) -> DisplayedEquations:
     """Equations of a component, those of Hamilton's mechanics included."""
     shown = displayed(assemble(component))
     if not issubclass(component, Mechanism):
-        return shown
+        return shown if shown.equations else replace(shown, notes={"signal": "It is read from a table."})
     derived, notes = derive(component), dict[str, str]()
     further = of_operators(derived)
     try:

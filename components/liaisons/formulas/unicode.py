@@ -14,7 +14,7 @@ from liaisons.formulas.terms import Addition, Name, Number, Product, Quotient, T
 _ABOVE = str.maketrans("0123456789-−+()Tn", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻⁺⁽⁾ᵀⁿ")
 _BELOW = str.maketrans("0123456789aehijklmnoprstuvxβγρφχ", "₀₁₂₃₄₅₆₇₈₉ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓᵦᵧᵨᵩᵪ")
 _FRACTIONS = {"1/2": "½", "1/3": "⅓", "2/3": "⅔", "1/4": "¼", "3/4": "¾", "1/6": "⅙", "1/8": "⅛", "3/8": "⅜"}
-_DOTS = "", "\u0307", "\u0308"
+_DOTS, _BEHIND = ("", "\u0307", "\u0308"), ("", "˙", "¨")
 FIRM, SOFT = "\u00a0", "\u202f"
 """Blanks at which no line breaks, and at which one breaks where there is no other way."""
 
@@ -43,7 +43,8 @@ class Unicode(Printer):
         return first.replace(self.minus, "−", 1) if first.startswith(" ") else first, *further
 
     def letter(self, letter: Letter) -> str:
-        text = unicodedata.normalize("NFC", letter.text + _DOTS[letter.dots])
+        dots = (_BEHIND if letter.is_word else _DOTS)[letter.dots]
+        text = unicodedata.normalize("NFC", letter.text + dots)
         if not letter.below:
             return text
         below = ",".join(map(self.letter, letter.below))

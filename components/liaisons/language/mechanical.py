@@ -214,8 +214,8 @@ class MechanicalComponent(Component, abstract=True):
             yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
-        if not self.coordinates and not self.orientations:
-            raise ComponentError(f"{type(self).__name__}: declare at least one Coordinate that moves freely")
+        if not (self.coordinates or self.orientations or (self.actives and self.dimension is None)):
+            raise ComponentError(f"{type(self).__name__}: declare at least one Coordinate")
         require_units(type(self))
         for item in self.points:
             for axis, component in components_of(self, item.name).items():
