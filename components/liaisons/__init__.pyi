@@ -55,6 +55,7 @@ from .library import build as build
 from .library import derive as derive
 from .library import fmu_path as fmu_path
 from .mechanics import assemble as assemble
+from .modelica_files import modelica as modelica
 from .operators import Controller as Controller
 from .operators import Plan as Plan
 from .operators import hold as hold

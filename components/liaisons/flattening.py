@@ -81,7 +81,7 @@ def composed(system: System, components: Mapping[str, type[Component]] | None = 
         for variable, value in _starts(part, models[name]).items()
     }
     return compose(
-        _identifier(system.name),
+        identifier(system.name),
         models,
         {str(connection.target): str(connection.source) for connection in system.connections},
         starts=starts,
@@ -129,8 +129,8 @@ def _starts(part: SystemComponent, derived: Model) -> dict[str, float]:
     return {name: float(start) for name, start in starts.items() if start is not None}
 
 
-def _identifier(name: str) -> str:
-    """A name as that of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
+def identifier(name: str) -> str:
+    """Name of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
     words = re.findall(r"[A-Za-z0-9]+", name)
     joined = "".join(word[0].upper() + word[1:] for word in words)
     return joined if joined[:1].isalpha() else f"System{joined}"
