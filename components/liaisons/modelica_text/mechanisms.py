@@ -45,7 +45,7 @@ class _Motion:
         self._momenta()
         self._motion()
         self._constraints()
-        self._rows("operators")
+        self._rows("forces")
         self._rows("points")
         said = [
             item
@@ -77,7 +77,7 @@ class _Motion:
                 yield from declared(f"{value} {quoted(v.description)}", head="parameter Real")
             else:
                 starts.append(value)
-        yield from declared(*starts[:-1], f'{starts[-1]} "at the start"', head="parameter Real")
+        yield from declared(*starts[:-1], *(f'{last} "at the start"' for last in starts[-1:]), head="parameter Real")
         for s in m.actives:
             limits = {} if s.strict else bounds(s.variable("input", "continuous"))
             yield from declared(named(s.name, s.unit, s.description, **limits), *self._rates(s.name))
