@@ -66,12 +66,12 @@ def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
     :raises ComponentError: if it cannot be derived.
     :raises SimulationError: if a system cannot be flattened.
     """
-    from liaisons.formulas.displayed import displayed, of_component
+    from liaisons.formulas import of_component, of_model
     from liaisons.mechanics import Model
 
     if isinstance(subject, cosim.System):
-        return displayed(flattening.composed(subject))
-    return displayed(subject) if isinstance(subject, Model) else of_component(component(subject))
+        return of_model(flattening.composed(subject))
+    return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
 
 
 def operator(

@@ -148,14 +148,14 @@ class DisplayedEquations:
         return "\n".join(["<div>", *self.html(), "</div>"])
 
 
-def displayed(model: Model) -> DisplayedEquations:
+def of_model(model: Model) -> DisplayedEquations:
     """Equations of a model, as the page inside its FMU has them."""
     return DisplayedEquations(model.name, model.equations, Notation.from_model(model))
 
 
 def of_component(component: type[Component]) -> DisplayedEquations:
     """Equations of a component, those of Hamilton's mechanics included."""
-    shown = displayed(assemble(component))
+    shown = of_model(assemble(component))
     if not issubclass(component, Mechanism):
         return shown if shown.equations else replace(shown, notes={"signal": "It is read from a table."})
     derived, notes = derive(component), dict[str, str]()

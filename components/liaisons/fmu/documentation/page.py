@@ -18,7 +18,7 @@ from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
-from liaisons.formulas import MathML, Notation, displayed
+from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
 from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
@@ -72,7 +72,7 @@ def index_page(model: Model) -> bytes:
     sections = {
         "Picture": _picture(model, results),
         "About": _text(model.documentation.removeprefix(model.description)),
-        "Equations": displayed(model).html(),
+        "Equations": of_model(model).html(),
         "Variables": _variables(model, printer),
         "Ports": _ports(model.ports, {v.name: v for v in model.variables}),
         "Inputs inside a step": _reconstruction(model) if model.inputs else [],
