@@ -237,8 +237,14 @@ def _check(check: str, shown: Collection[str]) -> str:
     if "::" in check:
         file, name = check.split("::")
         return f"{name.removeprefix('test_').replace('_', ' ')} <small>{file.replace('_', '_<wbr>')}</small>"
-    title = f"scenario <i>{check.replace('_', ' ')}</i>"
+    title = f"scenario <i>{_titles().get(check, check.replace('_', ' '))}</i>"
     return f'<a href="../gallery/{check}.html">{title}</a>' if check in shown else title
+
+
+@cache
+def _titles() -> dict[str, str]:
+    """Titles of scenarios that their names do not give."""
+    return tomllib.loads((HERE / "gallery.toml").read_text(encoding="utf-8"))["titles"]
 
 
 def _ranks() -> str:
