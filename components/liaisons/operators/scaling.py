@@ -6,11 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from liaisons.operators.goals import Array
 from liaisons.units import ANY, NUMBER, powers
-
-Array = NDArray[np.float64]
 
 
 def base_scales(quantities: Iterable[tuple[float, str]]) -> Array:

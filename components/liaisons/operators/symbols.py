@@ -81,7 +81,7 @@ class GoalSymbols:
     @cached_property
     def rates(self) -> ca.SX:
         """Rates of the state."""
-        return ca.densify(_expanded(self.model.derivatives)(*self._arguments)[: len(self.state_names)])
+        return ca.densify(self.model.derivatives(*self._arguments)[: len(self.state_names)])
 
     @cached_property
     def initial_state(self) -> ca.SX:
@@ -92,14 +92,14 @@ class GoalSymbols:
             inputs |= {rate: number(f"{self.name}: {move}", self.start.get(rate) or 0.0), acceleration: 0.0}
         states = zip(self.state_names, ca.vertsplit(self.state), strict=True)
         own = {self.start_parameters[name]: x for name, x in states if name in self.start_parameters}
-        first = _expanded(self.model.start)(0, column(inputs), column({**self.parameters, **own}))[0]
+        first = self.model.start(0, column(inputs), column({**self.parameters, **own}))[0]
         return ca.densify(first[: len(self.state_names)])
 
     @cached_property
     def signals(self) -> Readings:
         """All variables by name."""
         memory = ca.DM.zeros(len(self.model.memory), 1)
-        z = ca.vertsplit(_expanded(self.model.outputs_function)(*self._arguments, memory))
+        z = ca.vertsplit(self.model.outputs_function(*self._arguments, memory))
         signals = {v.name: value for v, value in zip(self.model.outputs, z, strict=True)}
         signals |= dict(zip(self.state_names, ca.vertsplit(self.state), strict=True))
         values = {**self.inputs, **self.moved, **self.parameters}
@@ -222,7 +222,7 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
     for key in start:
         if key not in variables_at_start:
             raise PlanError(f"{name}: start has no {key!r}{suggestion(key, variables_at_start)}")
-    for key in {*states, *moved} & start.keys():
+    for key in moved & start.keys():
         if start[key] is not None:
             limits(name, "start", key, start[key])
     parameters |= {start_parameters[rate]: number(f"{name}: {rate}", start.get(rate, 0.0)) for rate in rates}
@@ -311,7 +311,3 @@ def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]
     ]
     numbers += [(value, units[name]) for name, value in values.items()]
     return base_scales([*numbers, *((value, "s") for value in goal.duration)])
-
-
-def _expanded(function: ca.Function) -> ca.Function:
-    return function if function.is_a("SXFunction") else function.expand()
