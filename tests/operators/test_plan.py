@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -564,7 +566,8 @@ DAMAGED: dict[str, tuple[tuple[str | int, ...], Any]] = {
     "many intervals": (("track", "arcs", 0, "intervals"), 1e9),
     "half an interval": (("track", "arcs", 0, "intervals"), 0.5),
     "no arcs": (("track", "arcs"), []),
-    "a row that is not there": (("track", "arcs", 0, "held"), [[7, 1.0]]),
+    "a row that is not there": (("track", "arcs", 0, "held"), [[1, 5.0]]),
+    "a bound that is none": (("track", "arcs", 0, "held"), [[0, 4.0]]),
     "no numbers": (("track", "knots"), [["a"]]),
     "not a number": (("track", "durations"), [float("nan")]),
     "no time": (("track", "durations"), [0.0]),
@@ -586,7 +589,7 @@ DAMAGED: dict[str, tuple[tuple[str | int, ...], Any]] = {
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("plans") / "crane.json"
-    crane(accuracy=None, tries=1).save(path)
+    crane(bounds={"pivot_x_ddot": (-5, 5)}, accuracy=None, tries=1).save(path)
     return path
 
 
@@ -594,10 +597,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_damaged_plan_is_refused_in_one_line(case: str, saved: Path, tmp_path: Path) -> None:
     document = json.loads(saved.read_text())
     (*way, last), value = DAMAGED[case]
-    place = document
-    for key in way:
-        place = place[key]
-    place[last] = value
+    reduce(getitem, way, document)[last] = value
     path = tmp_path / "damaged.json"
     path.write_text(json.dumps(document))
     with pytest.raises(PlanError) as refusal:
@@ -610,17 +610,6 @@ def test_names_and_times_of_a_system_suit_other_tools(saved: Path) -> None:
     system = Plan.load(saved).system()
     assert system.name.isidentifier()
     assert system.experiment.stop_time == 3.0
-
-
-def test_an_arc_is_held_at_a_bound_of_the_goal_only(tmp_path: Path) -> None:
-    path = tmp_path / "crane.json"
-    crane(bounds={"pivot_x_ddot": (-5, 5)}, accuracy=None, tries=1).save(path)
-    document = json.loads(path.read_text())
-    for held in ([0, 4.0], [1, 5.0]):
-        document["track"]["arcs"][0]["held"] = [held]
-        path.write_text(json.dumps(document))
-        with pytest.raises(PlanError, match=rf"holds row {held[0]} at {held[1]:g}, which is no bound of the goal$"):
-            Plan.load(path)
 
 
 @pytest.mark.parametrize(

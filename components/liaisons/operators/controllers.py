@@ -54,6 +54,11 @@ class ReferenceTrajectory:
     states: Array  # that are read (states, times)
     after: After
 
+    @property
+    def points(self) -> Iterator[tuple[Array, Array]]:
+        """States and motion at each of the times."""
+        return zip(self.states.T, self.motion.transpose(2, 0, 1), strict=True)
+
     def next_jump(self, apart: float) -> Array:
         """The first instant after each of the times [s] at which σ or a rate jumps; 1e30 if there is none.
 

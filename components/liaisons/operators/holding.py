@@ -139,7 +139,7 @@ def _greatest_near(matrix: Array) -> float:
     """The greatest multiplier of matrices that differ from one by what is not known of it."""
     random, size = np.random.default_rng(0), _UNKNOWN * np.max(np.abs(matrix), initial=0.0)
     near = [matrix, *(matrix + random.uniform(-size, size, matrix.shape) for _ in range(4))]
-    return max(float(np.max(np.abs(np.linalg.eigvals(of)), initial=0.0)) for of in near)
+    return float(np.max(np.abs(np.linalg.eigvals(near)), initial=0.0))
 
 
 def _plain(value: float) -> float:
@@ -220,9 +220,7 @@ def _along(motion: Plan, step_size: float | None, criterion: _Criterion) -> Cont
     longest = min(motion.duration / _STEPS, _LONGEST * sampled.time)
     H = motion.duration / np.ceil(motion.duration / longest - 1e-9) if step_size is None else step_size
     trajectory, steps, returns = _reference_trajectory(motion, sampled, H)
-    D = [
-        sampled.directions(x, s) for x, s in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), strict=True)
-    ]
+    D = [sampled.directions(*point) for point in trajectory.points]
     steps, costs = reduced(steps, D), criterion.costs(sampled, D)
     R = criterion.effort * np.eye(len(motion.goal.moves))
     whole, after = through(steps), np.zeros((len(R), D[-1].shape[1]))
@@ -371,9 +369,8 @@ def _correction_limits(
 ) -> dict[str, Array]:
     """What corrections and their two rates may be at each knot, by the names of a Regulator: (moves, knots)."""
     shape = len(sampled.moves), trajectory.times.size
-    y = trajectory.states[: len(sampled.names)].T
-    pairs = zip(y, trajectory.motion.transpose(2, 0, 1), strict=True)
-    forces, masses = np.split(np.array([sampled.forces(*pair) for pair in pairs]), [1], axis=2)
+    n = len(sampled.names)
+    forces, masses = np.split(np.array([sampled.forces(x[:n], sigma) for x, sigma in trajectory.points]), [1], axis=2)
     limits = {name: np.empty(shape) for pair in _PAIRS for name in pair}
     allowed: dict[str, Any] = {v.name: (v.minimum, v.maximum) for v in sampled.symbols.model.inputs} | dict(bounds)
     for i, m in enumerate(sampled.moves):

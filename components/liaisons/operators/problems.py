@@ -27,7 +27,6 @@ from liaisons.errors import PlanError, suggestion
 from liaisons.language import Orientation
 from liaisons.operators.goal_rows import GoalRows, Row, goal_rows, refuse_singular_mass, sized
 from liaisons.operators.goals import Array, Goal, is_expression, motion_names, unit_quaternion
-from liaisons.operators.scaling import Scales
 from liaisons.operators.symbols import ROUNDING, GoalSymbols, goal_symbols, middle
 
 
@@ -55,6 +54,17 @@ class Rows:
         """By how much values (rows,) or (rows, points) leave their ranges; 0 inside."""
         low, high = (bound.reshape(-1, *[1] * (values.ndim - 1)) for bound in (self.low, self.high))
         return np.maximum(low - values, values - high).clip(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Sizes of what a problem of optimal control is made of."""
+
+    states: Array
+    controls: Array
+    time: float
+    energy: float
+    cost: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from liaisons.operators.goals import (
     motion_names,
     number,
 )
-from liaisons.operators.scaling import base_scales, size
+from liaisons.units import ANY, NUMBER, powers
 
 ROUNDING = 1e-10
 """Nothing that is smaller than this, in units of its size, can be told from 0."""
@@ -242,9 +242,9 @@ def goal_symbols(goal: Goal) -> GoalSymbols:
         initial_sigma=np.array([middle(start.get(move), inputs[move]) for move in goal.moves]),
         quaternions=quaternions,
         state_names=states,
-        sizes={name: size(base, unit) for name, unit in units.items()},
-        time=size(base, "s"),
-        energy=size(base, "J"),
+        sizes={name: _size(base, unit) for name, unit in units.items()},
+        time=_size(base, "s"),
+        energy=_size(base, "J"),
         state=ca.vertcat(*(ca.SX.sym(name) for name in states)),
         motion=tuple(ca.SX.sym(name, len(goal.moves)) for name in motion_names("sigma")),  # type: ignore[arg-type]
     )
@@ -300,14 +300,32 @@ def _values(goal: Goal, declared: Any, flat: Model) -> tuple[dict[str, float], d
 
 
 def _base_scales(goal: Goal, units: Mapping[str, str], values: Mapping[str, Any]) -> Array:
-    """Sizes of the base units, from the numbers of parameters, start, end, bounds and duration."""
+    """Sizes of the base units such that all numbers of a goal are as near to 1 as can be: least squares of logarithms.
+
+    Divided by them, the quantities of a goal are the same in all units, so that nothing that is done with them depends
+    on units.  Zero, infinity, and pure numbers say nothing.
+
+    :param values: of parameters and inputs.
+    :returns: one size a base unit, in the order of :data:`liaisons.units.Powers`.
+    """
     groups: list[Any] = [group for group in (goal.bounds, goal.start, goal.end) if isinstance(group, Mapping)]
-    numbers = [
+    quantities = [
         (value, units[name])
-        for group in groups
-        for name, values in group.items()
-        for value in (values if isinstance(values, (tuple, list)) else [values])
+        for group in (*groups, values)
+        for name, entries in group.items()
+        for value in (entries if isinstance(entries, (tuple, list)) else [entries])
         if name in units and isinstance(value, (int, float))
     ]
-    numbers += [(value, units[name]) for name, value in values.items()]
-    return base_scales([*numbers, *((value, "s") for value in goal.duration)])
+    quantities += [(value, "s") for value in goal.duration]
+    logarithms = {
+        (abs(value), unit): np.log(abs(float(value)))
+        for value, unit in quantities
+        if unit != ANY and np.isfinite(value) and value != 0 and any(powers(unit))
+    }
+    exponents = np.array([powers(unit) for _, unit in logarithms], dtype=float).reshape(-1, len(NUMBER))
+    return np.exp(np.linalg.lstsq(exponents, np.array([*logarithms.values()]), rcond=None)[0])
+
+
+def _size(base: Array, unit: str) -> float:
+    """Of a quantity with this unit."""
+    return 1.0 if unit == ANY else float(np.prod(base ** np.array(powers(unit), dtype=float)))
