@@ -327,12 +327,10 @@ def _read_solution(problem: Problem, trajectory: Any, document: Any) -> Solution
         if not 0 <= i < rows or bound not in (path.low[i], path.high[i]):
             raise PlanError(f"an arc holds row {i} at {bound:g}, which is no bound of the goal")
     shapes = {"hamiltonian": (points,), "adjoints": (n, points), "end_multipliers": (len(problem.end.labels),)}
-    shapes |= {"path": (rows, points) if rows else (0,), "cost": (), "seconds": (), "residual": ()}
-    arrays: dict[str, Any] = {name: _finite(name, document[name], shape) for name, shape in shapes.items()}
-    values: dict[str, Any] = {name: x if x.ndim else float(x) for name, x in arrays.items()}
-    values["path"] = arrays["path"].reshape(rows, points)  # JSON does not keep the shape where there are no rows
+    values: dict[str, Any] = {name: _finite(name, document[name], shape) for name, shape in shapes.items()}
     return Solution(
         trajectory=CollocatedTrajectory(arcs, **numbers),
+        cost=float(_finite("cost", document["cost"], ())),
         status=str(document["status"]),
         finished=document["finished"] in (1, True),
         starts=document["starts"],

@@ -262,8 +262,7 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
     What is better is kept: where holding the rows does not work out, the solution stays as it is.
     """
     best, trajectory = solution, solution.trajectory
-    has_arcs = len(trajectory.arcs) > 1
-    patterns = _switched(problem, solution) if has_arcs else _patterns(problem, solution)
+    patterns = (_switched if len(trajectory.arcs) > 1 else _patterns)(problem, solution)
     if patterns is None:
         return solution
     arcs, durations = _arcs(patterns, trajectory)
@@ -276,8 +275,7 @@ def _with_arcs(problem: Problem, solution: Solution, clock: Clock) -> Solution:
         trajectory, lengths = candidate.trajectory, candidate.trajectory.durations
         vanishing = lengths < 1e-5 * lengths.sum()
         if vanishing.any() and not vanishing.all():
-            lasting_arcs = [(arc, T) for arc, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone]
-            arcs, durations = _joined(lasting_arcs)
+            arcs, durations = _joined([(a, T) for a, T, gone in zip(arcs, lengths, vanishing, strict=True) if not gone])
             continue
         if not candidate.succeeded:
             break
@@ -355,7 +353,7 @@ def _patterns(problem: Problem, solution: Solution) -> list[_Pattern]:
         rows = [(i, bound) for i, bound in ends if abs(column[i] - bound) <= _NEAR * span[i]]
         return tuple(rows[: len(problem.controls)])
 
-    patterns = [held(column) for column in solution.path.T]
+    patterns = [held(column) for column in solution.trajectory.evaluate(path.function).T]
     lengths = np.array([length for _, length in _runs(patterns)])
     lasting = np.flatnonzero(np.repeat(lengths >= min(3, lengths.max()), lengths))
     nearest = np.abs(np.arange(len(patterns))[:, None] - lasting).argmin(axis=1)
@@ -423,10 +421,11 @@ def _obstacle(problem: Problem, failures: list[Solution], astray: list[Solution]
             f"{problem.name}: not solved ({nearest.status}); the end can be reached: try other intervals or more tries"
         )
     ends = [(i, name, bound) for i, name in enumerate(path.labels) for bound in (path.low[i], path.high[i])]
+    values = nearest.trajectory.evaluate(path.function)
     active = [
         f"{name} = {bound * path.sizes[i]:g}"
         for i, name, bound in ends
-        if np.isfinite(bound) and np.any(np.abs(nearest.path[i] - bound) <= _NEAR * max(1.0, abs(bound)))
+        if np.isfinite(bound) and np.any(np.abs(values[i] - bound) <= _NEAR * max(1.0, abs(bound)))
     ]
     T = nearest.trajectory.durations.sum()
     if np.isclose(T, problem.duration[1]):

@@ -159,12 +159,10 @@ class Solution:
     trajectory: CollocatedTrajectory
     cost: float
     status: str  # IPOPT's word
-    seconds: float
     hamiltonian: Array  # at the collocation points; constant along an extremal
     adjoints: Array  # (n, m · DEGREE)
     end_multipliers: Array  # dJ/d(row at the end), of rows that are given as numbers
-    path: Array  # rows of the path at the collocation points (rows, m · DEGREE)
-    residual: float  # the largest violation of an equation
+    residual: float = 0.0  # the largest violation of an equation
     finished: bool = True  # False: stopped on the way
     starts: int = 1  # of how many it is the best,
     optima: int = 1  # with so many different costs
@@ -188,9 +186,7 @@ def relative(problem: Problem, solution: Solution) -> Solution:
 def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> Solution:
     """Multiplied by powers of the scales; rows are held at the bounds that the other problem has."""
     scales, path = problem.scales, (problem.path if power < 0 else problem.relative.path)
-    X, U, rows, ends = (
-        size[:, None] ** power for size in (scales.states, scales.controls, path.sizes, problem.end.sizes)
-    )
+    X, U, ends = (size[:, None] ** power for size in (scales.states, scales.controls, problem.end.sizes))
     time, cost = scales.time**power, scales.cost**power
 
     def held(i: int, bound: float) -> tuple[int, float]:
@@ -214,7 +210,6 @@ def _scaled(problem: Problem, to: Problem, solution: Solution, power: int) -> So
         hamiltonian=solution.hamiltonian * (cost / scales.time**power),
         adjoints=solution.adjoints * (cost / X),
         end_multipliers=solution.end_multipliers * (cost / ends.ravel()),
-        path=solution.path * rows,
     )
 
 
@@ -250,7 +245,6 @@ def solve(
     :param shift: added to the values at the end.
     :param near: the guess is all but the solution: stay with it.
     """
-    begun = time.perf_counter()
     program = _constrained(problem, guess, soft=soft, shift=shift)
     opti, constraints = program.opti, program.constraints
     status = _run(opti, near=near, soft=soft, clock=clock)
@@ -276,11 +270,9 @@ def solve(
         trajectory=trajectory,
         cost=float(opti.debug.value(program.cost)),
         status=status,
-        seconds=time.perf_counter() - begun,
         hamiltonian=trajectory.hamiltonian(problem, adjoints),
         adjoints=adjoints,
         end_multipliers=multipliers,
-        path=trajectory.evaluate(problem.path.function),
         residual=float(np.abs(opti.debug.value(ca.vertcat(program.stages, program.steps))).max()),
         finished=status not in _STOPPED and not clock.is_interrupted,
     )

@@ -88,7 +88,8 @@ def _law(problem: Problem, solution: Solution) -> Iterator[Verdict]:
         yield verdict("it is 0, for the duration is free", error=error, tolerance=1e-6, reason=why)
     running = trajectory.evaluate(problem.cost).ravel()
     still = replace(trajectory, controls=np.zeros_like(trajectory.controls)).evaluate(problem.rates)
-    room = np.minimum(solution.path - path.low[:, None], path.high[:, None] - solution.path)
+    values = trajectory.evaluate(path.function)
+    room = np.minimum(values - path.low[:, None], path.high[:, None] - values)
     is_free = np.all(np.abs(still) < 1e-12) and np.all(room > 1e-6)
     if problem.order == 1 and is_free and np.all(running > 0):
         speed = np.sqrt(running)
