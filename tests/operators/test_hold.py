@@ -64,7 +64,7 @@ def test_the_recursion_finds_the_least_sum() -> None:
             best = -K @ course
             total += x @ Q @ x + (best + more) @ R @ (best + more)
             x, course = A @ x + B @ (best + more), A @ course + B @ best
-        return total + x @ end @ x
+        return float(total + x @ end @ x)
 
     assert cost(np.zeros((6, 1))) == pytest.approx(x_0 @ P @ x_0, rel=1e-9)
     for off in np.eye(6)[:, :, None]:  # the sum is quadratic

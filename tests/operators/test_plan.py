@@ -296,7 +296,7 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
 def test_what_cannot_be_planned_is_refused_in_one_line(case: str) -> None:
     mechanism, arguments, words = REFUSED[case]
     with pytest.raises(PlanError) as refusal:
-        plan(mechanism, **{"duration": 1.0} | arguments)
+        plan(mechanism, **{"duration": 1.0, **arguments})
     assert words in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
@@ -485,8 +485,8 @@ def test_what_nothing_that_moves_can_change_is_refused_by_name(mechanism: str, g
 
 def test_loops_are_asked_for_by_a_number() -> None:
     goal: dict[str, Any] = CAT | {"bounds": LIMBS, "tries": 1, "accuracy": None}
-    one = plan("PlanarCat", end={"phi": -0.05}, **goal | {"duration": 0.3})
-    of_three = plan("PlanarCat", end={"phi": 0.15}, loops=3, **goal | {"start": {"phi": 0.3}})
+    one = plan("PlanarCat", end={"phi": -0.05}, **{**goal, "duration": 0.3})
+    of_three = plan("PlanarCat", end={"phi": 0.15}, loops=3, **{**goal, "start": {"phi": 0.3}})
     assert of_three.duration == pytest.approx(0.3, rel=1e-15)
     assert of_three.cost == pytest.approx(one.cost, rel=1e-9)
     with pytest.raises(PlanError, match="only what is closed goes round"):

@@ -121,7 +121,8 @@ def planned(name: str, scale: Scale) -> Plan:
     values = {key: value for key, value in goal.items() if key in of}
     whole: dict[str, Any] = {"duration": times(duration, scale[2]), "intervals": 10, "accuracy": None, "tries": 1}
     whole |= {key: scaled(value, of) if isinstance(value, dict) else value for key, value in goal.items()}
-    return plan(mechanism, moves, **whole | parameters(mechanism, scale, values, moves or of))
+    whole |= parameters(mechanism, scale, values, moves or of)
+    return plan(mechanism, moves, **whole)
 
 
 @pytest.mark.slow

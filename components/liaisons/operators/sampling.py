@@ -347,7 +347,8 @@ def _followed(H: float, period: float, count: int) -> Step:
     gone = period * (1 - e)
     delay = period * (H - gone)
     M, N = np.array([[1, H, delay], [0, 1, gone], [0, 0, e]]), np.array([[H**2 / 2 - delay], [H - gone], [1 - e]])
-    return np.kron(M, np.eye(count)), np.kron(N, np.eye(count))
+    one = np.eye(count)
+    return np.asarray(np.kron(M, one), dtype=float), np.asarray(np.kron(N, one), dtype=float)
 
 
 def reduced(steps: Sequence[Step], directions: Sequence[Array]) -> list[Step]:

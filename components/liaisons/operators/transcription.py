@@ -332,7 +332,7 @@ def curvature(problem: Problem, solution: Solution, clock: Clock) -> Array | Non
     Z[follow] = -splu(J[:equations, follow]).solve(J[:equations][:, free].toarray())
     Z /= weight
     tangent = null_space(J[active] @ Z, rcond=_ACTIVE) if active.size else np.eye(free.size)
-    return np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent)
+    return np.asarray(np.linalg.eigvalsh(tangent.T @ (Z.T @ (W @ Z)) @ tangent), dtype=float)
 
 
 def _bound_durations(opti: ca.Opti, problem: Problem, guess: CollocatedTrajectory, program: _Program) -> None:
