@@ -1,0 +1,75 @@
+"""Formulas in MathML Core."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from itertools import pairwise
+
+from liaisons.formulas.notation import Letter
+from liaisons.formulas.printing import Printer
+from liaisons.formulas.terms import Addition, Number, Product, Quotient, Term
+
+_TIMES, _APPLY = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
+_TAG = re.compile(r"<[^>]+>|&#x206[12];")
+# A word, which is a name of several letters, at the end of a factor or at its beginning.
+_WORD_LAST = re.compile(r"<mi>\w\w+</mi>(?:</\w+>|<mo>[˙¨]</mo>)*$")
+_WORD_FIRST = re.compile(r"(?:<\w+[^>]*>)*<mi>\w\w+</mi>")
+
+
+class MathML(Printer):
+    """Prints MathML Core."""
+
+    plus, minus, between, space = "<mo>+</mo>", "<mo>−</mo>", "", '<mspace width="0.2em"></mspace>'
+
+    def width(self, term: Term) -> int:
+        """Count of characters."""
+        return len(_TAG.sub("", self.row(term)))
+
+    def letter(self, letter: Letter) -> str:
+        base = self.digits(letter.text) if letter.text.isdecimal() else self.function(letter.text)
+        if letter.dots:
+            base = f"<mover>{base}<mo>{'˙¨'[letter.dots - 1]}</mo></mover>"
+        below = [self.letter(x) for x in letter.below]
+        if not below:
+            return base
+        return f"<msub>{base}{below[0] if len(below) == 1 else self.grouped(self.sign(',').join(below))}</msub>"
+
+    def function(self, name: str) -> str:
+        return f"<mi>{escape(name)}</mi>"
+
+    def digits(self, digits: str) -> str:
+        return f"<mn>{digits}</mn>"
+
+    def sign(self, sign: str) -> str:
+        return f"<mo>{escape(sign)}</mo>"
+
+    def grouped(self, row: str) -> str:
+        return f"<mrow>{row}</mrow>"
+
+    def product(self, factors: tuple[Term, ...]) -> str:
+        """Nothing between the factors, a space beside words."""
+        rows = [self.factor(factor, Addition, Product) for factor in factors]
+        text = rows[0]
+        for before, after in pairwise(rows):
+            text += _TIMES + (self.space if _WORD_LAST.search(before) or _WORD_FIRST.match(after) else "") + after
+        return text
+
+    def fraction(self, above: str, below: str) -> str:
+        return f"<mfrac>{self.grouped(above)}{self.grouped(below)}</mfrac>"
+
+    def root(self, inside: Term) -> str:
+        return f"<msqrt>{self.row(inside)}</msqrt>"
+
+    def exponent(self, exponent: Term) -> str:
+        row = self.row(exponent)
+        return row if isinstance(exponent, Number | Quotient) else self.grouped(row)
+
+    def raised(self, base: str, above: str) -> str:
+        return f"<msup>{base}{above}</msup>"
+
+    def around(self, left: str, row: str, right: str) -> str:
+        return self.grouped(f"{self.sign(left)}{row}{self.sign(right)}")
+
+    def applied(self, function: str, argument: str) -> str:
+        return self.grouped(function + _APPLY + argument)
