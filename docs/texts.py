@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -214,18 +215,18 @@ def _line(row: Row, shown: Collection[str]) -> str:
 
 
 def _object(name: str) -> str:
-    owner = name.partition(".")[0]
+    owner, shown = name.partition(".")[0], re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[._])", "<wbr>", name)
     if owner in catalogue():
-        return f'<a href="../catalogue/{owner}.html">{name}</a>'
+        return f'<a href="../catalogue/{owner}.html">{shown}</a>'
     if owner == "analysis":
-        return f'<a href="api.html#liaisons.{name}">{name}</a>'
-    return f"<code>{name}</code>"
+        return f'<a href="api.html#liaisons.{name}">{shown}</a>'
+    return f"<code>{shown}</code>"
 
 
 def _check(check: str, shown: Collection[str]) -> str:
     if "::" in check:
         file, name = check.split("::")
-        return f'<span title="tests/{file}.py">{name.removeprefix("test_").replace("_", " ")}</span>'
+        return f"{name.removeprefix('test_').replace('_', ' ')} <small>{file.replace('_', '_<wbr>')}</small>"
     title = f"scenario <i>{check.replace('_', ' ')}</i>"
     return f'<a href="../gallery/{check}.html">{title}</a>' if check in shown else title
 
