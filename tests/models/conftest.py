@@ -8,7 +8,6 @@ from collections.abc import Callable
 from decimal import Decimal, localcontext
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -39,18 +38,6 @@ def random_states() -> Callable[..., list[State]]:
         return [{name: value(name) for name in equations.symbols} | fixed for _ in range(count)]
 
     return states
-
-
-@pytest.fixture(scope="session")
-def number() -> Callable[[Equations, ca.SX, State], np.ndarray]:
-    """The value of an expression in a mechanism's symbols, at a state on its motion."""
-
-    def evaluate(equations: Equations, expression: ca.SX, state: State) -> np.ndarray:
-        names, symbols = zip(*equations.symbols.items(), strict=True)
-        function = ca.Function("number", symbols, [ca.densify(equations.in_motion(expression))])
-        return np.squeeze(np.asarray(function(*(state[name] for name in names))))
-
-    return evaluate
 
 
 Polynomial = dict[tuple[int, ...], Decimal | float]
