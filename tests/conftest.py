@@ -17,7 +17,7 @@ import pytest
 from liaisons.fmu import build
 from liaisons.mechanics import Equations, assemble
 
-_SYMBOLIC = {"analysis", "expressions", "language", "mechanics", "test_units.py"}
+_SYMBOLIC = {"analysis", "expressions", "formulas", "language", "mechanics", "test_units.py"}
 
 
 @pytest.hookimpl(tryfirst=True)

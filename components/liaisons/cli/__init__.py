@@ -24,15 +24,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     debug = "--debug" in words  # before the command and behind it
     try:
         with orderly_end(), _warnings_at_the_end():
-            return _perform([word for word in words if word != "--debug"], debug=debug)
+            status, error = _perform([word for word in words if word != "--debug"], debug=debug)
     except KeyboardInterrupt:
-        print("liaisons: interrupted", file=sys.stderr)
-        return 130
+        status, error = 130, "liaisons: interrupted"
+    if error:
+        print(error, file=sys.stderr)
+    return status
 
 
 @contextmanager
 def _warnings_at_the_end() -> Iterator[None]:
-    """What simulations warn of is printed when all is done, however it ends, where nothing scrolls it away."""
+    """Print the warnings of simulations when all is done, however it ends; only an error comes after them."""
     nowhere = logging.NullHandler()  # else Python prints each at once
     logger.addHandler(nowhere)
     with collected_warnings() as warned:
@@ -44,7 +46,8 @@ def _warnings_at_the_end() -> Iterator[None]:
                 print(f"warning: {text}", file=sys.stderr)
 
 
-def _perform(arguments: list[str], *, debug: bool) -> int:
+def _perform(arguments: list[str], *, debug: bool) -> tuple[int, str]:
+    """Exit status and line of error of a command; empty where it succeeded."""
     # Imported here, where an interrupt is caught; the commands in the order of the help.
     # isort: off
     from typer import TyperException
@@ -58,16 +61,14 @@ def _perform(arguments: list[str], *, debug: bool) -> int:
     except TyperException as misuse:
         program = getattr(getattr(misuse, "ctx", None), "command_path", "liaisons")
         words = misuse.format_message().replace("Value error, ", "")  # Pydantic's way to begin
-        print(f"{program}: error: {words} ({program} --help shows examples)", file=sys.stderr)
-        return misuse.exit_code
+        return misuse.exit_code, f"{program}: error: {words} ({program} --help shows examples)"
     except (LiaisonsError, OSError) as error:
         if debug:
             raise
-        print(f"liaisons: error: {_one_line(error)}", file=sys.stderr)
-        return 2
+        return 2, f"liaisons: error: {_one_line(error)}"
     if status == 130:  # what Typer makes of an interrupt
         raise KeyboardInterrupt
-    return status
+    return status, ""
 
 
 def _one_line(error: Exception) -> str:

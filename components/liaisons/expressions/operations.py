@@ -54,6 +54,11 @@ def interpret(
     return [[values[i] for i in sorted(values)] for values in outputs]
 
 
+def operation_codes(function: ca.Function) -> set[int]:
+    """CasADi's codes of a function's instructions."""
+    return {function.instruction_id(k) for k in range(function.n_instructions())}
+
+
 _NOT_SMOOTH = {
     *(ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO, ca.OP_FABS),
     *(ca.OP_SIGN, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER),

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import casadi as ca
 
 from liaisons.expressions import OPERATIONS, c_parts
+from liaisons.expressions.operations import operation_codes
 
 _LONGEST = 1000
 """Operations in one function of C: for twice as many a compiler takes more than twice the time."""
@@ -42,11 +43,6 @@ def function_code(functions: Iterable[ca.Function]) -> tuple[list[str], int]:
 def _is_scalar(function: ca.Function) -> bool:
     printable = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *OPERATIONS}
     return function.is_a("SXFunction") and operation_codes(function) <= printable
-
-
-def operation_codes(function: ca.Function) -> set[int]:
-    """CasADi's codes of a function's instructions."""
-    return {function.instruction_id(k) for k in range(function.n_instructions())}
 
 
 def _straight(function: ca.Function) -> tuple[list[str], int]:

@@ -14,13 +14,11 @@ import casadi as ca
 import numpy as np
 
 from liaisons.fmu.documentation import figures
-from liaisons.fmu.documentation.laws import LAWS
-from liaisons.fmu.documentation.mathml import Formula, Terms, formula
-from liaisons.fmu.documentation.notation import Notation
 from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
+from liaisons.formulas import LAWS, Formula, Notation, Term, formula, mathml
 from liaisons.language import Terminal, Variable
 from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
@@ -159,7 +157,7 @@ def _equations(model: Model, notation: Notation) -> list[str]:
         lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{general}</p>"]
         equations = [equation for equation in model.equations if equation.section == section]
         written = [(equation.left, formula(equation.right, notation)) for equation in equations]
-        shown = [line for left, right in written if right for line in _lines(notation[left], right)]
+        shown = [line for left, right in written if right for line in _lines(left, right, notation)]
         lines += ["<div class=equations>", *shown, "</div>"] if shown else []
         dropped = [left for left, right in written if right is None]
         if dropped:
@@ -168,16 +166,17 @@ def _equations(model: Model, notation: Notation) -> list[str]:
     return lines
 
 
-def _lines(left: str, right: Formula) -> list[str]:
+def _lines(left: str, right: Formula, notation: Notation) -> list[str]:
     """One equation and its abbreviations."""
-    where = [_equation(name, terms) for name, terms in right.where]
-    return [_equation(left, right.terms), *(["<p>where</p>", *where] if where else [])]
+    where = [_equation(name.name, term, notation) for name, term in right.where]
+    return [_equation(left, right.term, notation), *(["<p>where</p>", *where] if where else [])]
 
 
-def _equation(left: str, terms: Terms) -> str:
+def _equation(left: str, right: Term, notation: Notation) -> str:
     """An equation that breaks between its terms where the page ends."""
-    signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in terms[1:])  # spaced as between its neighbours
-    pieces = (f"{left}<mo>=</mo>{terms[0]}", *signed)
+    first, *further = mathml.terms(right, notation)
+    signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in further)  # spaced as between its neighbours
+    pieces = (f"{notation[left]}<mo>=</mo>{first}", *signed)
     written = " ".join(f'<math displaystyle="true">{piece}</math>' for piece in pieces)
     return f"<p class=formula>{written}</p>"
 

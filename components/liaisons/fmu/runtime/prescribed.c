@@ -17,6 +17,9 @@ static const double VALUE = 1e-6, RATE = 1e-3;
 /* What is so many times as much as its rate and acceleration say is a jump. */
 static const double FAR = 5;
 
+/* What overflows is as large as a number can be: a state that is saved has finite numbers only. */
+static double bounded(double x) { return fmax(-DBL_MAX, fmin(DBL_MAX, x)); }
+
 #define FOR_EACH(p) for (Prescribed *p = self->prescribed.list; p < self->prescribed.list + self->prescribed.count; p++)
 
 void core_find_prescribed(Instance *self) {
@@ -63,7 +66,8 @@ void core_arrive(Instance *self) {
         const int moves = found < self->movers.count && self->movers.list[found].index == p->rate;
         const double went = moves ? integral(self, &self->movers.list[found]) : self->step.reach * p->past->rate;
         p->past->size = self->step.reach;
-        p->past->followed = self->s->reconstruction == INTERPOLATE ? self->v.u[p->value] : p->past->value + went;
+        p->past->followed =
+            self->s->reconstruction == INTERPOLATE ? self->v.u[p->value] : bounded(p->past->value + went);
     }
 }
 
@@ -73,7 +77,8 @@ static double larger(const double from[3], const double to[3], int i) { return f
 
 /* Of a step of size H with σ, σ̇, σ̈ at both ends, and where σ should be at its end; whether it jumps there. */
 static int compare(Prescribed *p, double H, double said, const double from[3], const double to[3], double t) {
-    const double difference = to[0] - said, went = H * (larger(from, to, 1) + H * larger(from, to, 2) / 2);
+    const double difference = bounded(to[0] - said);
+    const double went = bounded(H * (larger(from, to, 1) + H * larger(from, to, 2) / 2));
     const int jumps = fabs(difference) > FAR * went;
     if (p->mismatch == NULL) return jumps;
     /* A rate that jumps on the way moves σ by up to H times the jump, an acceleration by up to half of H². */

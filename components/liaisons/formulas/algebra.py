@@ -21,13 +21,12 @@ from itertools import combinations
 
 import casadi as ca
 
-from liaisons.expressions.operations import interpret
-from liaisons.fmu.functions import operation_codes
+from liaisons.expressions.operations import interpret, operation_codes
 
-Number = Fraction | float
+Coefficient = Fraction | float
 Exponent = int | Fraction
 Monomial = tuple[tuple[int, Exponent], ...]  # (atom, exponent), by atom; no exponent is 0
-Polynomial = dict[Monomial, Number]  # no coefficient is 0; never changed once made
+Polynomial = dict[Monomial, Coefficient]  # no coefficient is 0; never changed once made
 
 GROUP, SYMBOL = "group", "symbol"
 PI = "π"
@@ -141,7 +140,7 @@ class Algebra:
             if function.operation not in _COFUNCTION:
                 continue
             partner = self._index(_COFUNCTION[function.operation], function.arguments)
-            terms: list[tuple[Monomial, Number]] = []
+            terms: list[tuple[Monomial, Coefficient]] = []
             for monomial, coefficient in p.items():
                 if dict(monomial).get(index, 0) >= 2:
                     rest = _merged(monomial, ((index, -2),))
@@ -241,7 +240,7 @@ def content(p: Polynomial) -> tuple[Polynomial, Polynomial]:
     return {monomial: number}, {_merged(m, inverse): c / number for m, c in p.items()}
 
 
-def _collected(terms: Iterable[tuple[Monomial, Number]]) -> Polynomial:
+def _collected(terms: Iterable[tuple[Monomial, Coefficient]]) -> Polynomial:
     total: Polynomial = {}
     for monomial, coefficient in terms:
         total[monomial] = total[monomial] + coefficient if monomial in total else coefficient
@@ -261,7 +260,7 @@ def _raised(monomial: Monomial, exponent: Exponent) -> Monomial:
     return tuple((atom, e * exponent) for atom, e in monomial)
 
 
-def _fraction(value: float) -> Number:
+def _fraction(value: float) -> Coefficient:
     if not math.isfinite(value):
         return value
     simple = Fraction(value).limit_denominator(1000)

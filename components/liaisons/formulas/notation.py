@@ -59,8 +59,10 @@ class Notation:
         return self._rank.get(name, len(self._rank))
 
     def free_letter(self) -> str:
-        """A letter that no variable has, for abbreviations."""
-        return next(letter for letter in "abcdefhjnuvw" if not any(f">{letter}<" in s for s in self._symbols.values()))
+        """A letter that no variable has, for abbreviations: ``"a"``, if they are called a_1, a_2."""
+        stems = {name.partition("_")[0] for name in self._rank}
+        written = "".join(self._symbols.values())
+        return next(x for x in "abcdefhjnuvw" if f">{x}<" not in written and x not in stems)
 
     def _written(self, name: str) -> str:
         match = _NAME.fullmatch(name)

@@ -1,0 +1,193 @@
+"""CasADi expressions as formulas: the shortest of some forms, its terms in the order that people write."""
+
+from __future__ import annotations
+
+from collections import Counter
+from fractions import Fraction
+
+import casadi as ca
+
+from liaisons.formulas import mathml
+from liaisons.formulas.algebra import (
+    GROUP,
+    HALF,
+    PI,
+    SYMBOL,
+    Algebra,
+    Coefficient,
+    Exponent,
+    Monomial,
+    Polynomial,
+    alone,
+    is_number,
+    is_supported,
+)
+from liaisons.formulas.notation import Notation
+from liaisons.formulas.terms import (
+    Application,
+    Formula,
+    Name,
+    Negative,
+    Number,
+    Power,
+    Quotient,
+    Root,
+    Term,
+    added,
+    multiplied,
+    summands,
+)
+
+_FUNCTIONS = {"fabs": "abs", "fmin": "min", "fmax": "max"}
+
+EXPANSIONS = (1, 12, 60)
+"""Ways to write a formula: products of sums left alone, or expanded up to so many terms; the shortest one is taken."""
+
+SHORT, LONGEST = 18, 200
+"""Operations up to which a formula is written without abbreviations, and up to which it is written at all."""
+
+ONE_LINE, LOOSER = 22, 1.35
+"""Operations that fit on a line, and how many times longer a formula may be if that breaks it between terms."""
+
+WORTH_A_NAME = 4
+"""Operations from which on a repeated bracket of a long formula gets a name."""
+
+WIDE = 60
+"""Characters from which on a bracket gets a name even if it is not repeated: lines break outside of brackets."""
+
+
+def formula(expression: ca.SX, notation: Notation) -> Formula | None:
+    """The shortest form of a scalar expression; None if it takes more than ``LONGEST`` operations."""
+    symbols = ca.symvar(expression)
+    function = ca.Function("f", symbols, ca.cse([ca.densify(expression)]))
+    if function.n_instructions() > 2 * LONGEST or not is_supported(function):
+        return None
+    names = [symbol.name() for symbol in symbols]
+    writers = [_Writer(function, names, Algebra(limit), notation) for limit in EXPANSIONS]
+    shortest = min(writers, key=lambda writer: writer.operations)
+    return shortest.formula() if shortest.operations <= LONGEST else None
+
+
+class _Writer:
+    """Writes one expression; repeated brackets of a long one get names."""
+
+    def __init__(self, function: ca.Function, names: list[str], algebra: Algebra, notation: Notation) -> None:
+        self.algebra = algebra
+        self.notation = notation
+        self.abbreviations: dict[int, Name] = {}
+        self.where: list[tuple[Name, Term]] = []
+        plain = algebra.value(function, names)
+        collected = algebra.collected(plain)
+        short, long = self._counted(collected), self._counted(plain)
+        # What fits on one line is best short; beyond that, lines break between terms only.
+        self.polynomial = collected if short < min(long, ONE_LINE) or LOOSER * short < long else plain
+        self.operations = self._counted(self.polynomial)
+
+    def formula(self) -> Formula:
+        self._abbreviate()
+        return Formula(self._sum(self.polynomial), tuple(self.where), self.operations)
+
+    # ---- how long it is ---------------------------------------------------------------------------------------
+
+    def _counted(self, p: Polynomial) -> int:
+        """Operations, those of repeated parts once."""
+        return _own(p) + sum(sum(map(_own, self.algebra.atoms[index].arguments), 1) for index in self._uses(p))
+
+    def _uses(self, p: Polynomial) -> Counter[int]:
+        """How often each function and bracket is written, if its definition is written once."""
+        uses: Counter[int] = Counter()
+        waiting = [p]
+        while waiting:
+            for index in (index for monomial in waiting.pop() for index, _ in monomial):
+                atom = self.algebra.atoms[index]
+                if atom.operation != SYMBOL:
+                    uses[index] += 1
+                    waiting += atom.arguments if uses[index] == 1 else ()
+        return uses
+
+    def _abbreviate(self) -> None:
+        """Name what a long formula repeats and what is too wide for a line."""
+        long = self.operations > SHORT
+        letter = self.notation.free_letter()
+        for index, count in sorted(self._uses(self.polynomial).items()):  # its parts have lower indices
+            atom = self.algebra.atoms[index]
+            term = self._factor(index)
+            repeated = long and count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
+            if repeated or mathml.width(term, self.notation) > WIDE:
+                name = Name(f"{letter}_{len(self.abbreviations) + 1}")
+                self.abbreviations[index] = name
+                self.where.append((name, term))
+
+    # ---- sums -------------------------------------------------------------------------------------------------
+
+    def _sum(self, p: Polynomial) -> Term:
+        """Terms with their signs, positive ones first, short ones before long ones."""
+        ordered = sorted(p.items(), key=lambda item: (item[1] < 0, len(item[0]), self._rank(item[0])))
+        return added([term for monomial, coefficient in ordered for term in self._terms(monomial, coefficient)])
+
+    def _terms(self, monomial: Monomial, coefficient: Coefficient) -> tuple[Term, ...]:
+        if self._alone_open({monomial: coefficient}):  # a bracket that multiplies nothing
+            return summands(self._factor(monomial[0][0]))
+        term = self._product(monomial, abs(coefficient))
+        return (Negative(term) if coefficient < 0 else term,)
+
+    def _alone_open(self, p: Polynomial) -> bool:
+        index = alone(p)
+        return index is not None and self.algebra.atoms[index].operation == GROUP and index not in self.abbreviations
+
+    # ---- products ---------------------------------------------------------------------------------------------
+
+    def _product(self, monomial: Monomial, coefficient: Coefficient) -> Term:
+        factors = sorted(monomial, key=lambda factor: self._rank((factor,)))
+        above = [self._power(index, e) for index, e in factors if e > 0]
+        below = [self._power(index, -e) for index, e in factors if e < 0]
+        top, bottom = coefficient.as_integer_ratio() if isinstance(coefficient, Fraction) else (coefficient, 1)
+        if bottom != 1 and not below and above:
+            return multiplied([Quotient(Number(top), Number(bottom)), *above])
+        if top != 1 or not above:
+            above.insert(0, Number(top))
+        if bottom != 1:
+            below.insert(0, Number(bottom))
+        return Quotient(multiplied(above), multiplied(below)) if below else multiplied(above)
+
+    def _power(self, index: int, exponent: Exponent) -> Term:
+        base = self._factor(index)
+        if exponent == HALF:
+            return Root(base)
+        return base if exponent == 1 else Power(base, self._product((), Fraction(exponent)))
+
+    def _factor(self, index: int) -> Term:
+        """The term of an atom."""
+        atom = self.algebra.atoms[index]
+        if index in self.abbreviations:
+            return self.abbreviations[index]
+        if atom.operation == SYMBOL:
+            return Name(atom.name)
+        inner = tuple(self._sum(argument) for argument in atom.arguments)
+        if atom.operation == GROUP:
+            return inner[0]
+        if atom.operation == "pow":
+            return Power(*inner)
+        return Application(_FUNCTIONS.get(atom.operation, atom.operation), inner)
+
+    def _rank(self, monomial: Monomial) -> tuple[tuple[int, int], ...]:
+        """Order of writing: numbers, symbols in the order of the variables, brackets, functions."""
+        ranks = []
+        for index, _ in monomial:
+            atom = self.algebra.atoms[index]
+            if atom.operation == SYMBOL:
+                ranks.append((0, -1 if atom.name == PI else self.notation.rank(atom.name)))
+            elif atom.operation == GROUP and is_number(atom.arguments[0]):
+                ranks.append((-1, index))
+            else:
+                ranks.append((0 if index in self.abbreviations else 1 if atom.operation == GROUP else 2, index))
+        return tuple(sorted(ranks))
+
+
+def _own(p: Polynomial) -> int:
+    """Operations of a sum of products, without those inside of its factors."""
+    count = max(len(p) - 1, 0)
+    for monomial, coefficient in p.items():
+        count += max(len(monomial) - 1, 0) + sum(e not in (1, -1) for _, e in monomial)
+        count += 1 if monomial and abs(coefficient) != 1 else 0
+    return count
