@@ -237,9 +237,11 @@ WITHOUT_VARIABLES = {
 def test_types_without_variables(pendulum_library, name) -> None:
     if name in SIGNATURES[pendulum_library.fmi]:
         instance = pendulum_library.start(MODEL_EXCHANGE)
-        rest = [nothing(kind) for kind in SIGNATURES[pendulum_library.fmi][name][2:]]
-        instance.do(name, None, 0, *rest)
-        instance.refuse(f"there are no variables of type {WITHOUT_VARIABLES[name]}", name, reference(0), 1, *rest)
+        types = SIGNATURES[pendulum_library.fmi][name][2:]
+        none, one_more = ([n if kind is c.c_size_t else None for kind in types] for n in (0, 1))
+        instance.do(name, None, 0, *none)
+        message = f"there are no variables of type {WITHOUT_VARIABLES[name]}"
+        instance.refuse(message, name, reference(0), 1, *one_more)
 
 
 @pytest.mark.parametrize(
