@@ -213,9 +213,9 @@ def test_what_a_host_gives_is_freed(library) -> None:
         assert len(instance.ask("get-float64", references)) == len(references)
 
 
-def test_a_copy_with_start_values_in_a_file_is_refused(components) -> None:
+def test_a_copy_with_start_values_in_a_file_is_refused(library) -> None:
     """It would start somewhere else: there are no files."""
-    library = components("Pendulum")
+    library = library(Pendulum, "wasm")
     for kind in (CO_SIMULATION, MODEL_EXCHANGE):
         instance = library.instantiate(kind, token=f"{library.token}-0123456789abcdef")
         assert instance.pointer is None
