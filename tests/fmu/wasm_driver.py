@@ -187,7 +187,7 @@ def _listed(pointer: Any, n: int) -> list[Any]:
 
 _TYPE = r"(U?Int\d+|Float\d+|Boolean|String)"
 _FORMS: dict[str, Callable[..., int]] = {
-    ".*FMUState.*|SetUInt8|.*(Binary|Clock|Interval.*|Shift.*)|GetVariableDependencies|ActivateModel.*": WasmInstance._skip,
+    ".*FMUState.*|SetUInt8|.*(Binary|Clock|Interval.*|Shift.*)|GetVariableDep.*|ActivateModel.*": WasmInstance._skip,
     "EnterInitializationMode": WasmInstance._initialize,
     "SetDebugLogging": WasmInstance._log,
     "GetNumberOf.*": WasmInstance._call,

@@ -68,6 +68,12 @@ class Box(Drawn):
     axes: ca.SX
     size: tuple[Number, Number, Number]
 
+    def __post_init__(self) -> None:
+        if getattr(self.axes, "shape", None) != (3, 3) or len(self.size) != 3:
+            raise TypeError(
+                "Box: axes are a rotation matrix (3, 3), e.g. turned('y', self.theta), and size has 3 lengths"
+            )
+
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
