@@ -108,7 +108,7 @@ def test_many_calls_at_random(program, sanitized, trial, name, version) -> None:
     # Most of what can be wrong is in the sources that all FMUs share: small models get to it in a tenth of the time.
     small = (it.folder / "sources" / "model.c").stat().st_size < SMALL
     for seed in range(2, 12):
-        run(program("fuzz"), it.library, it.plan, str(seed), str((50 if small else 10) * CALLS), time_out=900)
+        run(program("fuzz"), it.library, it.plan, str(seed), str((25 if small else 10) * CALLS), time_out=900)
     sanitized(MEMORY, "fuzz", name, version, "12", str(10 * CALLS))
 
 

@@ -61,8 +61,9 @@ class Live:
     def text(self, selector: str) -> str:
         return self.page.locator(selector).text_content() or ""
 
-    def enter(self, selector: str, value: object) -> None:
-        field = self.page.locator(selector)
+    def enter(self, name: str, value: float, place: str = '[data-number="{}"]') -> None:
+        """Enter a number beside a slider."""
+        field = self.page.locator(place.format(name))
         field.fill(str(value))
         field.dispatch_event("change")
 
@@ -162,4 +163,4 @@ def preset(live: Live, name: str, choice: str, **fields: float) -> None:
     menu = live.page.locator(f'select[data-preset="{name}"]')
     menu.select_option(choice)
     for key, value in fields.items():
-        live.enter(f'.preset:has(select[data-preset="{name}"]) input[title="{key}"]', value)
+        live.enter(key, value, f'.preset:has(select[data-preset="{name}"]) input[title="{{}}"]')

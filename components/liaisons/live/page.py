@@ -27,7 +27,7 @@ from liaisons.pictures.inline import page
 _MODULES = ("fmu.js", "sources.js", "machine.js", "picture.js", "plot.js", "page.js")  # each after what it imports
 _EXPORTS = ("-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free")  # all FMI functions, and memory
 _MOST_READ = 400  # elements of arrays that are read each frame
-_MOST_SLIDERS = 12  # elements of an array with a slider each
+_MOST_SLIDERS = 8  # elements of an array with a slider each
 _FRAMES = 60  # a second
 _LONGEST = 20.0  # [s] that a default experiment takes on the page
 _INTERPOLATE = 2

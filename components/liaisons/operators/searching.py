@@ -128,6 +128,8 @@ def search(problem: Problem, starts: Iterable[CollocatedTrajectory], clock: Cloc
         return replace(best, finished=not (stopped or clock.is_over), starts=max(1, count), optima=max(1, len(optima)))
     if clock.is_interrupted:
         raise KeyboardInterrupt
+    for solution in astray:
+        refuse_singularity(problem, solution)
     raise PlanError(_obstacle(problem, failures, astray))
 
 

@@ -29,10 +29,8 @@ def knots(
         agree to :data:`ROUNDING`.
     :raises SimulationError: if these are no numbers, of unequal count, or not ascending.
     """
-    columns_of = dict(zip(_COLUMNS, (times, values, rates, accelerations), strict=True))
-    columns = {
-        name: _column(name, column) for name, column in columns_of.items() if column is not None or name in _COLUMNS[:2]
-    }
+    named = zip(_COLUMNS, (times, values, rates, accelerations), strict=True)
+    columns = {name: _column(name, column) for name, column in named if column is not None or name in _COLUMNS[:2]}
     t = columns["times"]
     for name, column in columns.items():
         if column.size != t.size or t.size < 2:
