@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 from hand_derivations import BY_HAND, states
 
-from liaisons.models import DoublePendulum
-
 
 @pytest.mark.parametrize("component", BY_HAND)
 def test_motion_and_operator_forces_are_those_of_newton(component) -> None:
     # Two evaluation orders of sums of ten terms: some ten roundings of the largest, which random states make up to ten
     # times the result; the mass matrix of the double pendulum has a condition of up to a hundred.
-    rounding = 1e-11 if component is DoublePendulum else 1e-12
     for n in states(component):
         for quantity, expected in BY_HAND[component](n).items():
-            np.testing.assert_allclose(n(quantity), expected, rtol=rounding, atol=rounding, err_msg=quantity)
+            np.testing.assert_allclose(n(quantity), expected, rtol=1e-12, atol=1e-12, err_msg=quantity)
 
 
 @pytest.mark.parametrize("component", [c for c in BY_HAND if c.actives])
