@@ -150,7 +150,7 @@ def source(check: str) -> ast.AST:
 
 
 def tolerances(check: str) -> list[float]:
-    """Tolerances that are applied: of approx, assert_allclose, within, algebra, and in comparisons; ascending.
+    """Tolerances of approx, assert_allclose, within, algebra, assert_follows, and of comparisons; ascending.
 
     Where a tolerance is a constant times a size, the constant.
     """
@@ -174,6 +174,8 @@ def _bounds(tree: ast.AST) -> Iterator[ast.expr]:
                 yield node.args[0]
             elif name in {"algebra", "quotient"}:
                 yield node.args[1] if len(node.args) > 1 else node.func
+            elif name == "assert_follows":
+                yield node.args[2]
             yield from (keyword.value for keyword in node.keywords if keyword.arg in {"rtol", "atol", "rel", "abs"})
         elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.Lt | ast.LtE):
             yield node.comparators[0]
