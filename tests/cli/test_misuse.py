@@ -71,6 +71,7 @@ MISUSE = {
     "simulate Pendulum --input length=one.csv": ["--input one.csv"],
     "simulate Pendulum --input one.csv": ["one.csv", "from 0 to 1 s", "0 to 10 s", "--stop"],
     "simulate Pendulum --input one.csv --start=-1 --stop 1": ["one.csv", "from 0 to 1 s", "-1 to 1 s"],
+    "simulate Pendulum --input one.csv --join cubic --stop 1": ["'cubic'", "'pchip'"],
     "simulate Pendulum --input wrong.csv": ["no input 'lenght'", "did you mean 'length'"],
     "simulate pair.ssp --set swin.theta_0=1": ["swin.theta_0", "did you mean 'swing'"],
     "simulate pair.ssp --input swin.pivot_x=t": ["'swin'", "did you mean 'swing'"],
@@ -162,6 +163,10 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
         ("liaisons run pumped", ["pumped_swing"]),
         ("liaisons build --backend ", ["auto", "native", "python"]),
         ("liaisons simulate --st", ["--start", "--stop", "--step"]),
+        ("liaisons simulate Pendulum --set leng", ["length=1", "length_dot=0", "length_ddot=0"]),
+        ("liaisons simulate Pendulum --record theta,tens", ["theta,tension"]),
+        ("liaisons simulate --set leng", []),
+        ("liaisons simulate nowhere.fmu --record th", []),
         ("liaisons simulate my_", []),  # a shell completes files where there is nothing
     ],
 )
