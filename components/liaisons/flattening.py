@@ -53,6 +53,19 @@ def flatten(
     :raises BuildError: if the FMU cannot be built.
     """
     from liaisons.fmu import build
+
+    return build(
+        composed(system, components),
+        fmus_directory() / "flat" if output is None else output,
+        backend=backend,
+        platforms=platforms,
+        fmi=fmi,
+        arrays=arrays,
+    )
+
+
+def composed(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
+    """The equations of motion of a whole system; raises what :func:`flatten` does."""
     from liaisons.mechanics.composition import compose
 
     if not isinstance(system, System):
@@ -67,19 +80,11 @@ def flatten(
         for name, part in parts.items()
         for variable, value in _starts(part, models[name]).items()
     }
-    whole = compose(
+    return compose(
         identifier(system.name),
         models,
         {str(connection.target): str(connection.source) for connection in system.connections},
         starts=starts,
-    )
-    return build(
-        whole,
-        fmus_directory() / "flat" if output is None else output,
-        backend=backend,
-        platforms=platforms,
-        fmi=fmi,
-        arrays=arrays,
     )
 
 
@@ -119,8 +124,8 @@ def _starts(part: SystemComponent, derived: Model) -> dict[str, float]:
             part.fmu.elements(name), values if isinstance(values, tuple) else (values,), strict=True
         )
     }
-    in_file = {v.name: part.fmu.variables[v.name].start for v in (*derived.parameters, *derived.inputs)}
-    starts: dict[str, Any] = {name: own.get(name, start) for name, start in in_file.items()}
+    names = [variable.name for variable in (*derived.parameters, *derived.inputs)]
+    starts: dict[str, Any] = {name: own.get(name, part.fmu.variables[name].start) for name in names}
     return {name: float(start) for name, start in starts.items() if start is not None}
 
 

@@ -10,7 +10,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
-from typing import Concatenate, ParamSpec, Self, TypeVar, cast, final
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, cast, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,9 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 from liaisons import cache, cosim, flattening, live, ssp, sweeps
 from liaisons.arguments import merged, renamed
 from liaisons.cosim.structure.components import Solver
-from liaisons.cosim.structure.knots import knots
+from liaisons.cosim.structure.knots import Join, knots
 from liaisons.folders import process_folder
-from liaisons.library import Target, fmu_file
+from liaisons.library import Target, component, fmu_file
+
+if TYPE_CHECKING:
+    from liaisons.formulas import DisplayedEquations
+    from liaisons.mechanics import Model
 
 MOST_KNOTS = 100
 """Knots in the parameters of a PlannedMotion; more are in a file."""
@@ -54,6 +58,22 @@ show = _by_name(live.show, cosim.System)
 sweep = renamed(starts="start_values")(_by_name(sweeps.sweep, cosim.System))
 
 
+def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
+    """The equations of a component or system, to be read: ``equations("Pendulum")["motion"]``.
+
+    :param subject: name, file or class of a component; a system that :meth:`System.flatten` takes; a model.
+    :raises ProjectError: if there is no such component.
+    :raises ComponentError: if it cannot be derived.
+    :raises SimulationError: if a system cannot be flattened.
+    """
+    from liaisons.formulas import of_component, of_model
+    from liaisons.mechanics import Model
+
+    if isinstance(subject, cosim.System):
+        return of_model(flattening.composed(subject))
+    return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
+
+
 def operator(
     fmu: Target, /, *, start_values: Mapping[str, ArrayLike] | None = None, **keywords: ArrayLike
 ) -> cosim.OperatorFmu:
@@ -73,17 +93,20 @@ def tabulated(
     values: ArrayLike,
     rates: ArrayLike | None = None,
     accelerations: ArrayLike | None = None,
+    *,
+    join: Join = "quintic",
 ) -> cosim.OperatorFmu:
     """A table as the value of a coordinate: ``simulate("Pendulum", length=tabulated(t, length))``.
 
     It is a ``PlannedMotion``, one polynomial of degree five from time to time.  Rates and accelerations that are None
-    are those of the quintic spline through the others.  A time that is repeated is a jump, which becomes a
-    communication point.
+    follow from the values.  A time that is repeated is a jump, which becomes a communication point.
 
     :param times: [s], ascending, shape (n,), n >= 2.
+    :param join: ``"quintic"``: a spline with smooth acceleration, which overshoots beside steps; ``"pchip"``: cubics
+        that rise and rest as the values do, whose acceleration jumps at each time; ``"linear"``: the rate jumps.
     :raises SimulationError: if these are no numbers, of unequal count, or do not ascend.
     """
-    table, fmu = knots(times, values, rates, accelerations), fmu_file("PlannedMotion")
+    table, fmu = knots(times, values, rates, accelerations, join), fmu_file("PlannedMotion")
     if (missing := MOST_KNOTS - table.shape[1]) >= 0:
         padded = np.pad(table, ((0, 0), (0, missing)), mode="edge")
         return cosim.OperatorFmu(fmu, dict(zip(_KNOT, padded, strict=True)))

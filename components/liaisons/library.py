@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeGuard
 from weakref import WeakKeyDictionary
+from xml.etree import ElementTree
+from zipfile import BadZipFile, ZipFile
 
 from liaisons.arguments import as_path, shown, whole
 from liaisons.errors import BuildError, suggestion
@@ -15,7 +17,7 @@ from liaisons.project import ProjectError, fmus_directory, load_module
 
 if TYPE_CHECKING:
     from liaisons.language import Component
-    from liaisons.mechanics import Model
+    from liaisons.mechanics import Equations, Model
 
 Backend = Literal["auto", "native", "python"]
 Platforms = Literal["host", "all", "wasm"]
@@ -45,6 +47,22 @@ def catalogue_names() -> list[str]:
     heads = [line for text in files for line in text.splitlines() if line.startswith("class ")]
     public = [head[6:].partition("(")[0] for head in heads if not (head.startswith("class _") or "abstract=" in head)]
     return sorted(public)
+
+
+def variables(target: str) -> list[tuple[str, str, str]]:
+    """Name, causality and start of the variables of a catalogue's component or an FMU file; none of anything else."""
+    if target in catalogue_names():
+        from liaisons import models
+
+        every = (scalar for v in getattr(models, target)().layout().variables for scalar in v.elements())
+        return [(v.name, v.causality, "" if v.start is None else f"{v.start:g}") for v in every]
+    try:
+        with ZipFile(target) as archive:
+            described = ElementTree.fromstring(archive.read("modelDescription.xml")).find("ModelVariables")
+    except (OSError, KeyError, BadZipFile, ElementTree.ParseError):
+        return []
+    entries = [v.attrib | {"start": v.get("start", v[0].get("start", "") if len(v) else "")} for v in described or ()]
+    return [(v["name"], v.get("causality", "local"), v["start"]) for v in entries]
 
 
 def components(target: Target) -> list[type[Component]]:
@@ -115,6 +133,22 @@ def model(component: type[Component], **sizes: object) -> Model:
         raise ProjectError(f"{component.__name__}: {text}: only chains have a size, and it is called n")
     whole(f"{component.__name__}: n", sizes["n"], ProjectError)
     return assemble(component, sizes["n"])
+
+
+def derive(target: Target) -> Equations:
+    """Equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` writes them to be read.
+
+    :param target: its name, file or class.
+    :raises ProjectError: if it names no mechanism, or several.
+    :raises ComponentError: if it cannot be derived.
+    """
+    from liaisons import mechanics
+    from liaisons.language import Mechanism
+
+    class_ = component(target)
+    if not issubclass(class_, Mechanism):
+        raise ProjectError(f"{class_.__name__} is no Mechanism; equations({class_.__name__!r}) shows what it obeys")
+    return mechanics.derive(class_)
 
 
 def build(

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
-from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from making import FmuPaths, Trace, wired
+from making import FmuPaths, Trace, coupling_errors, described, wired
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import BPoly, PPoly
 
 from liaisons import Signal
@@ -44,6 +44,15 @@ def _error(component: FmuPaths, result: Result, **starts: float) -> float:
     return max(
         float(np.max(np.abs(result[f"{n}.theta"] - single[f"theta_{k}"]))) for k, n in ((1, "first"), (2, "second"))
     )
+
+
+def _pumped(component: FmuPaths, operator: str, motion: dict[str, float], **starts: float) -> System:
+    """A pendulum whose length an operator prescribes."""
+    motor, swing = (component(operator), motion), (component("Pendulum"), starts)
+    return wired("motor.y -> swing.length", motor=motor, swing=swing)
+
+
+SHRINKING = {"offset": 1.0, "rate": -1.0}
 
 
 # ---- orders --------------------------------------------------------------------------------------------------------
@@ -80,8 +89,8 @@ def test_order_along_a_line_of_ports_is_six(component: FmuPaths) -> None:
     """Without a cycle, what a source does over a step is known before its target is stepped: quintic polynomials."""
 
     def error(H: float) -> float:
-        motor = component("Sinusoid"), {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 2.0}
-        system = wired("motor.y -> swing.length", motor=motor, swing=(component("Pendulum"), {"theta_0": 0.5}))
+        motion = {"offset": 1.0, "amplitude": 0.1, "angular_frequency": 2.0}
+        system = _pumped(component, "Sinusoid", motion, theta_0=0.5)
         coarse, fine = (system.simulate(4.0, h, tolerance=1e-13, coupling="implicit") for h in (H, 0.01))
         return abs(float(coarse["swing.theta"][-1] - fine["swing.theta"][-1]))
 
@@ -162,7 +171,7 @@ def test_jump_of_a_function_is_found(component: FmuPaths, prefix: str, at: float
         3.0, 0.1, tolerance=1e-12, inputs={"mass.x_force": push}
     )
     late = np.maximum(result.time - at, 0.0)
-    np.testing.assert_allclose(result["mass.x"], 1 - np.cos(late), rtol=0, atol=1e-10)  # mass 1 kg, stiffness 1 N/m
+    assert_allclose(result["mass.x"], 1 - np.cos(late), rtol=0, atol=1e-10)  # mass 1 kg, stiffness 1 N/m
 
 
 @pytest.mark.parametrize("start", [1.0, 1.03])
@@ -171,7 +180,7 @@ def test_kink_that_is_announced_stays_one(component: FmuPaths, start: float) -> 
     system = wired("ramp.y -> mass.x_force", ramp=ramp, mass=(component("Oscillator"), {"x_0": 0.0}))
     result = system.simulate(3.0, 0.1, tolerance=1e-12)
     late = np.maximum(result.time - start, 0.0)
-    np.testing.assert_allclose(result["mass.x"], late - np.sin(late), rtol=0, atol=1e-10)
+    assert_allclose(result["mass.x"], late - np.sin(late), rtol=0, atol=1e-10)
 
 
 def test_what_inputs_do_can_be_left_to_the_fmu(component: FmuPaths) -> None:
@@ -180,9 +189,8 @@ def test_what_inputs_do_can_be_left_to_the_fmu(component: FmuPaths) -> None:
     named, exact = (
         _pushed(component, "", "port").simulate(**options, coupling=kind) for kind in ("jacobi", "implicit")
     )
-    np.testing.assert_array_equal(held["mass.x"], named["mass.x"])
-    assert held.coupling_error is not None
-    assert np.sum(held.coupling_error) > np.max(np.abs(held["mass.x"] - exact["mass.x"])) > 1e-3
+    assert_array_equal(held["mass.x"], named["mass.x"])
+    assert np.sum(coupling_errors(held)) > np.max(np.abs(held["mass.x"] - exact["mass.x"])) > 1e-3
 
 
 # ---- stability and energy -------------------------------------------------------------------------------------------
@@ -198,7 +206,7 @@ def test_explicit_coupling_multiplies_the_force_s_error_by_the_ratio_of_effectiv
     force = system.simulate(4e-5, 1e-5, coupling="jacobi")["second.pivot_x_force"]
     changes = np.diff(force)
     # the force by itself moves by some 1e-4 a step, the first error is of order 1 and falls or grows with the gain
-    np.testing.assert_allclose(changes[1:] / changes[:-1], -ratio, rtol=0.05)
+    assert_allclose(changes[1:] / changes[:-1], -ratio, rtol=0.05)
 
 
 @pytest.mark.parametrize("mass", [0.01, 1.0, 100.0])
@@ -214,28 +222,16 @@ def test_implicit_coupling_is_stable_for_any_ratio_of_masses(component: FmuPaths
 
 
 def test_power_leaves_one_mechanism_as_it_enters_the_other(component: FmuPaths) -> None:
-    result = _double(component).simulate(1.0, 0.01, tolerance=1e-10, coupling="implicit")
-    for axis in "xz":
-        given = -result[f"first.bob_{axis}_load"] * result[f"first.bob_{axis}_dot"]
-        taken = result[f"second.pivot_{axis}_power"]
-        # both ends fit to 1e-12 of their size, 20 N and 1 m/s
-        np.testing.assert_allclose(given + taken, 0, atol=1e-10)
-
-
-def test_acceleration_and_force_fit_from_the_first_point_on(component: FmuPaths) -> None:
-    result = _double(component, mass=30.0).simulate(0.1, 0.01, tolerance=1e-10, coupling="implicit")
-    for axis in "xz":
-        force = result[f"second.pivot_{axis}_force"]
-        np.testing.assert_allclose(result[f"first.bob_{axis}_load"], force, rtol=0, atol=1e-9 * 300)
-        moved = result[f"second.pivot_{axis}_ddot"]
-        np.testing.assert_allclose(result[f"first.bob_{axis}_ddot"], moved, rtol=0, atol=1e-9 * 300)
-
-
-def test_motion_of_a_point_is_handed_over_as_it_is(component: FmuPaths) -> None:
-    result = _double(component).simulate(1.0, 0.01, coupling="gauss-seidel")
-    for axis in "xz":
-        np.testing.assert_array_equal(result[f"second.pivot_{axis}"], result[f"first.bob_{axis}"])
-        np.testing.assert_array_equal(result[f"second.pivot_{axis}_dot"], result[f"first.bob_{axis}_dot"])
+    """Force and acceleration fit, too, from the first point on."""
+    for mass, end in ((1.0, 1.0), (30.0, 0.1)):
+        result = _double(component, mass=mass).simulate(end, 0.01, tolerance=1e-10, coupling="implicit")
+        for axis in "xz":
+            upper, lower = f"first.bob_{axis}", f"second.pivot_{axis}"
+            load = result[f"{upper}_load"]
+            # both ends fit to 1e-12 of their size, 20 N and 1 m/s for a kilogram
+            assert_allclose(result[f"{lower}_power"], load * result[f"{upper}_dot"], rtol=0, atol=1e-10 * mass)
+            assert_allclose(load, result[f"{lower}_force"], rtol=0, atol=1e-8 * mass)
+            assert_allclose(result[f"{upper}_ddot"], result[f"{lower}_ddot"], rtol=0, atol=1e-8 * mass)
 
 
 def test_repetition_fails_where_newton_does_not(component: FmuPaths) -> None:
@@ -252,7 +248,7 @@ def test_both_iterations_end_at_the_same_motion(component: FmuPaths) -> None:
         _double(component).simulate(0.5, 0.02, tolerance=1e-12, coupling=c) for c in ("implicit", "waveform")
     )
     # interface tolerance 1e-13 of values up to 20, over 25 steps
-    np.testing.assert_allclose(picard["second.theta"], newton["second.theta"], rtol=0, atol=1e-10)
+    assert_allclose(picard["second.theta"], newton["second.theta"], rtol=0, atol=1e-10)
 
 
 def test_connections_without_a_solution_are_named(component: FmuPaths) -> None:
@@ -284,8 +280,8 @@ def test_adapted_steps_keep_the_tolerance(component: FmuPaths) -> None:
 
 
 def test_adapted_steps_shorten_where_something_happens(component: FmuPaths) -> None:
-    motor = component("SmoothStep"), {"start_value": 1.0, "end_value": 0.8, "start_time": 1.0, "duration": 0.1}
-    system = wired("motor.y -> swing.length", motor=motor, swing=(component("Pendulum"), {"theta_0": 0.5}))
+    motion = {"start_value": 1.0, "end_value": 0.8, "start_time": 1.0, "duration": 0.1}
+    system = _pumped(component, "SmoothStep", motion, theta_0=0.5)
     result = system.simulate(2.0, 0.2, tolerance=1e-10, error_tolerance=1e-6, coupling="gauss-seidel")
     sizes = np.diff(result.time)
     during = sizes[(result.time[:-1] >= 1.0) & (result.time[:-1] < 1.1)]
@@ -335,9 +331,8 @@ def test_steps_that_are_refused_for_ever_end_with_the_words_of_the_last(
 
 def test_step_in_which_an_input_leaves_its_domain_is_shortened(component: FmuPaths) -> None:
     """A parabola through l = 1.5 m cos 3t is below 0 after 0.8 s."""
-    motor = component("Sinusoid"), {"offset": 1.0, "amplitude": 0.5, "angular_frequency": 3.0, "phase": math.pi / 2}
-    swing = component("Pendulum"), {"input_reconstruction": 1}
-    system = wired("motor.y -> swing.length", motor=motor, swing=swing)
+    motion = {"offset": 1.0, "amplitude": 0.5, "angular_frequency": 3.0, "phase": math.pi / 2}
+    system = _pumped(component, "Sinusoid", motion, input_reconstruction=1)
     with pytest.raises(
         IncompleteError, match=r"swing: fmi2DoStep from t = 0 s to t = 2 s returned Discard: length = -"
     ):
@@ -345,14 +340,9 @@ def test_step_in_which_an_input_leaves_its_domain_is_shortened(component: FmuPat
     assert system.simulate(4.0, 2.0, error_tolerance=1e-4).time[-1] == 4.0
 
 
-def _shrinking(component: FmuPaths) -> System:
-    motor = component("Ramp"), {"offset": 1.0, "rate": -1.0}
-    return wired("motor.y -> swing.length", motor=motor, swing=component("Pendulum"))
-
-
 def test_input_that_leaves_its_domain_for_good_ends_with_the_words_of_the_fmu(component: FmuPaths) -> None:
     with pytest.raises(IncompleteError) as caught:
-        _shrinking(component).simulate(2.0, 0.3, error_tolerance=1e-2)
+        _pumped(component, "Ramp", SHRINKING).simulate(2.0, 0.3, error_tolerance=1e-2)
     assert re.fullmatch(
         r"no step from t = \S+ s is small enough: swing: fmi2DoStep [^;]* returned (Discard|Error): length = [^;]*; "
         "the step from t = [^;]* is taken back",
@@ -422,7 +412,7 @@ def test_half_connected_port_is_reported(component: FmuPaths, caplog: pytest.Log
 def test_failing_step_in_an_iteration_names_component_and_time(component: FmuPaths) -> None:
     words = r"swing: fmi2DoStep from t = 0\.9 s to t = 1 s returned Discard"
     with pytest.raises(IncompleteError, match=words) as caught:
-        _shrinking(component).simulate(2.0, 0.1, coupling="implicit")
+        _pumped(component, "Ramp", SHRINKING).simulate(2.0, 0.1, coupling="implicit")
     assert caught.value.result.time[-1] == pytest.approx(0.9)
 
 
@@ -443,7 +433,7 @@ def test_polynomials_go_through_values_and_derivatives_at_both_ends() -> None:
     found = np.sum(table.factors * data[table.terms], axis=1) / H**table.after
     sources = (quintic, quintic.deriv(), quintic.deriv(2), cubic)
     expected = [source.deriv(order)(0.0) for source in sources for order in range(1, 6)]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-15 * 360 * 5 / H**5)  # differences of 5, times 6!/2/H⁵
+    assert_allclose(found, expected, rtol=0, atol=1e-15 * 360 * 5 / H**5)  # differences of 5, times 6!/2/H⁵
 
 
 def test_algebraic_loop_is_found_and_told_in_order() -> None:
@@ -462,15 +452,12 @@ def test_what_jumps_only_is_held_and_what_moves_is_its_mean(fmu: FmuPaths, tmp_p
     """For an FMU that holds its inputs over a step: the mean of both ends, or what it is at the begin."""
     source = fmu("Wave")
     if discrete:
-        source = tmp_path / "Wave.fmu"
-        with ZipFile(fmu("Wave")) as old, ZipFile(source, "w") as new:
-            for name in old.namelist():
-                new.writestr(name, old.read(name).replace(b'variability="continuous"', b'variability="discrete"'))
+        source = described(source, tmp_path / "Wave.fmu", lambda data: data.replace(b'"continuous"', b'"discrete"'))
     system = wired("wave.y -> probe.u", wave=source, probe=fmu("Probe"))
     result = system.simulate(1.0, 0.25, coupling="implicit")
     begins, ends = result["wave.y"][:-1], result["wave.y"][1:]
     expected = begins if discrete else (begins + ends) / 2
-    np.testing.assert_allclose(result["probe.seen"][1:], expected, rtol=1e-15)
+    assert_allclose(result["probe.seen"][1:], expected, rtol=1e-15)
 
 
 @pytest.mark.parametrize("degree", range(6))
@@ -488,7 +475,7 @@ def test_what_data_at_the_end_of_a_step_do_is_that_of_hermite_polynomials(count:
         end = [float(k == power) for k in range(count)]
         h = PPoly.from_bernstein_basis(BPoly.from_derivatives([0, 1], [[0.0] * count, end]))
         once, twice = h.antiderivative(), h.antiderivative(2)
-        np.testing.assert_allclose(found, [twice(1), once(1)], rtol=1e-14)
+        assert_allclose(found, [twice(1), once(1)], rtol=1e-14)
 
 
 def test_what_does_not_converge_is_named_by_the_worst_of_it() -> None:
@@ -503,7 +490,6 @@ def test_what_does_not_converge_is_named_by_the_worst_of_it() -> None:
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5])
 def test_adapted_steps_keep_the_tolerance_in_explicit_coupling(fmu: FmuPaths, tolerance: float) -> None:
     """A mass of 1 kg on a spring of 2 N/m."""
-    system = wired("mass.q -> spring.length", mass=(fmu("Cart"), {"q_0": 1.0}), spring=fmu("Buffer"))
-    result = system.simulate(2.0, 0.1, error_tolerance=tolerance, coupling="gauss-seidel")
+    result = _ring(fmu, "Buffer").simulate(2.0, 0.1, error_tolerance=tolerance, coupling="gauss-seidel")
     error = np.max(np.abs(result["mass.q"] - np.cos(math.sqrt(2.0) * result.time)))
     assert error <= tolerance * len(result.time)  # a tolerance a step

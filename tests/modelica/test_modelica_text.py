@@ -15,7 +15,7 @@ import pytest
 
 from liaisons import System, modelica, modelica_files
 from liaisons.cosim import Result, simulate
-from liaisons.language import Chain, Mechanism, Operator, Parameter, ParameterArray, unchecked
+from liaisons.language import ActiveCoordinate, Chain, Mechanism, Operator, Parameter, ParameterArray, unchecked
 from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.mechanics import assemble
@@ -271,6 +271,22 @@ def test_every_function_is_printed_right() -> None:
     k = ca.DM([v.starts[0] for v in model.parameters])
     expected = [float(model.outputs_function.call([t, [], [], k, []])[0][0]) for t in times[1:]]
     np.testing.assert_allclose(y[1:], expected, atol=1e-12)
+
+
+class Lever(Mechanism):
+    """Arm whose angle is prescribed: nothing moves by itself."""
+
+    inertia = Parameter(2.0, "kg.m2", "moment of inertia", above=0)
+    angle = ActiveCoordinate("rad", "angle")
+
+    def kinetic_energy(self) -> ca.SX:
+        return self.inertia / 2 * self.dot(self.angle) ** 2
+
+
+def test_inverse_dynamics() -> None:
+    text = modelica(Lever) + "model Test\n  Lever.Signals m(u_angle={time^2, 2*time, 2});\nend Test;\n"
+    found = simulated(text, np.linspace(0, 1, 11))
+    np.testing.assert_allclose(found["m.angle_force"], 4.0, rtol=1e-14)
 
 
 def composed() -> dict[str, System]:

@@ -6,11 +6,11 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from inspect import cleandoc
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from liaisons.library import catalogue_names
+from liaisons.library import catalogue_names, variables
 from liaisons.version import __version__
 
 if TYPE_CHECKING:
@@ -92,6 +92,22 @@ def subject(metavar: str, words: str = "a file, or a component, which is built i
     return typer.Argument(metavar=metavar, help=words, autocompletion=catalogue_names)
 
 
+def signals(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Completions of ``NAME,...`` by the variables of the component that the command is about."""
+    before, comma, _ = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name, *_ in _variables(ctx)]
+
+
+def _assignments(ctx: typer.Context) -> list[str]:
+    """Completions of ``NAME=VALUE``, with the values that hold by default."""
+    return [f"{name}={start}" for name, causality, start in _variables(ctx) if causality in ("parameter", "input")]
+
+
+def _variables(ctx: typer.Context) -> list[tuple[str, str, str]]:
+    words = [ctx.params.get("fmu"), *ctx.args]  # the latter while an option lacks its value
+    return variables(next(filter(None, words), ""))
+
+
 def option(metavar: str, words: str, *names: str, **more: Any) -> Any:
     """An option with a value."""
     return typer.Option(*names, metavar=metavar, help=words, **more)
@@ -146,6 +162,7 @@ Starts = Annotated[
         "start value of a parameter or input (COMPONENT.NAME of a system); may be given several times",
         "--set",
         parser=assignment,
+        autocompletion=_assignments,
     ),
 ]
 Inputs = Annotated[
@@ -155,6 +172,13 @@ Inputs = Annotated[
         "move an input: an expression of the time t (its rates follow), or a table with a column time and one an "
         "input, rates beside it where they are known; may be given several times",
         "--input",
+    ),
+]
+Join = Annotated[
+    Literal["quintic", "pchip", "linear"],
+    option(
+        "quintic|pchip|linear",
+        "between rows of tables without rates: smooth, overshoots beside steps; acceleration jumps; rate jumps",
     ),
 ]
 Start = Annotated[Number, option("T", "begin [s] (default: the FMU's, else 0)", parser=float)]

@@ -7,7 +7,6 @@ from fractions import Fraction
 
 import casadi as ca
 
-from liaisons.formulas import mathml
 from liaisons.formulas.algebra import (
     GROUP,
     HALF,
@@ -22,6 +21,7 @@ from liaisons.formulas.algebra import (
     is_number,
     is_supported,
 )
+from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
 from liaisons.formulas.terms import (
     Application,
@@ -120,7 +120,7 @@ class _Writer:
             atom = self.algebra.atoms[index]
             term = self._factor(index)
             repeated = long and count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
-            if repeated or (not self.breaks and mathml.width(term, self.notation) > WIDE):
+            if repeated or (not self.breaks and MathML(self.notation).width(term) > WIDE):
                 name = Name(f"{letter}_{len(self.abbreviations) + 1}")
                 self.abbreviations[index] = name
                 self.where.append((name, term))

@@ -264,7 +264,8 @@ def _singular(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
 def _is_inertia(matrix: np.ndarray) -> bool:
     """Whether a mass matrix is finite and positive definite."""
     finite = bool(np.all(np.isfinite(matrix)))
-    return finite and bool(np.min(np.linalg.eigvalsh(matrix)) > 1e-14 * np.max(np.abs(matrix)))
+    least = np.min(np.linalg.eigvalsh(matrix), initial=np.inf)  # all coordinates may be prescribed
+    return finite and bool(least > 1e-14 * np.max(np.abs(matrix), initial=0.0))
 
 
 def _other_values(m: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:

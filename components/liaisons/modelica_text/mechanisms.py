@@ -74,7 +74,7 @@ def _laws(e: Equations, section: Section) -> None:
             forces.append(right)
             if name in accelerated:
                 section.add(f"der({name})", accelerated[name])
-        if law.section in ("operators", "points", "outputs"):
+        if law.section in ("forces", "points", "outputs"):
             section.add(law.left, right, LONGEST if law.section == "outputs" else math.inf)
     for o in m.orientations:  # H = R p; the rate of p in the body frame is p × ω + Rᵀ Ḣ
         attitude, p = getattr(m, o.name), momenta[count:]

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from numpy.typing import NDArray
-
 from liaisons.cosim.compiled.calls import Call
 from liaisons.cosim.coupling.bus import Bus
 from liaisons.cosim.instances import Instance
 from liaisons.cosim.structure import schedule
 from liaisons.cosim.structure.schedule import Operation
 from liaisons.cosim.structure.simulation import Simulation
-from liaisons.cosim.structure.sources import SIGNALS, Drive
+from liaisons.cosim.structure.sources import SIGNALS, Drive, Vector
 
 Calls = list[Call]
 
@@ -29,7 +27,7 @@ def prepared(simulation: Simulation, instances: Mapping[str, Instance], bus: Bus
         return [call for operation in program for call in prepared_calls[operation, initial]]
 
     order, feeds, depends = bus.order, simulation.feeds, simulation.depends
-    newest = {name for name, part in simulation.parts.items() if part.approximation.needs_newest_inputs}
+    newest = {name for name, part in simulation.parts.items() if part.approximation.method in {None, 2}}
     return (
         calls(schedule.consistent(order, feeds, partial(depends, initially=True)), initial=True),
         calls(schedule.consistent(order, feeds, depends)),
@@ -59,5 +57,5 @@ def _lowered(
     yield prepare([variables[variable] for _, variable in references], bus.buffer(references))
 
 
-def _evaluate(drive: Drive, bus: Bus, values: NDArray) -> None:
+def _evaluate(drive: Drive, bus: Bus, values: Vector) -> None:
     values[:] = drive(bus.end.value)
