@@ -112,6 +112,8 @@ def test_a_result_is_a_container_of_names(both: Result) -> None:
 
 
 def test_cases_are_counted(cases: Result, both: Result) -> None:
+    row = both.summary()[-1]
+    assert (row["smallest"], row["largest"]) == ("2.28571", "3.14286")  # without the failed
     assert list(cases.index["case"]) == [0, 1, 2]
     assert list(both.index) == ["time", "case"]
     assert cases.rows["theta"][2] == cases["theta"][2]
