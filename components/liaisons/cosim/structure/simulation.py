@@ -35,7 +35,7 @@ _INTERFACE, _FINEST_INTERFACE = 0.01, 1e-13
 
 
 @final
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class SimulationSettings:
     """When and how a system is simulated; :meth:`liaisons.cosim.System.simulate` says what each is, and what None."""
 
@@ -126,7 +126,7 @@ class Simulation:
     @property
     def interface_tolerance(self) -> float:
         """How well what FMUs hand each other has to fit, relative to its size."""
-        return max(_INTERFACE * (self.tolerance or _DEFAULT_TOLERANCE), _FINEST_INTERFACE)
+        return max(_INTERFACE * self.step_tolerance, _FINEST_INTERFACE)
 
     @cached_property
     def units(self) -> dict[str, str]:
