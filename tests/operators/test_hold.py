@@ -330,8 +330,8 @@ def test_what_acts_on_a_bounded_force_shares_it() -> None:
     regulator, sampled = hold(motion, bounds={"psi_1_force": (-20, 20)}), _beside(motion)
     trajectory, limits = regulator.trajectory, regulator.correction_limits
     least, most = limits["lowest"].T, limits["highest"].T
-    for x, sigma, low, high in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), least, most, strict=True):
-        forces, masses = sampled.forces(x[: len(sampled.names)], sigma)
+    for (x, sigma), low, high in zip(trajectory.points, least, most, strict=True):
+        forces, masses = np.hsplit(sampled.forces(x[: len(sampled.names)], sigma), [1])
         assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
 
 
