@@ -14,20 +14,34 @@ import numpy as np
 import pytest
 
 from liaisons import System, modelica, modelica_files
+from liaisons.cli import main
 from liaisons.cosim import Result, simulate
-from liaisons.language import ActiveCoordinate, Chain, Mechanism, Operator, Parameter, ParameterArray, unchecked
+from liaisons.errors import ComponentError, SimulationError
+from liaisons.language import (
+    ActiveCoordinate,
+    Chain,
+    Experiment,
+    Mechanism,
+    Operator,
+    Parameter,
+    ParameterArray,
+    unchecked,
+)
 from liaisons.language.component import Component
 from liaisons.language.mechanical import MechanicalComponent
 from liaisons.mechanics import assemble
+from liaisons.modelica_text import Composition, system_text
 from liaisons.models import (
     CATALOGUE,
     CartesianPendulum,
+    CircularHoop,
     FourierHoop,
     IsokineticOscillator,
     OscillatorChain,
     Pendulum,
     PendulumChain,
     PlannedMotion,
+    Sinusoid,
     SmoothStep,
 )
 
@@ -314,3 +328,41 @@ def test_a_system_moves_as_its_flattened_fmu(name: str, tmp_path: Path) -> None:
     assert len(theta) > 4
     for signal in theta:
         np.testing.assert_allclose(result[signal], run[signal], atol=BOUND * max(1.0, np.max(np.abs(run[signal]))))
+
+
+@pytest.mark.slow
+def test_all_examples_of_the_library_move() -> None:
+    text = modelica("all")
+    session = rumoca.Session()
+    for name in (*(component.__name__ for component in CATALOGUE), *modelica_files._EXAMPLES):
+        example = session.loads(text, model=f"Liaisons.Examples.{name}", filename="Liaisons.mo")
+        result = example.simulate((0.0, 0.2), dt=0.1)
+        assert np.all(np.isfinite(result.to_numpy())), name
+
+
+def test_the_command_writes_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fmus").mkdir()
+    (tmp_path / "fmus/fmus.toml").write_text('components = ["Ramp", "Sinusoid", "Pendulum"]', encoding="utf-8")
+    assert main(["build", "Pendulum", "Ramp", "--modelica", "--output", "text"]) == 0
+    assert (tmp_path / "text/Pendulum.mo").read_text(encoding="utf-8") == modelica("Pendulum")
+    assert (tmp_path / "text/Ramp.mo").is_file()
+    assert main(["build", "--modelica"]) == 0
+    library = (tmp_path / "fmus/Liaisons.mo").read_text(encoding="utf-8")
+    example = compiled(library, "Liaisons.Examples.PumpedSwing")  # its components are among them
+    assert "swing.theta" in {*example.states.names}
+    assert "ClosedLoopSwing" not in library
+
+
+def test_what_a_system_cannot_say(fmu: Callable[..., Path]) -> None:
+    parts = {"bar": (Pendulum, {}), "hoop": (CircularHoop, {}), "motor": (Sinusoid, {})}
+    for connections, message in (
+        ({"bar.theta_force": "motor.y"}, r"^S: motor\.y -> bar\.theta_force connects no flanges"),
+        ({"bar.length": "motor.y", "hoop.beta": "motor.y"}, "^S: motor moves coordinates of two kinds"),
+    ):
+        with pytest.raises(ComponentError, match=message):
+            system_text(Composition("S", parts, connections, Experiment()))
+    other = System("other")
+    other.add("own", fmu(Lever))
+    with pytest.raises(SimulationError, match="is a 'Lever'; a system in Modelica is made of the catalogue's"):
+        modelica(other)
