@@ -5,6 +5,7 @@ The FMU and rumoca integrate at 1e-11; trajectories of a few seconds amplify tha
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ from liaisons.models import (
     Pendulum,
     PendulumChain,
     PlannedMotion,
+    Regulator,
     Sinusoid,
     SmoothStep,
 )
@@ -58,6 +60,19 @@ KNOTS = {
     "rate": (0.1, 0.0, 0.7, 0.0, -0.2),
     "acceleration": (0.0, 1.0, 0.0, -1.0, 0.3),
 }
+TABLES: dict[type[Component], dict[str, tuple[float, ...]]] = {
+    PlannedMotion: KNOTS,
+    Regulator: {p.name: (p.leading + (0.0,) * 4)[:4] for p in Regulator.parameters if isinstance(p, ParameterArray)}
+    | {
+        "instant": (0.0, 1.0, 2.5, 3.5),
+        "planned": (0.0, 1.0, -0.5, 0.3),
+        "planned_rate": (0.1, 0.0, 0.7, 0.0),
+        "planned_acceleration": (0.0, 1.0, 0.0, -1.0),
+        "offset": (0.3, 0.0, 0.0, 0.0),
+        "gain_3": (0.5, 0.0, 0.0, 0.0),
+    },
+}
+READING = {"reading_3": 0.2}
 FORCE = 0.05
 SPANS = {PendulumChain: 1.0, CartesianPendulum: 1.0}  # [s]; large motions are chaotic, projections are dear
 
@@ -67,9 +82,11 @@ def span(component: type[Component]) -> float:
 
 
 def parameters(component: type[Component]) -> dict[str, float]:
-    """The parameters that are 0 by default have another value, so that no term is missing."""
+    """Parameters that are 0 by default have another value, so that no term is missing, and what turns freely turns."""
     scalars = [p for p in component.parameters if not isinstance(p, ParameterArray)]
-    return {p.name: 0.05 for p in scalars if p.start == 0}
+    names = [v.name for v in component().layout().parameters]
+    turning = {name: 0.1 + 0.1 * k for k, name in enumerate(n for n in names if re.match("(omega|H)_._0", n))}
+    return {p.name: 0.05 for p in scalars if p.start == 0} | turning
 
 
 def sigma(component: type[MechanicalComponent]) -> dict[str, tuple[float, float, float]]:
@@ -96,7 +113,9 @@ def spread(component: type[Component], values: Mapping[str, Any]) -> dict[str, A
 
 
 def by_fmu(path: Path, component: type[Component]) -> Result:
-    values: dict[str, Any] = parameters(component) | (KNOTS if component is PlannedMotion else {})
+    values: dict[str, Any] = (
+        parameters(component) | TABLES.get(component, {}) | (READING if component is Regulator else {})
+    )
     inputs: dict[str, Callable[[float], tuple[float, float, float]]] = {}
     if issubclass(component, MechanicalComponent):
         values |= {f"{name}_load": FORCE for name in pushed(component)}
@@ -123,7 +142,8 @@ def literal(value: Any) -> str:
 def signals(component: type[Component], force: float = FORCE) -> str:
     """Model of the component with its inputs prescribed."""
     modified = {name: literal(value) for name, value in parameters(component).items()}
-    modified |= {name: literal(value) for name, value in KNOTS.items() if component is PlannedMotion}
+    modified |= {name: literal(value) for name, value in TABLES.get(component, {}).items()}
+    modified |= {name: literal(value) for name, value in READING.items() if component is Regulator}
     if issubclass(component, MechanicalComponent):
         for name, (a, d, w) in sigma(component).items():
             modified[f"u_{name}"] = (
@@ -270,6 +290,7 @@ class Functions(Operator):
         x = self.end * t + self.offset
         smooth = ca.asinh(x) + ca.acosh(2 + x**2) + ca.atanh(x / 5) + ca.atan2(x, 1 + t) + (1 + t) ** x + ca.tanh(x)
         steps = ca.floor(t) + ca.sign(x) + ca.fmod(5 * t, 2) + ca.fabs(x) + ca.if_else(t > 1, 1, 2)
+        steps += ca.if_else(t >= 2.5, 1, 3) + ca.if_else(ca.floor(t) == 1, 5, 0) + ca.if_else(ca.floor(t) != 2, 7, 0)
         either = ca.logic_or(t > 3, t < 0.5) + ca.logic_not(t > 2) + ca.logic_and(t > 1, t < 2)
         return smooth + steps + either + ca.fmin(x, 0.3) + ca.fmax(x, 0.9) + np.pi * x - (x - (1 - x)) / (2 - (t - 9))
 
@@ -301,6 +322,15 @@ def test_inverse_dynamics() -> None:
     text = modelica(Lever) + "model Test\n  Lever.Signals m(u_angle={time^2, 2*time, 2});\nend Test;\n"
     found = simulated(text, np.linspace(0, 1, 11))
     np.testing.assert_allclose(found["m.angle_force"], 4.0, rtol=1e-14)
+
+
+def test_a_force_on_a_flange_has_the_sign_of_the_standard_library() -> None:
+    """Sources of force there have flange.f = -f, and push along +s."""
+    push = "model Push Flywheel.Rotation flange(tau=-0.3); end Push;\n"
+    wheel = "model Test\n  Flywheel.Flanges m(inertia=2, angle_dot_0=0);\n  Push push;\nequation\n"
+    text = modelica("Flywheel") + push + wheel + "  connect(push.flange, m.flange_angle);\nend Test;\n"
+    times = np.linspace(0, 1, 11)
+    np.testing.assert_allclose(simulated(text, times)["m.angle"], 0.3 / 2 * times**2 / 2, atol=1e-10)
 
 
 def composed() -> dict[str, System]:
