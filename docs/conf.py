@@ -18,6 +18,7 @@ import gallery  # noqa: E402
 import links  # noqa: E402
 import mathml  # noqa: E402
 import reference  # noqa: E402
+import texts  # noqa: E402
 
 from liaisons import __version__  # noqa: E402
 
@@ -69,4 +70,5 @@ def setup(app: Sphinx) -> None:
     catalogue.setup(app)
     mathml.setup(app)
     reference.setup(app)
+    texts.setup(app)
     links.setup(app)

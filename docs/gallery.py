@@ -12,6 +12,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import re
+import tomllib
 from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from html import escape
@@ -33,6 +34,9 @@ from liaisons.pictures import motion_page
 from liaisons.project import scenario_files
 from liaisons.scenarios import execute, load
 
+_ORDER = tomllib.loads((Path(__file__).parent / "gallery.toml").read_text(encoding="utf-8"))
+TITLES: dict[str, str] = _ORDER["titles"]
+THEMES: dict[str, list[str]] = _ORDER["themes"]
 THUMBNAIL = 420, 300
 """Largest width and height [px]."""
 
@@ -150,23 +154,27 @@ def _motion(result: Result) -> bytes:
 
 
 def _index(entries: list[Entry], live: list[str]) -> str:
-    cards = "\n".join(
-        f'<a href="{entry.name}.html"><img src="{entry.name}.png" alt="" loading="lazy">'
-        f"<b>{_title(entry.name)}</b> {escape(entry.claim)}</a>"
-        for entry in entries
+    parts = ["# Gallery", "Each claim ends in a verdict: the error of simulated FMUs beside its tolerance."]
+    for theme, names in THEMES.items():
+        cards = "\n".join(_card(entry) for name in names for entry in entries if entry.name == name)
+        if cards:
+            parts += [f"## {theme}", f'<div class="gallery">\n{cards}\n</div>']
+    pages = "\n".join(
+        name for names in THEMES.values() for name in names if any(entry.name == name for entry in entries)
     )
-    pages = "\n".join(entry.name for entry in entries)
-    return "\n\n".join((
-        "# Gallery",
-        "Each claim ends in a verdict: the error of simulated FMUs beside its tolerance.",
-        f'<div class="gallery">\n{cards}\n</div>',
-        _links("Every mechanism, live", live),
-        f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n",
-    ))  # fmt: skip
+    return "\n\n".join([*parts, _links("Every mechanism, live", live), f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"])
+
+
+def _card(entry: Entry) -> str:
+    tags = "".join(f"<i>{name}</i>" for name in mechanisms(load(entry.name).path))
+    return (
+        f'<a href="{entry.name}.html"><img src="{entry.name}.png" alt="" loading="lazy">'
+        f"<b>{_title(entry.name)}</b> {escape(entry.claim)} {tags}</a>"
+    )
 
 
 def _title(name: str) -> str:
-    return name.replace("_", " ").capitalize()
+    return TITLES.get(name, name.replace("_", " ").capitalize())
 
 
 def _links(what: str, names: list[str]) -> str:
@@ -185,7 +193,7 @@ def _text(docstring: str, names: Collection[str]) -> str:
 
 
 def _code(name: str, names: Collection[str]) -> str:
-    return f"[{_title(name).lower()}]({name}.md)" if name in names else f"`{name}`"
+    return f"[{TITLES.get(name, name.replace('_', ' '))}]({name}.md)" if name in names else f"`{name}`"
 
 
 def _escaped(text: str) -> str:

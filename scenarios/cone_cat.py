@@ -68,8 +68,11 @@ def main(claim: Claims) -> None:
     fall = 9.81 * run.time * (1 - run.time / 2)
     claim("its centre of mass falls freely", run["com_z"], fall, within(1e-10, "m", because=why))
 
-    shape, turn = panels(("what the operators do", "t [s]", "angle [deg]"), ("half A", "t [s]", "turned by [deg]"))
+    shape, turn = panels(
+        ("what the operators do", "t [s]", "angle [deg]"), ("half A", "t [s]", "turned about a + b [deg]")
+    )
     shape.plot(run.time, np.degrees(run["bend"]), label="bend")
     shape.plot(run.time, np.degrees(run["azimuth"]), label="azimuth")
-    turn.plot(run.time, np.degrees(attitude.magnitude()), label="FMU")
-    turn.axhline(np.degrees(expected.magnitude()), color="k", linewidth=0.6, label="Kane and Scher, once round")
+    about = np.unwrap(2 * np.arctan2(quaternion[:, 1:] @ e[0], quaternion[:, 0]), period=4 * np.pi)
+    turn.plot(run.time, np.degrees(about), label="FMU")
+    turn.axhline(np.degrees(psi) - 360, color="k", linewidth=0.6, label="Kane and Scher's integral, less a turn")

@@ -1,8 +1,9 @@
-"""A satellite on its orbit keeps an eye on the planet by one wheel, and looks aside and back by the two others.
+"""A satellite on its orbit keeps an eye on the planet by one wheel, and looks aside by the two others.
 
 Without angular momentum the wheels alone turn the satellite: J ω + J_w Σ a_k φ_k' = 0 in every instant (M 8.3), so
 ω = -J⁻¹ J_w φ' whatever the operators do.  On a circular orbit of radius R, Kepler's third law gives the rate
-n = √(μ/R³); a wheel across the orbit run at -n J_zz/J_w turns the satellite with the planet's direction.
+n = √(μ/R³); a wheel across the orbit run at -n J_zz/J_w turns the satellite with the planet's direction.  A SmoothStep
+leaves each of the others at its new angle, so that the satellite goes on turning with its camera off the planet.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ ORBIT: Any = KeplerOrbit.pericentre(semi_axis=2.0, eccentricity=0.0)
 PERIOD = KeplerOrbit.period(**ORBIT)
 RATE = 2 * np.pi / PERIOD
 WHEEL_RATE = -RATE * J[2] / J_WHEEL
-LOOKS = {"wheel_1": (30.0, 2.0), "wheel_2": (-40.0, 6.0)}  # angle of the wheel [rad], begin [s]; 3 s there, 3 s back
+LOOKS = {"wheel_1": (30.0, 2.0), "wheel_2": (-40.0, 6.0)}  # angle of the wheel [rad], begin [s]; within 3 s
 SETTINGS: Any = {"stop_time": PERIOD, "step_size": PERIOD / 800, "tolerance": 1e-11}
 
 
@@ -58,7 +59,7 @@ def main(claim: Claims) -> None:
     closed = np.hypot(orbit["x"][-1] - 2.0, orbit["y"][-1])
     claim("the orbit closes after Kepler's period", closed, 0.0, within(1e-8, "m", because=why))
 
-    title = "two wheels look aside twice and come back; the third turns with the orbit"
+    title = "two wheels look aside and stay there; the third turns with the orbit"
     (axis,) = panels((title, "t [s]", "planet off the camera's axis [deg]"), size=(7, 4))
     aside = np.einsum("tji,tj->ti", attitude(looking), position)[:, 0]
     axis.plot(looking.time, np.degrees(np.arccos(np.clip(aside, -1, 1))))

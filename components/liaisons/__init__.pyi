@@ -10,7 +10,9 @@ from .cosim import Signal as Signal
 from .ensembles import ensemble as ensemble
 from .errors import LiaisonsError as LiaisonsError
 from .flattening import flatten as flatten
+from .formulas import DisplayedEquations as DisplayedEquations
 from .interface import System as System
+from .interface import equations as equations
 from .interface import operator as operator
 from .interface import show as show
 from .interface import simulate as simulate
@@ -50,9 +52,10 @@ from .language import rheonomic_constraint as rheonomic_constraint
 from .language import turned as turned
 from .language import unchecked as unchecked
 from .library import build as build
+from .library import derive as derive
 from .library import fmu_path as fmu_path
 from .mechanics import assemble as assemble
-from .mechanics import derive as derive
+from .modelica_files import modelica as modelica
 from .operators import Controller as Controller
 from .operators import Plan as Plan
 from .operators import hold as hold

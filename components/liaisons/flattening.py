@@ -53,6 +53,19 @@ def flatten(
     :raises BuildError: if the FMU cannot be built.
     """
     from liaisons.fmu import build
+
+    return build(
+        composed(system, components),
+        fmus_directory() / "flat" if output is None else output,
+        backend=backend,
+        platforms=platforms,
+        fmi=fmi,
+        arrays=arrays,
+    )
+
+
+def composed(system: System, components: Mapping[str, type[Component]] | None = None) -> Model:
+    """The equations of motion of a whole system; raises what :func:`flatten` does."""
     from liaisons.mechanics.composition import compose
 
     if not isinstance(system, System):
@@ -67,19 +80,11 @@ def flatten(
         for name, part in parts.items()
         for variable, value in _starts(part, models[name]).items()
     }
-    whole = compose(
-        _identifier(system.name),
+    return compose(
+        identifier(system.name),
         models,
         {str(connection.target): str(connection.source) for connection in system.connections},
         starts=starts,
-    )
-    return build(
-        whole,
-        fmus_directory() / "flat" if output is None else output,
-        backend=backend,
-        platforms=platforms,
-        fmi=fmi,
-        arrays=arrays,
     )
 
 
@@ -124,8 +129,8 @@ def _starts(part: SystemComponent, derived: Model) -> dict[str, float]:
     return {name: float(start) for name, start in starts.items() if start is not None}
 
 
-def _identifier(name: str) -> str:
-    """A name as that of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
+def identifier(name: str) -> str:
+    """Name of a model: ``"pumped swing"`` becomes ``PumpedSwing``."""
     words = re.findall(r"[A-Za-z0-9]+", name)
     joined = "".join(word[0].upper() + word[1:] for word in words)
     return joined if joined[:1].isalpha() else f"System{joined}"

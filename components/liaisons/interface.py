@@ -10,7 +10,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
-from typing import Concatenate, ParamSpec, Self, TypeVar, cast, final
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self, TypeVar, cast, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,11 @@ from liaisons.arguments import merged, renamed
 from liaisons.cosim.structure.components import Solver
 from liaisons.cosim.structure.knots import knots
 from liaisons.folders import process_folder
-from liaisons.library import Target, fmu_file
+from liaisons.library import Target, component, fmu_file
+
+if TYPE_CHECKING:
+    from liaisons.formulas import DisplayedEquations
+    from liaisons.mechanics import Model
 
 MOST_KNOTS = 100
 """Knots in the parameters of a PlannedMotion; more are in a file."""
@@ -52,6 +56,22 @@ def _by_name(
 simulate = _by_name(cosim.simulate)
 show = _by_name(live.show, cosim.System)
 sweep = renamed(starts="start_values")(_by_name(sweeps.sweep, cosim.System))
+
+
+def equations(subject: Target | cosim.System | Model) -> DisplayedEquations:
+    """The equations of a component or system, to be read: ``equations("Pendulum")["motion"]``.
+
+    :param subject: name, file or class of a component; a system that :meth:`System.flatten` takes; a model.
+    :raises ProjectError: if there is no such component.
+    :raises ComponentError: if it cannot be derived.
+    :raises SimulationError: if a system cannot be flattened.
+    """
+    from liaisons.formulas import of_component, of_model
+    from liaisons.mechanics import Model
+
+    if isinstance(subject, cosim.System):
+        return of_model(flattening.composed(subject))
+    return of_model(subject) if isinstance(subject, Model) else of_component(component(subject))
 
 
 def operator(

@@ -15,7 +15,7 @@ from liaisons.project import ProjectError, fmus_directory, load_module
 
 if TYPE_CHECKING:
     from liaisons.language import Component
-    from liaisons.mechanics import Model
+    from liaisons.mechanics import Equations, Model
 
 Backend = Literal["auto", "native", "python"]
 Platforms = Literal["host", "all", "wasm"]
@@ -115,6 +115,22 @@ def model(component: type[Component], **sizes: object) -> Model:
         raise ProjectError(f"{component.__name__}: {text}: only chains have a size, and it is called n")
     whole(f"{component.__name__}: n", sizes["n"], ProjectError)
     return assemble(component, sizes["n"])
+
+
+def derive(target: Target) -> Equations:
+    """Equations of motion of a mechanism as CasADi expressions; :func:`liaisons.equations` writes them to be read.
+
+    :param target: its name, file or class.
+    :raises ProjectError: if it names no mechanism, or several.
+    :raises ComponentError: if it cannot be derived.
+    """
+    from liaisons import mechanics
+    from liaisons.language import Mechanism
+
+    class_ = component(target)
+    if not issubclass(class_, Mechanism):
+        raise ProjectError(f"{class_.__name__} is no Mechanism; equations({class_.__name__!r}) shows what it obeys")
+    return mechanics.derive(class_)
 
 
 def build(

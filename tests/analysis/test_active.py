@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from liaisons import analysis
 from liaisons.errors import ComponentError
-from liaisons.models import CircularHoop, Pendulum, PlanarCat, Swing
+from liaisons.language import Friction, Mechanism
+from liaisons.mechanics import derive
+from liaisons.models import CATALOGUE, CircularHoop, Pendulum, PlanarCat, Swing
 
 ROUNDING = 1e-13  # a few dozen operations on numbers of order 1
 HOOP = {"xi": 0.7, "beta": 0.2, "p_xi": 1.3, "beta_dot": 0.9, "mass": 0.8, "hoop_inertia": 0.3}
@@ -149,3 +151,57 @@ def test_holonomy_where_areas_do_not_add_up() -> None:
     assert turn == pytest.approx(np.pi * radius**2 / 1.3**2, rel=5 * radius)  # next order: radius/length
     with pytest.raises(ComponentError, match=r"Pendulum: the connection depends on theta: use holonomy\(\)"):
         analysis.curvature_integral(Pendulum, loop)
+
+
+# ---- Hamilton's equations with multipliers -----------------------------------------------------------------------
+
+RANKS = {
+    "CircularHoop": (2, 2),
+    "DoublePendulum": (3, 4),  # one bob in the plane, the other about it
+    "EllipticHoop": (2, 2),
+    "FourierHoop": (2, 2),
+    "Junction": (1, 3),
+    "Oscillator": (1, 2),
+    "Pendulum": (2, 4),  # one bob in the plane
+    "PlanarCat": (5, 5),
+    "Satellite": (6, 6),
+    "SpatialCat": (9, 9),
+    "Swing": (3, 3),
+}
+ADAPTED = [
+    c
+    for c in CATALOGUE
+    if issubclass(c, Mechanism) and c.actives and not (c.constraints or c.non_holonomic or c.rheonomic_constraints)
+]
+
+
+@pytest.mark.parametrize("component", ADAPTED, ids=lambda component: component.__name__)
+def test_hamiltons_equations_with_multipliers_are_motion_and_operator_forces(component: type[Mechanism]) -> None:
+    """M eq. 36-38 on T*M where L is hyper-regular, and on V*M, against Lagrange's equations (M eq. 26, 27)."""
+    equations, rng = derive(component), np.random.default_rng(5)
+    m = equations.mechanism
+    moving = ca.vertcat(m.free.q, m.free.q_dot, m.active.s_dot, m.active.s_ddot)
+    state = {str(symbol): rng.uniform(0.1, 1) for symbol in ca.vertsplit(moving)}
+    state |= {item.name: item.start + 0.1 for item in m.actives}
+    for turn in m.orientations:
+        attitude = rng.normal(size=4)
+        state |= dict(zip(turn.quaternion, attitude / np.linalg.norm(attitude), strict=True))
+    state |= {p.name: 0.0 for p in m.parameters if isinstance(p, Friction) or p.name == "damping"}
+    motion = analysis.phase_velocity(equations).evaluate(**state)
+    expected = np.append(motion, equations.evaluate("operator_forces", **state))
+    size = 1e-12 * (1 + np.abs(expected).max())  # a metric of condition 100 is inverted
+    reduced = analysis.reduced_multiplier_equations(equations).evaluate(**state)
+    np.testing.assert_allclose(reduced, expected, rtol=0, atol=size)
+    assert analysis.legendre_rank(equations) == RANKS[component.__name__]
+    if len(set(RANKS[component.__name__])) == 1:
+        whole = analysis.multiplier_equations(equations).evaluate(**state)
+        np.testing.assert_allclose(whole, expected, rtol=0, atol=size)
+    else:
+        with pytest.raises(ComponentError, match=r"L is not hyper-regular: .* rank \d of \d .*reduced_multiplier"):
+            analysis.multiplier_equations(equations)
+
+
+def test_a_hoop_without_inertia_is_degenerate_where_the_bead_runs_across_the_radius() -> None:
+    """det g = m² r² r'² for I = 0 (M 8.4): what I is there for."""
+    assert analysis.legendre_rank(CircularHoop, hoop_inertia=0.0, xi=0.0) == (1, 2)
+    assert analysis.legendre_rank(CircularHoop, hoop_inertia=0.0, xi=1.0) == (2, 2)

@@ -2,11 +2,15 @@
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import simpson
 
 from liaisons import analysis
 from liaisons.check import slope
+from liaisons.errors import ComponentError
+from liaisons.language import Coordinate, Mechanism, Parameter, non_holonomic
 from liaisons.models import CartesianPendulum, FreeParticle, Oscillator, Pendulum
 
 MASS, STIFFNESS = 0.5, 2.0  # ω = 2 rad/s: conjugate points every π/2 s
@@ -110,3 +114,92 @@ def test_gauss_function_is_least_on_the_motion() -> None:
     for other in (-1.0, 0.5, 3.0):
         assert value(free + other) == pytest.approx(value(free) + 0.5 * other**2 / 2, rel=1e-13)
     assert Q.evaluate(x_ddot=0, y_ddot=0, z_ddot=-9.81, **state) == pytest.approx(0.0, abs=1e-14)
+
+
+def test_holders_principle_in_coordinates_with_constraints() -> None:
+    """M eq. 15: ⟨δI, w⟩ = 0 for w across the rod; for w along it -∫ λ w dt with the force λ = 2 l λ_1 of the rod."""
+    t = np.linspace(0, 2.0, 801)
+    motion = CartesianPendulum.exact(t, theta_0=2.0, theta_dot_0=-1.0)
+    theta, rate = (Pendulum.exact(t, theta_0=2.0, theta_dot_0=-1.0)[name] for name in ("theta", "theta_dot"))
+    e, n = np.exp(1j * (theta - np.pi / 2)), np.exp(1j * theta)  # along and across the rod, in x + iz
+    velocity = rate * n
+    path = {
+        "x": motion["x"],
+        "z": motion["z"],
+        "x_dot": np.real(velocity),
+        "z_dot": np.imag(velocity),
+        "y": 0 * t,
+        "y_dot": 0 * t,
+    }
+    bump = sine(t, 2)
+
+    def first(direction: np.ndarray, turned: np.ndarray) -> float:
+        w = bump["x"] * direction
+        w_dot = bump["x_dot"] * direction + bump["x"] * rate * turned
+        varied = {"x": np.real(w), "z": np.imag(w), "x_dot": np.real(w_dot), "z_dot": np.imag(w_dot)}
+        return analysis.action(CartesianPendulum, t, path, varied).first
+
+    # (k h)⁴/384 = 1e-9 at k = 6 /s, times forces of 20 N
+    assert first(n, -e) == pytest.approx(0.0, abs=1e-7)
+    work = -simpson(2 * motion["lambda_1"] * bump["x"], x=t)
+    assert abs(work) > 1
+    assert first(e, n) == pytest.approx(work, abs=1e-7)
+
+
+class Skate(Mechanism):
+    """Knife edge on a slope, towards +x."""
+
+    mass = Parameter(0.7, "kg", "mass", above=0)
+    inertia = Parameter(0.3, "kg.m2", "moment of inertia", above=0)
+    gravity = Parameter(2.0, "m/s2", "gravity along the slope")
+    x = Coordinate("m", "down the slope")
+    y = Coordinate("m", "along the slope")
+    angle = Coordinate("rad", "direction of the edge from x", start_rate=1.5)
+
+    @non_holonomic("m/s", "speed across the edge")
+    def edge(self) -> ca.SX:
+        return -self.dot(self.x) * ca.sin(self.angle) + self.dot(self.y) * ca.cos(self.angle)
+
+    def kinetic_energy(self) -> ca.SX:
+        moving = self.mass / 2 * self.speed_squared({"x": self.x, "y": self.y})
+        return moving + self.inertia / 2 * self.dot(self.angle) ** 2
+
+    def potential_energy(self) -> ca.SX:
+        return -self.mass * self.gravity * self.x
+
+
+def test_vakonomic_equations_of_a_skate() -> None:
+    """H = (p_x cos φ + p_y sin φ)²/2m + p_φ²/2I - m g x; d'Alembert's has φ'' = 0 instead."""
+    phi, p_x, p_y, p_phi = 0.8, 1.1, -0.4, 0.6
+    along, across = p_x * np.cos(phi) + p_y * np.sin(phi), p_y * np.cos(phi) - p_x * np.sin(phi)
+    u = along / 0.7
+    found = analysis.vakonomic_equations(Skate).evaluate(angle=phi, p_x=p_x, p_y=p_y, p_angle=p_phi)
+    expected = [u * np.cos(phi), u * np.sin(phi), p_phi / 0.3, 0.7 * 2.0, 0.0, -u * across]
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+
+
+def test_vakonomic_equations_of_a_geometric_constraint_are_dalemberts() -> None:
+    """Accelerations of the CartesianPendulum, v(q, p) differentiated along the field, at a state on the rod."""
+    vakonomic = analysis.vakonomic_equations(CartesianPendulum)
+    equations, field = vakonomic.equations, vakonomic.expression
+    free = equations.mechanism.free
+    state = dict(zip(("x", "z", "x_dot", "z_dot"), (0.6, 1 - 0.8, 1.2 * 0.8, 1.2 * 0.6), strict=True))
+    acceleration = ca.jtimes(field[:3], ca.vertcat(free.q, free.p), field)
+    found = analysis.Quantity(equations, acceleration).evaluate(**state)
+    np.testing.assert_allclose(found, equations.evaluate("accelerations", **state), rtol=1e-11, atol=1e-11)
+
+
+def test_vakonomic_equations_need_linear_constraints() -> None:
+    class Steady(Skate):
+        """A skate that keeps its kinetic energy, as K Ex. 10 does."""
+
+        @non_holonomic("m2/s2", "square of the speed beyond 1")
+        def pace(self) -> ca.SX:
+            return self.speed_squared({"x": self.x, "y": self.y}) - self.unit
+
+        unit = Parameter(1.0, "m2/s2", "square of the speed")
+
+    with pytest.raises(
+        ComponentError, match="Steady: vakonomic equations need constraints that are linear in the rates"
+    ):
+        analysis.vakonomic_equations(Steady)

@@ -15,7 +15,7 @@ def _write(path: Path, offset: float) -> None:
     Result(path.stem, time, ("x",), np.array([1 + time + offset]), {"x": "m"}).to_csv(path)
 
 
-@pytest.mark.parametrize(("tolerance", "status"), [(None, 0), ("0.2", 0), ("0.1", 1)])
+@pytest.mark.parametrize(("tolerance", "status"), [(None, 0), ("0.2", 0), ("0.125", 0), ("0.1", 1)])
 def test_two_files(liaisons: Cli, tmp_path: Path, tolerance: str | None, status: int) -> None:
     _write(tmp_path / "one.csv", 0.0)
     _write(tmp_path / "two.csv", 0.25)

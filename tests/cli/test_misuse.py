@@ -70,6 +70,7 @@ MISUSE = {
     "simulate Pendulum --input nowhere.csv": ["nowhere.csv", "No such file"],
     "simulate Pendulum --input length=one.csv": ["--input one.csv"],
     "simulate Pendulum --input one.csv": ["one.csv", "from 0 to 1 s", "0 to 10 s", "--stop"],
+    "simulate Pendulum --input one.csv --start=-1 --stop 1": ["one.csv", "from 0 to 1 s", "-1 to 1 s"],
     "simulate Pendulum --input wrong.csv": ["no input 'lenght'", "did you mean 'length'"],
     "simulate pair.ssp --set swin.theta_0=1": ["swin.theta_0", "did you mean 'swing'"],
     "simulate pair.ssp --input swin.pivot_x=t": ["'swin'", "did you mean 'swing'"],
@@ -123,11 +124,24 @@ def test_a_figure_of_an_unknown_kind_is_noticed_before_the_run(
     assert sorted(tmp_path.rglob("*")) == files
 
 
-@pytest.mark.parametrize("command", ["", "list", "build", "simulate", "plan", "sweep", "compare", "run", "check"])
+@pytest.mark.parametrize(
+    "command", ["", "list", "build", "equations", "simulate", "plan", "sweep", "compare", "run", "check"]
+)
 def test_help_shows_examples(liaisons: Cli, command: str) -> None:
     reply = liaisons(*command.split(), "--help")
     assert reply.status == 0
     assert f"  liaisons {command}" in reply.out.split("examples:")[1]
+
+
+def test_equations_are_printed_in_one_form(liaisons: Cli) -> None:
+    assert liaisons("equations", "Pendulum", "--part", "momenta").out.startswith("Momenta: p")
+    assert r"\begin{align*}" in liaisons("equations", "Pendulum", "--part", "momenta", "--latex").out
+    assert liaisons("equations", "Pendulum", "--part", "momenta", "--html").out.startswith("<!DOCTYPE html>")
+    assert liaisons("equations", "Sinusoid", "--modelica").out.count("package Sinusoid") == 1
+    assert is_misuse(liaisons("equations", "Pendulum", "--html", "--latex"), "--text")
+    assert is_misuse(liaisons("equations", "Pendulum", "--modelica", "--part", "motion"), "without --part")
+    assert is_misuse(liaisons("equations", "Pendulum", "--part", "momentum"), "did you mean 'momenta'?")
+    assert is_misuse(liaisons("equations", "Pendulim"), "did you mean 'Pendulum'?")
 
 
 def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
@@ -140,7 +154,10 @@ def test_debug_lets_the_traceback_through(liaisons: Cli) -> None:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("liaisons ", ["list", "build", "simulate", "animate", "show", "plan", "sweep", "compare", "run", "check"]),
+        (
+            "liaisons ",
+            ["list", "build", "equations", "simulate", "animate", "show", "plan", "sweep", "compare", "run", "check"],
+        ),
         ("liaisons build Pe", ["Pendulum", "PendulumChain"]),
         ("liaisons run pumped", ["pumped_swing"]),
         ("liaisons build --backend ", ["auto", "native", "python"]),

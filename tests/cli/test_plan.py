@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from liaisons import System
 from liaisons.check import verdict
 from liaisons.operators import Plan
 
@@ -26,6 +27,8 @@ def test_a_goal_becomes_plan_figure_motion_system_and_verdicts(runs, tmp_path) -
     assert "the Hamiltonian is constant" in said
     for kind in ("json", "png", "gif", "ssp"):
         assert (tmp_path / "found" / f"crane.{kind}").stat().st_size > 1000
+    motion, system = Plan.load(tmp_path / "found/crane.json"), System.from_ssp(tmp_path / "found/crane.ssp")
+    assert system.experiment == motion.system(interpolate=False).experiment  # for masters that step all at once
 
 
 @pytest.mark.parametrize(

@@ -138,12 +138,15 @@ def test_smooth_signal_into_a_force_is_of_fourth_order_at_least(
     assert slope(steps, [abs(end - found[-1]) for end in found[:-1]]) == pytest.approx(order, abs=0.3)
 
 
-def test_smooth_output_of_another_make_is_of_fourth_order(fmu: FmuPaths, component: FmuPaths) -> None:
-    """Known by its values alone; the first steps, which have no past, are made in thirds."""
+@pytest.mark.parametrize("part", [1.0, 0.4])
+def test_smooth_output_of_another_make_is_of_fourth_order(fmu: FmuPaths, component: FmuPaths, part: float) -> None:
+    """Known by its values alone; the first steps, which have no past, are made in thirds; steps of one size or two."""
 
     def end(H: float) -> float:
         system = wired("wave.y -> mass.x_force", wave=fmu("Wave"), mass=(component("Oscillator"), {"x_0": 0.3}))
-        return system.simulate(4.0, H, tolerance=1e-13)["mass.x"][-1]
+        begins = np.arange(0, 4 + H / 2, H)
+        times = np.unique(np.round([*begins, *begins[:-1] + part * H], 12))
+        return system.simulate(times=times, tolerance=1e-13)["mass.x"][-1]
 
     truth = _pushed(component, "", "port").simulate(4.0, 0.01, tolerance=1e-13)["mass.x"][-1]
     assert slope(STEPS, [abs(end(H) - truth) for H in STEPS]) == pytest.approx(4.0, abs=0.3)
@@ -172,9 +175,14 @@ def test_kink_that_is_announced_stays_one(component: FmuPaths, start: float) -> 
 
 
 def test_what_inputs_do_can_be_left_to_the_fmu(component: FmuPaths) -> None:
-    held = _pushed(component, "", "port", input_reconstruction=1).simulate(1.0, 0.1, tolerance=1e-12)
-    named = _pushed(component, "", "port").simulate(1.0, 0.1, tolerance=1e-12, coupling="jacobi")
+    options: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1, "tolerance": 1e-12}
+    held = _pushed(component, "", "port", input_reconstruction=1).simulate(**options, coupling="implicit")
+    named, exact = (
+        _pushed(component, "", "port").simulate(**options, coupling=kind) for kind in ("jacobi", "implicit")
+    )
     np.testing.assert_array_equal(held["mass.x"], named["mass.x"])
+    assert held.coupling_error is not None
+    assert np.sum(held.coupling_error) > np.max(np.abs(held["mass.x"] - exact["mass.x"])) > 1e-3
 
 
 # ---- stability and energy -------------------------------------------------------------------------------------------

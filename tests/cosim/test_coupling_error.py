@@ -133,6 +133,16 @@ def test_a_jump_that_a_foreign_fmu_does_not_announce_is_seen(
     assert "force.y -> mass.x_force is handed over too rarely" in caplog.text
 
 
+def test_an_acceleration_that_is_held_counts(component: FmuPaths) -> None:
+    """Jacobi coupling holds it over a step; a pivot acts by nothing else."""
+    motor = component("Sinusoid"), {"amplitude": 0.1, "angular_frequency": 3.0}
+    system = wired("motor.y -> swing.pivot_x", motor=motor, swing=component("Pendulum"))
+    held, exact = (system.simulate(1.0, 0.02, coupling=kind, tolerance=1e-12) for kind in ("jacobi", "gauss-seidel"))
+    error = np.max(np.abs(held["swing.theta"] - exact["swing.theta"])) / np.max(np.abs(exact["swing.theta"]))
+    assert held.coupling_error is not None
+    assert error < np.sum(held.coupling_error) < 10 * error
+
+
 def test_one_fmu_alone_has_none(component: FmuPaths) -> None:
     alone = simulate(component("Pendulum"), stop_time=1.0, step_size=0.1)
     assert alone.coupling_error is not None

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+from xml.etree.ElementTree import Element
 
 import pytest
 
 from liaisons.cosim.description.model_description import UnitDefinition
 from liaisons.cosim.description.xml_documents import parse
+from liaisons.ssp.connectors import add_units
+from liaisons.ssp.xml import units
 
 KELVIN, CELSIUS, FAHRENHEIT = (
     UnitDefinition.of(name, {"K": "1", **attributes})
@@ -32,6 +35,12 @@ def test_both_units_may_have_an_offset(
     unit: UnitDefinition, other: UnitDefinition, value: float, expected: float
 ) -> None:
     assert unit.to(other).of(value) == pytest.approx(expected, abs=1e-10)
+
+
+def test_an_archive_says_what_units_are() -> None:
+    root, known = Element("root"), {"K": KELVIN, "degC": CELSIUS, "degF": FAHRENHEIT}
+    add_units(root, "ssd:Units", known)
+    assert units(root, "ssd:Units") == known
 
 
 def test_an_element_without_an_end_is_not_waited_for() -> None:

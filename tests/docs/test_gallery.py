@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from liaisons import compiler
-from liaisons.project import load_module
+from liaisons.project import load_module, scenario_files
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -39,6 +39,16 @@ def test_a_page_says_and_shows_what_the_scenario_does(gallery: ModuleType, tmp_p
         )
 
 
+def test_each_scenario_has_one_place(gallery: ModuleType) -> None:
+    names = [name for theme in gallery.THEMES.values() for name in theme]
+    assert sorted(names) == sorted(scenario_files())
+    assert gallery.TITLES.keys() <= set(names)
+    index = gallery._index([gallery.Entry("co2_modes", "Three modes.", "")], [])
+    assert "## Vibrations (K 5)" in index
+    assert "<b>CO₂ modes</b> Three modes. <i>LinearMolecule</i>" in index
+    assert "## Numerics" not in index  # where nothing is shown
+
+
 def test_a_claim_that_fails_has_no_page(gallery: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = tmp_path / "wrong.py"
     lines = [
@@ -56,7 +66,7 @@ def test_a_claim_that_fails_has_no_page(gallery: ModuleType, tmp_path: Path, mon
 
 def test_docstrings_become_markdown(gallery: ModuleType) -> None:
     said = "p_θ = m*l*θ' <b>, |θ|.\n\n    a*b_c\n\nScenario ``kepler`` and ``exact``."
-    expected = "p\\_θ = m\\*l\\*θ' \\<b\\>, \\|θ\\|.\n\n    a*b_c\n\nScenario [kepler](kepler.md) and `exact`."
+    expected = "p\\_θ = m\\*l\\*θ' \\<b\\>, \\|θ\\|.\n\n    a*b_c\n\nScenario [Kepler's laws](kepler.md) and `exact`."
     assert gallery._text(said, ["kepler"]) == expected
 
 

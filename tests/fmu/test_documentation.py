@@ -13,7 +13,7 @@ import pytest
 from liaisons.fmu.documentation import index_page
 from liaisons.fmu.documentation.sources import bibliography
 from liaisons.fmu.reference_results import trajectory
-from liaisons.formulas import Notation, formula, mathml
+from liaisons.formulas import MathML, Notation, formula
 from liaisons.language import Mechanism, Operator, ParameterArray
 from liaisons.mechanics import assemble
 from liaisons.mechanics.equations import derive
@@ -136,10 +136,11 @@ def test_no_accent_falls_into_its_letter() -> None:  # as it does without a math
 
 def test_each_equation_is_shown_or_named_as_too_long() -> None:
     model = assemble(SpatialCat)  # some of its formulas are too long
-    page, written_as = index_page(model).decode(), Notation.from_model(model)
+    page, notation = index_page(model).decode(), Notation.from_model(model)
+    printer = MathML(notation)
     for equation in model.equations:
-        written = formula(equation.right, written_as)
-        assert (mathml.terms(written.term, written_as)[0] if written else written_as[equation.left]) in page
+        written = formula(equation.right, notation)
+        assert (printer.terms(written.term)[0] if written else printer.name(equation.left)) in page
     assert "Too long to be read" in page
     nothing = [equation for equation in assemble(IsokineticOscillator).equations if equation.left == "0"]
     assert nothing

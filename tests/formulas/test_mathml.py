@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from liaisons.formulas import LAWS, Formula, Notation, Term, formula, mathml
+from liaisons.formulas import LAWS, Formula, MathML, Notation, Term, formula
 from liaisons.formulas.algebra import Algebra
 from liaisons.formulas.terms import Addition, Negative, summands
 from liaisons.formulas.writing import LONGEST
@@ -79,13 +79,13 @@ def read(written: Formula, notation: Notation, symbols: Mapping[str, float]) -> 
     """Value of a formula: its abbreviations one after the other, then its terms put together."""
     known = dict(symbols)
     for name, term in written.where:
-        (key,) = parsed(notation[name.name])
+        (key,) = parsed(MathML(notation).name(name.name))
         known[spelled(key)] = evaluated(term, notation, known)
     return evaluated(written.term, notation, known)
 
 
 def evaluated(term: Term, notation: Notation, symbols: Mapping[str, float]) -> float:
-    return eval(python(parsed("".join(mathml.terms(term, notation))), symbols), {"__builtins__": {}}, FUNCTIONS)
+    return eval(python(parsed("".join(MathML(notation).terms(term))), symbols), {"__builtins__": {}}, FUNCTIONS)
 
 
 # ---- the formulas ----------------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ def evaluated(term: Term, notation: Notation, symbols: Mapping[str, float]) -> f
 def test_formulas_read_back_from_mathml_have_the_values_of_the_symbols(component) -> None:
     model = assemble(component)
     written_as, rng = Notation.from_model(model), np.random.default_rng(7)
-    printed = 0
+    printer, printed = MathML(written_as), 0
     for equation in model.equations:
         written = formula(equation.right, written_as)
         if written is None:
@@ -105,7 +105,7 @@ def test_formulas_read_back_from_mathml_have_the_values_of_the_symbols(component
         function = ca.Function("f", symbols, [ca.densify(equation.right)])
         for _ in range(3):
             values = rng.uniform(0.4, 1.6, len(symbols)).tolist()  # positive, where roots and logarithms are real
-            known = {spelled(parsed(written_as[s.name()])[0]): v for s, v in zip(symbols, values, strict=True)}
+            known = {spelled(parsed(printer.name(s.name()))[0]): v for s, v in zip(symbols, values, strict=True)}
             assert len(known) == len(symbols), "two symbols are written alike"
             expected = float(function.call(values)[0])
             # Terms are summed in another order: rounding, magnified where terms of size 1 to 100 cancel.
@@ -145,7 +145,7 @@ def test_expressions_become_what_people_write(expression, expected) -> None:
     notation = Notation(["x", "y"])
     written = formula(expression(x, y), notation)
     assert written is not None
-    text = "".join(t for e in parsed("".join(mathml.terms(written.term, notation))) for t in e.itertext())
+    text = "".join(t for e in parsed("".join(MathML(notation).terms(written.term))) for t in e.itertext())
     assert text.replace("\u2062", "").replace("\u2061", "") == expected
 
 
@@ -167,15 +167,15 @@ def test_names_become_letters_dots_and_subscripts() -> None:
         "angle": "<mi>angle</mi>",  # not the sign ∠
     }
     names = Notation([*expected, "length"], {"length", "bend"}, {"bend": "κ", "arm_1": "c_1"})
-    assert {name: names[name] for name in expected} == expected
-    assert Notation.from_model(assemble(PlanarCat))["arm_1"] == expected["arm_1"]
+    assert {name: MathML(names).name(name) for name in expected} == expected
+    assert MathML(Notation.from_model(assemble(PlanarCat))).name("arm_1") == expected["arm_1"]
     alike = Notation(["mass", "m"])
     assert alike["mass"] != alike["m"]
 
 
 def test_laws_are_shown_as_they_are_written() -> None:
     for law in LAWS.values():
-        shown = "".join(text for element in parsed(law.markup) for text in element.itertext())
+        shown = "".join(text for element in parsed(law.written(MathML(Notation([])))) for text in element.itertext())
         assert shown == re.sub(r"[ _^/]", "", law.formula)
 
 

@@ -13,7 +13,17 @@ import pytest
 import liaisons
 from liaisons import language
 from liaisons.errors import ComponentError
-from liaisons.language import ActiveCoordinate, Coordinate, Experiment, Mechanism, Operator, Parameter, output, point
+from liaisons.language import (
+    ActiveCoordinate,
+    Box,
+    Coordinate,
+    Experiment,
+    Mechanism,
+    Operator,
+    Parameter,
+    output,
+    point,
+)
 from liaisons.mechanics import assemble
 from liaisons.project import ProjectError, load_module
 
@@ -52,6 +62,8 @@ def square(rate: Any) -> Callable[[Any], ca.SX]:
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"kinetic_energy": lambda m: m.mass / 2 * m.x_dot**2}, r"unknown symbol self\.x_dot; write self\.dot\(self\.x\)$"),
+    ({"potential_energy": lambda m: m.x_ddot}, r"self\.x_ddot; write self\.dot\(self\.dot\(self\.x\)\)$"),
     ({"potential_energy": lambda m: m.mas * m.x}, r"Odd: unknown symbol self\.mas; did you mean 'mass'\?"),
     (
         {"potential_energy": lambda m: ca.SX.sym("stiffness") * m.x**2 / 2},
@@ -65,7 +77,10 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ),
     ({"potential_energy": lambda _: "mgz"}, r"Odd\.potential_energy returns 'mgz'"),
     ({"kinetic_energy": lambda _: None}, r"Odd\.kinetic_energy returns nothing"),
-    ({"potential_energy": lambda m: m.x * (1 / 0)}, r"Odd\.potential_energy: ZeroDivisionError"),
+    (
+        {"potential_energy": lambda m: m.x * (1 / 0)},
+        r"potential_energy: ZeroDiv.* \(test_declarations\.py, line \d+\)",
+    ),
     ({"y": Coordinate("m", "position of nothing")}, r"Odd: mass matrix is singular .* no kinetic energy belongs to y"),
     (
         {"y": Coordinate("m", "moves together with x"), "kinetic_energy": square(lambda m: m.dot(m.x) + m.dot(m.y))},
@@ -105,7 +120,20 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
         },
         r"mass matrix .* is not positive definite while upper = 0 kg",
     ),
-    ({"x_load": Parameter(1.0, "N", "load")}, "two variables would be called 'x_load'"),
+    (
+        {"x_load": Parameter(1.0, "N", "what it carries")},
+        r"two variables would be called 'x_load': 'what it carries' and 'generalised force that this mechanism exerts",
+    ),
+    ({"time": Parameter(1.0, "s", "duration")}, "called 'time': 'which every FMU has' and 'duration'"),
+    (
+        {"picture": lambda m: [Box({"x": m.x}, size=(1, 1, 1))]},  # pyright: ignore[reportCallIssue]
+        r"Odd\.picture: TypeError: .*missing .*'axes' \(test_declarations\.py, line \d+\)",
+    ),
+    (
+        {"picture": lambda m: [Box({"x": m.x}, ca.SX([1, 0, 0]), (1, 1, 1))]},
+        r"Odd\.picture: .*rotation matrix \(3, 3\), e\.g\. turned\('y', self\.theta\)",
+    ),
+    ({"picture": lambda m: m.x}, r"Odd\.picture returns SX\(x\); return a list of Rod"),
     ({"momentum": Parameter(1.0, "N", "momentum")}, r"Odd\.momentum: the name is taken by the base class"),
     ({"height": Parameter(-1.0, "m", "height", above=0)}, r"Odd\.height: default -1 m is outside .* must be > 0"),
     ({"length": Parameter(1.0, "", "length")}, r"Odd\.length has no unit; that of a pure number is '1'"),
@@ -166,7 +194,7 @@ LOOSE: Any = SimpleNamespace(
     **{item.__name__: item for item in (Parameter, Coordinate, ActiveCoordinate, Experiment, output)}
 )
 """As who writes without a type checker has them."""
-MOVING = {"s": ActiveCoordinate("m", "driven"), "kinetic_energy": lambda m: m.dot(m.s) ** 2}
+NOTHING = {"kinetic_energy": lambda _: ca.SX(0)}
 WAVE = {"amplitude": Parameter(1.0, "", "amplitude"), "signal": lambda m, t: m.amplitud * ca.sin(t)}
 
 
@@ -193,7 +221,7 @@ WAVE = {"amplitude": Parameter(1.0, "", "amplitude"), "signal": lambda m, t: m.a
         (lambda: LOOSE.Experiment(step_size=0), "Experiment: step_size = 0: it must be a number > 0"),
         (lambda: LOOSE.Experiment(tolerance=math.nan), "Experiment: tolerance = nan: it must be a number > 0"),
         (lambda: LOOSE.Experiment(stop_time="10"), "Experiment: stop_time = '10': it must be a number > 0"),
-        (lambda: type("Frozen", (Mechanism,), MOVING), "declare at least one Coordinate"),
+        (lambda: type("Frozen", (Mechanism,), NOTHING), "declare at least one Coordinate"),
         (
             lambda: type("Still", (Mechanism,), {"x": Coordinate("m", "position")}),
             r"Still defines no kinetic_energy\(\), which every Mechanism has to",

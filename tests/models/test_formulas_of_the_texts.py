@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from on_paper import algebra
 
 from liaisons.errors import ComponentError, ValidityError
-from liaisons.language import unchecked
+from liaisons.language import ActiveCoordinate, Coordinate, Mechanism, Parameter, unchecked
 from liaisons.mechanics import derive
 from liaisons.models import CircularHoop, Oscillator, Pendulum, Swing
 
@@ -218,3 +218,34 @@ def test_ma3_without_the_dots_equation_61_is_no_lagrangian() -> None:
             @unchecked("a length stands where its rate belongs")
             def lagrangian(self) -> ca.SX:
                 return ca.substitute(self.kinetic_energy(), self.free.q_dot, self.free.q)
+
+
+# ---- Marle 5: a Lagrangian that is hyper-regular, and no mechanism with an operator ------------------------------
+
+
+def test_the_product_of_equation_39_is_refused_because_it_would_bind_the_operator() -> None:
+    """L = v¹ v², π = x²: eq. 26 says σ'' = 0, eq. 27 says λ = x¹'', and nothing says what x¹ is.
+
+    L is hyper-regular with H = p_1 p_2 (eq. 40), but ∂H/∂p_2 = p_1 does not contain p_2: eq. 37 cannot be solved.
+    """
+    v, a, p = ca.SX.sym("v", 2), ca.SX.sym("a", 2), ca.SX.sym("p", 2)
+    L = v[0] * v[1]
+    lagrange = ca.jtimes(ca.gradient(L, v), v, a)  # d/dt ∂L/∂v; ∂L/∂x = 0
+    np.testing.assert_array_equal(ca.DM(ca.substitute(lagrange, a, ca.DM([2.0, 3.0]))), [[3.0], [2.0]])  # (σ'', x¹'')
+    metric = ca.DM(ca.hessian(L, v)[0])
+    assert np.linalg.matrix_rank(np.asarray(metric)) == 2
+    rates = ca.solve(metric, p)
+    H = ca.dot(p, rates) - ca.substitute(L, v, rates)
+    assert float(ca.DM(ca.substitute(H, p, ca.DM([2.0, 5.0])))) == 10.0
+    assert float(ca.DM(ca.hessian(H, p)[0])[1, 1]) == 0.0
+    with pytest.raises(ComponentError, match=r"x_1_dot is multiplied by rates of active coordinates alone.*M eq\. 39"):
+
+        class Product(Mechanism):
+            """M eq. 39."""
+
+            mass = Parameter(1.0, "kg", "mass", above=0)
+            x_1 = Coordinate("m", "free")
+            x_2 = ActiveCoordinate("m", "prescribed")
+
+            def kinetic_energy(self) -> ca.SX:
+                return self.mass * self.dot(self.x_1) * self.dot(self.x_2)

@@ -19,6 +19,7 @@ from liaisons.models.regulator import KNOTS
 from liaisons.operators import PlanError
 from liaisons.operators.controllers import ReferenceTrajectory
 from liaisons.operators.feedback import backward, periodic, reachable, riccati
+from liaisons.operators.holding import _beside
 from liaisons.operators.problems import problem_of
 from liaisons.units import ANY, parse
 
@@ -314,6 +315,16 @@ def test_motors_give_no_more_than_they_can() -> None:
         assert np.abs(regulator.deviation(run)[:4, -1]).max() < 1e-5
     assert greatest[0] > 0.003
     assert greatest[1] == pytest.approx(0.002, rel=0.1)
+
+
+def test_what_acts_on_a_bounded_force_shares_it() -> None:
+    motion = planned("cat")
+    regulator, sampled = hold(motion, bounds={"psi_1_force": (-20, 20)}), _beside(motion)
+    trajectory, limits = regulator.trajectory, regulator.correction_limits
+    least, most = limits["lowest"].T, limits["highest"].T
+    for x, sigma, low, high in zip(trajectory.states.T, trajectory.motion.transpose(2, 0, 1), least, most, strict=True):
+        forces, masses = sampled.forces(x[: len(sampled.names)], sigma)
+        assert forces[0] + masses[0] @ np.where(masses[0] > 0, high, low) <= 20 + 1e-9
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from liaisons import Plan, System, plan
 from liaisons.operators import PlanError, transcription
 from liaisons.operators.plans import _even
 from liaisons.operators.problems import problem_of
+from liaisons.operators.searching import _is_led
 from liaisons.operators.transcription import Clock, curvature, relative
 from liaisons.operators.verifying import _curved, _meshes, _replayed, hamiltonian_scale
 
@@ -120,6 +121,7 @@ def test_a_cat_turns_in_one_loop_by_a_geodesic() -> None:
     assert all(verdict.passed for verdict in found), "\n".join(map(str, found))
     begin, end = motion.sigma([0.0, motion.duration])["psi_1"]
     assert begin == pytest.approx(end, abs=1e-12)
+    assert abs(begin) > 1  # where a loop begins is free: from 0 it costs seven times as much
     assert any("Θ-speed" in verdict.claim for verdict in found)
     replay = motion.replay()
     values = replay.values.copy()
@@ -195,6 +197,7 @@ def test_a_pendulum_on_paper_and_one_in_space_are_pulled_alike() -> None:
     end = {"rod": 1.2, "rod_dot": 0, "x": 0}
     cartesian = plan("CartesianPendulum", start=start, end=end, minimize="rod_ddot**2", **goal)
     assert cartesian.cost == pytest.approx(polar.cost, rel=1e-8)
+    assert polar.problem.path.low == pytest.approx([1e-3])  # at length 0 is a singularity
     replay = cartesian.replay()
     assert replay["x"][-1] == pytest.approx(0, abs=1e-8)
     assert replay["rod"][-1] == pytest.approx(1.2, abs=1e-8)
@@ -329,7 +332,7 @@ def test_a_time_limit_is_named_where_nothing_was_found() -> None:
         plan("PlanarCat", end={"phi": -1.047}, bounds=LIMBS, time_limit=0.01, **CAT)
 
 
-def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     run = transcription._run
 
     def stopped(*arguments: Any, **options: Any) -> str:
@@ -341,6 +344,8 @@ def test_what_was_stopped_on_the_way_is_marked(monkeypatch: pytest.MonkeyPatch) 
     assert not motion.finished
     assert not motion.proved
     assert "not proved" in repr(motion)
+    motion.save(tmp_path / "stopped.json")
+    assert not Plan.load(tmp_path / "stopped.json").finished
     assert not all(verdict.passed for verdict in motion.verify())
 
 
@@ -375,6 +380,7 @@ def test_least_effort_of_a_sphere_is_that_of_a_cubic() -> None:
     sphere: dict[str, Any] = {"J_xx": 1.1, "J_yy": 1.1, "J_zz": 1.1, "J_wheel": 0.1}
     motion = plan("Satellite", end=end, duration=2.0, minimize="effort", intervals=10, **sphere)
     assert motion.cost == pytest.approx(12 * np.pi**2 / 2**3, rel=1e-9)
+    assert motion.multipliers["duration"] == pytest.approx(-3 / 2 * motion.cost, rel=1e-6)
 
 
 def test_the_best_half_swing_stands_up_at_the_lowest_point() -> None:
@@ -549,6 +555,8 @@ def test_the_law_of_the_extremal_is_held_to_a_millionth() -> None:
     assert failed(motion, hamiltonian=tilted - tilted.mean()) == ["the Hamiltonian is constant"]
     assert failed(motion, hamiltonian=H + 1e-5 * size) == ["it is 0, for the duration is free"]
     assert not failed(motion)
+    (finer,) = failed(motion, cost=motion.cost * (1 + 1e-5))
+    assert "costs the same" in finer
 
 
 @pytest.mark.parametrize(("intervals", "passed"), [(2, False), (10, True)])
@@ -557,6 +565,14 @@ def test_a_mesh_that_is_too_coarse_costs_otherwise_than_a_finer_one(intervals: i
     finer = _meshes(motion.problem.relative, relative(motion.problem, motion.solution), Clock())[0]
     assert finer.claim == f"a mesh of {4 if intervals == 2 else 15} intervals costs the same as one of {intervals}"
     assert finer.passed == passed
+
+
+def test_a_motion_that_the_equations_leave_is_not_believed() -> None:
+    motion = crane(tries=1)
+    problem, solution = motion.problem.relative, relative(motion.problem, motion.solution)
+    knots = solution.trajectory.knots + 1e-4 * np.eye(*solution.trajectory.knots.shape)
+    assert _is_led(problem, solution)
+    assert not _is_led(problem, replace(solution, trajectory=replace(solution.trajectory, knots=knots)))
 
 
 def test_an_extremal_that_is_no_minimum_is_told_by_the_second_order() -> None:

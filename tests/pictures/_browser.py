@@ -140,6 +140,13 @@ def difference(one: Mapping[str, float], other: Mapping[str, float], scales: Map
     return max(abs(one[name] - other[name]) / scales[name] for name in scales)
 
 
+def enter(live: Live, name: str, value: float) -> None:
+    """Enter a number beside a slider."""
+    field = live.page.locator(f'[data-number="{name}"]')
+    field.fill(str(value))
+    field.dispatch_event("change")
+
+
 def preset(live: Live, name: str, choice: str, **fields: float) -> None:
     """Choose what moves a coordinate, by the page's own menu."""
     menu = live.page.locator(f'select[data-preset="{name}"]')

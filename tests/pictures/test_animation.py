@@ -21,7 +21,8 @@ from liaisons.models import Pendulum, Sinusoid
 from liaisons.pictures import Picture, motion_frames
 from liaisons.pictures.camera import facing
 from liaisons.pictures.frames import RATE, Frames, frames
-from liaisons.pictures.stage import Stage
+from liaisons.pictures.gltf import _MESHES, _material, _quaternions
+from liaisons.pictures.stage import LIGHT, Stage, rgb
 
 from .conftest import MECHANISMS
 
@@ -98,6 +99,7 @@ def test_a_viewer_of_glb_sees_all_shapes_where_they_are(
     seen = moving(result, 1.5 / RATE)
     document, data = content(tmp_path / "motion.glb")
     (animation,) = document["animations"]
+    assert Rotation.from_quat(document["nodes"][-1]["rotation"]).apply([0, 0, 1]) == pytest.approx([0, 1, 0])  # y is up
     keys: dict[tuple[int, str], np.ndarray] = {}
     for channel in animation["channels"]:
         sampler = animation["samplers"][channel["sampler"]]
@@ -137,6 +139,29 @@ def test_a_viewer_of_glb_sees_all_shapes_where_they_are(
                 if shape.kind == "spring":  # its wire is thick
                     axis = np.array([[0, 0, 0], [0, 0, 1]])
                 assert placed(node, axis) == pytest.approx(ends[:, piece : piece + 2], abs=1e-6)
+
+
+def test_keyframes_turn_the_short_way() -> None:
+    turned = Rotation.from_rotvec(np.outer(np.linspace(0, 9, 50), [0.6, 0, 0.8])).as_matrix()
+    quaternions = _quaternions(np.swapaxes(turned, 1, 2))
+    assert np.sum(quaternions[1:] * quaternions[:-1], axis=1) == pytest.approx(np.cos(9 / 49 / 2))
+
+
+@pytest.mark.parametrize("kind", _MESHES)
+def test_triangles_go_round_their_normals_counter_clockwise(kind: str) -> None:
+    places, normals, corners = _MESHES[kind]()
+    a, b, c = places[corners].swapaxes(0, 1)
+    areas = np.cross(b - a, c - a)
+    assert np.all(np.sum(areas[:, None] * normals[corners], axis=2) > 0)
+    if kind != "spring":  # the others are convex
+        assert np.all(np.sum(areas * (a + b + c - 3 * (places.min(axis=0) + places.max(axis=0)) / 2), axis=1) > 0)
+
+
+def test_colours_are_linear() -> None:
+    """As the specification of glTF has them: 75, 91 and 107 of 255 in sRGB."""
+    assert _material("rod")["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx(
+        [0.0704, 0.1046, 0.1470, 1], abs=1e-4
+    )
 
 
 def test_a_gif_lasts_as_long_as_the_motion(swing: Result, tmp_path: Path) -> None:
@@ -249,6 +274,7 @@ def test_damaged_pictures(text: bytes, message: str) -> None:
 def test_the_camera_faces_the_plane(plane: str | None) -> None:
     axes = facing(plane).axes
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1)  # right, up, towards the eye
     if plane is not None:
         right, up = (np.eye(3)["xyz".index(axis)] for axis in plane)
         assert axes[:2] == pytest.approx(np.array([right, up]), abs=1e-12)
@@ -266,6 +292,13 @@ def test_what_is_in_front_is_painted_last_and_backs_of_boxes_are_not(turn: float
     centres = [side * h * e for h, e in zip(half, np.eye(3), strict=True) for side in (1, -1)]
     expected = sorted(facing(None, turn).see(centre)[:2].tolist() for centre in centres if centre @ eye > 0)
     assert sorted(face.corners.mean(axis=0).tolist() for face in sides) == [pytest.approx(e) for e in expected]
+    lit = [
+        face.corners.mean(axis=0).tolist() for face in sides if max(face.colour[:3]) > 0.56 * max(rgb("box"))
+    ]  # or 0.55
+    towards = [
+        facing(None, turn).see(centre)[:2].tolist() for centre in centres if min(centre @ eye, centre @ LIGHT) > 0
+    ]
+    assert sorted(lit) == [pytest.approx(e) for e in sorted(towards)]
 
 
 def test_frames_are_those_of_their_instants(swing: Result) -> None:

@@ -18,7 +18,7 @@ def test_everything_lies_within_what_is_seen(third: float | str) -> None:
     bob = ["x", third, "z"]
     shapes = ({"shape": "rod", "from": [0, 0, 0], "to": bob}, {"shape": "ball", "at": bob})
     time = np.linspace(0, 2 * np.pi, 25)
-    signals = {"x": 3 * np.cos(time), "y": 0.5 * np.cos(time), "z": np.sin(time)}
+    signals = {"x": 3 * np.cos(time), "y": 3 * np.cos(time), "z": np.sin(time)}
     stage = Stage(frames(Picture(shapes), time, signals.__getitem__, title="it"))
     for turn in TURNS if third else TURNS[:1]:
         corners = np.concatenate([face.corners for k in range(len(time)) for face in stage.faces(k, turn)])

@@ -8,6 +8,7 @@ from importlib import import_module
 import pytest
 
 from liaisons.cli import main
+from liaisons.cli.sweep import _values
 from liaisons.sweeps.outcome import Completed, Failure, Outcome
 from liaisons.sweeps.workers import Deliver
 
@@ -56,6 +57,10 @@ def test_misuse_is_one_line(pendulum, tmp_path, monkeypatch, capsys, words) -> N
     assert MISUSE[words] in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_values_are_spaced_evenly_from_first_to_last() -> None:
+    assert _values("theta_0=0:1:3") == ("theta_0", [0.0, 0.5, 1.0])
 
 
 def test_the_help_says_whom_to_trust(capsys) -> None:

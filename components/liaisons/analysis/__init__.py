@@ -9,11 +9,12 @@ evaluated by the names of its symbols::
 ========================  ===================================================================  ===================
 conservation laws         cyclic_coordinates, noether                                          K 2.4
 similarity and virial     similarity, virial                                                   K 2.5, 2.7
-variational principles    action, stationary_path, gauss_function                              K 3.1, 4
+variational principles    action, stationary_path, vakonomic_equations, gauss_function         K 3.1, 4, M 3
 Hamilton's mechanics      hamiltonian, hamilton_equations, observable, poisson_bracket         K 3.2, 3.3
 phase space               phase_velocity, divergence, flow                                     K 3.4
 vibrations                equilibrium, normal_modes                                            K 5.2
 active constraints        active_hamiltonian, effective_mass, active_energy, dynamic_field     M 6, 7
+multipliers               legendre_rank, multiplier_equations, reduced_multiplier_equations    M 4, 6
 geometry of shapes        kinetic_connection, curvature, holonomy, curvature_integral          M 7, 8
 ========================  ===================================================================  ===================
 """
@@ -28,6 +29,9 @@ from liaisons.analysis.active import (
     effective_mass,
     holonomy,
     kinetic_connection,
+    legendre_rank,
+    multiplier_equations,
+    reduced_multiplier_equations,
 )
 from liaisons.analysis.phase_space import (
     Flow,
@@ -38,7 +42,14 @@ from liaisons.analysis.phase_space import (
     phase_velocity,
     poisson_bracket,
 )
-from liaisons.analysis.principles import Action, StationaryPath, action, gauss_function, stationary_path
+from liaisons.analysis.principles import (
+    Action,
+    StationaryPath,
+    action,
+    gauss_function,
+    stationary_path,
+    vakonomic_equations,
+)
 from liaisons.analysis.quantity import Quantity, observable
 from liaisons.analysis.symmetry import Similarity, Virial, cyclic_coordinates, noether, similarity, virial
 from liaisons.analysis.vibrations import NormalModes, equilibrium, normal_modes
@@ -68,12 +79,16 @@ __all__ = [
     "hamiltonian",
     "holonomy",
     "kinetic_connection",
+    "legendre_rank",
+    "multiplier_equations",
     "noether",
     "normal_modes",
     "observable",
     "phase_velocity",
     "poisson_bracket",
+    "reduced_multiplier_equations",
     "similarity",
     "stationary_path",
+    "vakonomic_equations",
     "virial",
 ]

@@ -23,6 +23,7 @@ from liaisons.analysis.quantity import (
     largest,
     require_coordinates,
     require_independent,
+    sample_states,
     turning_part,
 )
 from liaisons.errors import ComponentError, suggestion
@@ -44,6 +45,73 @@ def active_hamiltonian(source: Source) -> Quantity:
     """
     equations = _adapted(source)
     return Quantity(equations, equations.in_phase_space(equations.energy))
+
+
+def legendre_rank(source: Source, **values: float) -> tuple[int, int]:
+    """Rank of ∂²L/∂v∂v over the rates v of all coordinates, free and active, at random states; and their number.
+
+    L is hyper-regular, and Legendre's transformation (M eq. 10) can be inverted, where both are the same.
+
+    :param values: parameters and coordinates where they differ from their defaults.
+    """
+    equations = equations_of(source)
+    metric = ca.hessian(equations.lagrangian, _rates(equations))[0]
+    matrices = Quantity(equations, metric).evaluate(**sample_states(equations, values)).reshape(*metric.shape, -1)
+    return int(np.min(np.linalg.matrix_rank(np.moveaxis(matrices, -1, 0)))), metric.shape[0]
+
+
+def multiplier_equations(source: Source, **values: float) -> Quantity:
+    """(ẋ, ṗ, λ) from H on T*M alone: Hamilton's equations with multipliers (M eq. 29-38); (n + f + a,).
+
+    H(x, s, p, p_s) is Legendre's transform in all rates; ∂H/∂p_s = ṡ (eq. 37) gives the p_s of the active coordinates,
+    ∂H/∂p and -∂H/∂x (eq. 36) the motion, dp_s/dt + ∂H/∂s (eq. 38) the operator's forces λ, which contain s̈.
+    Without friction, drives and loads.
+
+    :param values: parameters for which L is hyper-regular, if it is not for the defaults.
+    :raises ComponentError: if L is not hyper-regular; unless there are active coordinates and the free ones are
+        independent.
+    """
+    equations = _adapted(source)
+    m, L = equations.mechanism, equations.lagrangian
+    rank, count = legendre_rank(equations, **values)
+    if rank < count:
+        raise ComponentError(
+            f"{equations.name}: L is not hyper-regular: its kinetic energy has rank {rank} of {count} in the rates of "
+            "free and active coordinates; use reduced_multiplier_equations()"
+        )
+    rates, p_s = _rates(equations), ca.SX.sym("p_s", len(m.actives))
+    linear = ca.substitute(gradient(L, rates), rates, ca.SX.zeros(rates.shape))
+    inverse = solve_symmetric(ca.hessian(L, rates)[0], ca.vertcat(m.free.frame.T @ m.free.p, p_s) - linear)
+    H = ca.substitute(ca.dot(gradient(L, rates), rates) - L, rates, inverse)
+    slope = gradient(H, p_s)
+    at_zero_momentum = ca.substitute(slope, p_s, ca.SX.zeros(p_s.shape))
+    solved = solve_symmetric(ca.jacobian(slope, p_s), m.active.s_dot - at_zero_momentum)
+    return _with_multipliers(equations, H, p_s, solved)
+
+
+def reduced_multiplier_equations(source: Source) -> Quantity:
+    """The same (ẋ, ṗ, λ) from H̃ - Σ Y^β p_β on V*M with Y = ṡ (M eq. 45-47), which every L with an A⁻¹ has.
+
+    :raises ComponentError: unless there are active coordinates and the free ones are independent.
+    """
+    equations = _adapted(source)
+    h, s_dot = hamiltonian(equations).expression, equations.mechanism.active.s_dot
+    return _with_multipliers(equations, h, ca.SX.sym("p_s", s_dot.shape[0]), -gradient(h, s_dot))
+
+
+def _with_multipliers(equations: Equations, h: ca.SX, p_s: ca.SX, momenta: ca.SX) -> Quantity:
+    """The motion that h generates, and λ = dp_s/dt + ∂h/∂s along it; momenta are p_s as functions of (x, s, p, ṡ)."""
+    m, momenta = equations.mechanism, ca.densify(momenta)
+    field = ca.vertcat(*hamiltonian_field(equations, h))
+    field, slope = (ca.substitute(part, p_s, momenta) for part in (field, gradient(h, m.active.s)))
+    state = ca.vertcat(m.free.q, m.free.p, m.active.s, m.active.s_dot)
+    change = ca.jtimes(momenta, state, ca.densify(ca.vertcat(field, m.active.s_dot, m.active.s_ddot)))
+    return Quantity(equations, ca.vertcat(field, change + slope))
+
+
+def _rates(equations: Equations) -> ca.SX:
+    """Rates of free and active coordinates; a column."""
+    return ca.vertcat(equations.mechanism.free.q_dot, equations.mechanism.active.s_dot)
 
 
 def effective_mass(source: Source) -> Quantity:

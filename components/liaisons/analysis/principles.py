@@ -1,4 +1,4 @@
-"""Variational principles: the action is stationary (K 3.1), the constraint is least (K 4)."""
+"""Variational principles: the action is stationary (K 3.1, M 3), the constraint is least (K 4)."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liaisons.analysis.numeric import eigenproblem, frozen, instants
+from liaisons.analysis.phase_space import hamiltonian_field
 from liaisons.analysis.quantity import Quantity, Source, equations_of, require_coordinates
 from liaisons.errors import ComponentError, suggestion
 from liaisons.expressions.algebra import solve_symmetric
 from liaisons.mechanics.equations import Equations
+from liaisons.mechanics.inertia import inertia_of
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)  # exact for squares of cubic polynomials
 _NODES, _WEIGHTS = (1 + _NODES) / 2, _WEIGHTS / 2
@@ -36,25 +38,28 @@ def action(
     variation: Mapping[str, ArrayLike] | None = None,
     **values: float,
 ) -> Action:
-    """S = ∫ L dt of a sampled path (K eq. 76), and how it changes with the path (K eq. 77).
+    """S = ∫ L dt of a sampled path (K eq. 76, M eq. 1), and how it changes with the path (K eq. 77, M eq. 9).
+
+    Constraints stand beside L, not in it: a motion under constraints makes S stationary for variations that are
+    compatible with them, C δq = 0 and δs = 0, and these alone (Hölder's principle, M eq. 15).
 
     Between the samples the path is the cubic Hermite polynomial of values and rates, which is integrated by Gauss's
     rule.  As S is stationary on a motion, an interpolation error e of the motion enters S by its square.
 
     :param time: instants [s], shape (n,), increasing.
     :param path: ``q`` and ``q_dot`` of each free coordinate, also ``s`` and ``s_dot`` of active ones that move; (n,).
-    :param variation: δq in the same way, 0 at both ends; coordinates that are not named do not vary.
+    :param variation: δq, δs in the same way, 0 at both ends; coordinates that are not named do not vary.
     :param values: parameters, and active coordinates that do not move.
-    :raises ComponentError: for constraints, missing or unknown samples, shapes that do not fit, or a variation that
+    :raises ComponentError: for an orientation, missing or unknown samples, shapes that do not fit, or a variation that
         moves the ends.
     """
     equations = equations_of(source)
-    require_coordinates(equations, "the action")
+    require_coordinates(equations, "the action", independent=False)
     names = _moving(equations, path)
     t, z = _samples(equations, time, path, names)
     eta = np.zeros_like(z)
     if variation is not None:
-        varied = _moving(equations, variation, among=[item.name for item in equations.mechanism.coordinates])
+        varied = _moving(equations, variation, among=names)
         _, samples = _samples(equations, time, variation, varied)
         eta[[names.index(name) for name in varied]] = samples
         if np.max(np.abs(eta[:, 0, [0, -1]])) > 1e-9 * np.max(np.abs(eta[:, 0])):
@@ -110,6 +115,27 @@ def stationary_path(source: Source, time: ArrayLike, guess: Mapping[str, ArrayLi
             columns = {f"{name}{end}": z[k, d] for k, name in enumerate(names) for d, end in enumerate(("", "_dot"))}
             return StationaryPath(columns, S, int(np.count_nonzero(curvatures < 0)))
     raise ComponentError(f"{equations.name}: no path of stationary action found; start nearer to one")
+
+
+def vakonomic_equations(source: Source) -> Quantity:
+    """q̇ and ṗ of the paths with δS = 0 among all that keep the constraints (Arnold and Kozlov, after M 1); (n + f,).
+
+    They are Hamilton's equations for the largest p·q̇ - L over the rates that the constraints allow.  Of geometric
+    constraints they are d'Alembert's motion, of non-holonomic ones another: there p is no longer ∂L/∂q̇, and what it has
+    across the constraints is free at the start.  Without friction, drives and loads.
+
+    :raises ComponentError: for a constraint that is not linear in the rates.
+    """
+    equations = equations_of(source)
+    m, kept = equations.mechanism, equations.constraints
+    if ca.depends_on(kept.matrix, m.free.q_dot):
+        raise ComponentError(f"{equations.name}: vakonomic equations need constraints that are linear in the rates")
+    loose, metric = equations.unconstrained_velocities, inertia_of(m, equations.lagrangian)
+    missing = -ca.substitute(kept.rate_residuals, m.free.q_dot, loose)
+    allowed = loose + metric.under(kept.matrix, ca.SX.zeros(loose.shape), missing, kept.squares)[0]
+    H = ca.dot(m.free.frame.T @ m.free.p, m.free.q_dot) - equations.lagrangian
+    field = hamiltonian_field(equations, ca.substitute(H, m.free.q_dot, allowed))
+    return Quantity(equations, ca.vertcat(*field))
 
 
 def gauss_function(source: Source) -> Quantity:

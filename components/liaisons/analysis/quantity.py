@@ -92,9 +92,10 @@ def numbers_of(equations: Equations, values: Mapping[str, ArrayLike]) -> dict[st
     return {name: np.asarray(number, dtype=float) for name, number in numbers.items()}
 
 
-def require_coordinates(equations: Equations, purpose: str) -> None:
-    """Raise a ComponentError unless free coordinates without constraints describe the motion."""
-    require_independent(equations, purpose)
+def require_coordinates(equations: Equations, purpose: str, *, independent: bool = True) -> None:
+    """Raise a ComponentError unless free coordinates describe the motion, without constraints if ``independent``."""
+    if independent:
+        require_independent(equations, purpose)
     if orientations := [item.name for item in equations.mechanism.orientations]:
         raise ComponentError(
             f"{equations.name}: {purpose} needs coordinates; describe the mechanism by angles instead of the "

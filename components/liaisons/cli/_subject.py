@@ -28,9 +28,14 @@ def resolved(word: str, starts: Iterable[Any]) -> tuple[Path | System, dict[str,
     start_values = dict(starts)
     if word.lower().endswith(".ssp"):
         return ssp.read(word, System, start_values), {}
+    return declared_system(word) or fmu_file(word), start_values
+
+
+def declared_system(word: str) -> System | None:
+    """The system that ``FILE.py:NAME`` names, if it does."""
     file, separator, name = word.rpartition(".py:")
     system = getattr(load_module(Path(f"{file}.py")), name, None) if separator else None
-    return (system if isinstance(system, System) else fmu_file(word)), start_values
+    return system if isinstance(system, System) else None
 
 
 def simulation(

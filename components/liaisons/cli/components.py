@@ -49,6 +49,7 @@ def listing(
     liaisons build Pendulum --fmi 3 --platforms wasm
     liaisons build OscillatorChain --size n=1000
     liaisons build my_component.py --output /tmp/fmus --platforms all
+    liaisons build Pendulum --modelica
 """)
 def build(
     targets: Annotated[
@@ -83,6 +84,10 @@ def build(
     size: Annotated[
         Any, option("n=NUMBER", "how many links a chain has (default: as it declares)", parser=assignment)
     ] = None,
+    as_modelica: Annotated[
+        bool,
+        typer.Option("--modelica", help="write Modelica text, NAME.mo, and no FMU; without names one package of all"),
+    ] = False,
     output: Annotated[Path | None, option("DIR", "where they go (default: fmus/)")] = None,
 ) -> int:
     """Build FMUs."""
@@ -90,6 +95,8 @@ def build(
     chosen = targets or declared_components()
     named = [(t, component) for t in (catalogue() if chosen is None else chosen) for component in find(t)]
     folder = output or fmus_directory()
+    if as_modelica:
+        return _write_modelica([component for _, component in named], folder, whole=not targets)
     for _, component in named:
         claim(component, folder)
     names = [(target, component.__name__) for target, component in named]
@@ -99,6 +106,19 @@ def build(
     for paths in _on_all_cores(partial(_build_one, folder, sizes, versions, how), names):
         for path in paths:
             print(from_here(path), flush=True)
+    return 0
+
+
+def _write_modelica(components: list[type[Component]], folder: Path, *, whole: bool) -> int:
+    """Write ``NAME.mo`` for each component, or the package of all."""
+    from liaisons.modelica_files import modelica, modelica_library
+
+    texts = {"Liaisons": modelica_library(components)} if whole else {c.__name__: modelica(c) for c in components}
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        path = folder / f"{name}.mo"
+        path.write_text(text, encoding="utf-8")
+        print(from_here(path), flush=True)
     return 0
 
 

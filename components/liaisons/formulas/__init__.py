@@ -1,8 +1,21 @@
 """Equations as people write them: expressions as trees of terms, and their printers."""
 
+from liaisons.formulas.displayed import DisplayedEquations, of_component, of_model
 from liaisons.formulas.laws import LAWS, Law
+from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
 from liaisons.formulas.terms import Formula, Term
 from liaisons.formulas.writing import formula
 
-__all__ = ["LAWS", "Formula", "Law", "Notation", "Term", "formula"]
+__all__ = [
+    "LAWS",
+    "DisplayedEquations",
+    "Formula",
+    "Law",
+    "MathML",
+    "Notation",
+    "Term",
+    "formula",
+    "of_component",
+    "of_model",
+]

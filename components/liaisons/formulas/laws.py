@@ -4,37 +4,36 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import partial
+
+from liaisons.formulas.notation import Letter
+from liaisons.formulas.printing import Printer
 
 _PART = re.compile(r"(?P<letter>[^\W\d_])(?P<dots>[˙¨])?(?:_(?P<below>\w))?(?:\^(?P<above>−?\w))?|(?P<sign>[^\s\w])|\d")
 
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """A heading of the page, what to say below it, and the law: ``q˙_k = ∂L/∂q_k``, blanks around fractions."""
+    """A heading, what to say below it, and the law: ``q˙_k = ∂L/∂q_k``, blanks around fractions."""
 
     title: str
     text: str
     formula: str = ""
 
-    @property
-    def markup(self) -> str:
-        """The law in MathML."""
-        fractions = ([_PART.sub(_part, side) for side in word.split("/")] for word in self.formula.split())
-        return "".join(
-            f"<mfrac>{''.join(f'<mrow>{side}</mrow>' for side in sides)}</mfrac>" if len(sides) > 1 else sides[0]
-            for sides in fractions
-        )
+    def written(self, printer: Printer) -> str:
+        """The law by a printer."""
+        fractions = ([_PART.sub(partial(_part, printer), side) for side in w.split("/")] for w in self.formula.split())
+        return printer.between.join(printer.fraction(*sides) if sides[1:] else sides[0] for sides in fractions)
 
 
-def _part(part: re.Match[str]) -> str:
+def _part(printer: Printer, part: re.Match[str]) -> str:
     if part["letter"] is None:
-        return f"<mo>{part[0]}</mo>" if part["sign"] else f"<mn>{part[0]}</mn>"
-    letter = f"<mi>{part['letter']}</mi>"
-    if part["dots"]:
-        letter = f"<mover>{letter}<mo>{part['dots']}</mo></mover>"
-    if part["below"]:
-        letter = f"<msub>{letter}<mi>{part['below']}</mi></msub>"
-    return f"<msup>{letter}<mrow>{_PART.sub(_part, part['above'])}</mrow></msup>" if part["above"] else letter
+        return printer.sign(part[0]) if part["sign"] else printer.digits(part[0])
+    below = (Letter(part["below"]),) if part["below"] else ()
+    letter = printer.letter(Letter(part["letter"], len(part["dots"] or "") and "˙¨".index(part["dots"]) + 1, below))
+    if not part["above"]:
+        return letter
+    return printer.raised(letter, printer.grouped(_PART.sub(partial(_part, printer), part["above"])))
 
 
 LAWS = {
@@ -54,7 +53,7 @@ LAWS = {
         "Conjugate to the free coordinates q; they stay continuous when an operator makes a rate jump.",
         "p_k = ∂L/∂q˙_k",
     ),
-    "velocities": Law(
+    "rates": Law(
         "Rates",
         "Momenta solved for the rates, p = A q̇ + b; of a quaternion, from the angular velocity.",
         "q˙ = A^−1 ( p − b )",
@@ -67,12 +66,16 @@ LAWS = {
     ),
     "internal": Law("Internal states", "They are no coordinates; the component gives their rates."),
     "constraints": Law("Constraints", "Kept by the multipliers λ, and put right after each step."),
-    "operators": Law(
+    "forces": Law(
         "Forces of the operators",
         "What it takes to prescribe s (M eq. 27); the power is λ ṡ.",
         "λ_α = d/dt ∂L/∂s˙_α − ∂L/∂s_α − Q_α",
     ),
-    "effective mass": Law(
+    "power": Law("Power of the operators", "What they put in (M eq. 28).", "P_α = λ_α s˙_α"),
+    "multipliers": Law(
+        "Multipliers", "From the constraints in accelerations, C ẍ = c (K eq. 7, 9).", "C A^−1 C^T λ = c − C A^−1 f"
+    ),
+    "effective_mass": Law(
         "Effective mass at the active ports",
         "What a master needs to solve a loop of forces and accelerations. With A, B, D the second derivatives of L by "
         "q̇ twice, by q̇ and ṡ, and by ṡ twice (M eq. 50); of a coordinate kept by a constraint, from the multiplier.",
@@ -83,4 +86,11 @@ LAWS = {
     "signal": Law("Signal", "Its two derivatives are taken from the same expression."),
     "link": Law("One link", "Sums over all links are those of the chain; L = T − V, friction −∂D/∂q̇."),
     "joints": Law("Joints", "Where the next link begins, and the first."),
+    "hamiltonian": Law(
+        "Hamiltonian", "Of all coordinates, prescribed ones included, and their momenta.", "H = Σ p_k q˙_k − L"
+    ),
+    "canonical": Law(
+        "Canonical equations", "λ is the force of the operator (M eq. 36-38).", "p˙_k = − ∂H/∂q_k + Q_k + λ_k"
+    ),
+    "connections": Law("Connections", "Inputs of parts, and the outputs that they take."),
 }

@@ -1,11 +1,12 @@
-"""How variables are written: letters, dots and subscripts from their names, in MathML."""
+"""How variables are written: letters, dots and subscripts from their names."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
-from html import escape, unescape
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from html import unescape
 
 from liaisons.mechanics.model import Model
 
@@ -24,7 +25,26 @@ _LETTERS = {
     "stiffness": "k",
 }
 _NAME = re.compile(r"(?P<stem>.+?)(?P<rate>_d?dot)?(?P<start>_0)?(?:\[(?P<index>.+)\])?")
-_DOTS = {"_dot": "˙", "_ddot": "¨"}
+_ORDERS = {None: 0, "_dot": 1, "_ddot": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Letter:
+    """A letter, number or word, with dots above and further ones below."""
+
+    text: str
+    dots: int = 0
+    below: tuple[Letter, ...] = ()
+
+    @property
+    def is_word(self) -> bool:
+        return len(self.text) > 1 and not self.text.isdecimal()
+
+    def texts(self) -> Iterator[str]:
+        """Its own text and those below."""
+        yield self.text
+        for letter in self.below:
+            yield from letter.texts()
 
 
 class Notation:
@@ -43,9 +63,9 @@ class Notation:
         self._active = active
         written = {name: self._written(name) for name in self._rank}
         taken = Counter(written.values())
-        self._symbols = {name: text if taken[text] == 1 else _letter(name) for name, text in written.items()}
+        self._symbols = {name: x if taken[x] == 1 else Letter(_greek(name)) for name, x in written.items()}
 
-    def __getitem__(self, name: str) -> str:
+    def __getitem__(self, name: str) -> Letter:
         return self._symbols.get(name) or self._written(name)
 
     @classmethod
@@ -60,44 +80,41 @@ class Notation:
 
     def free_letter(self) -> str:
         """A letter that no variable has, for abbreviations: ``"a"``, if they are called a_1, a_2."""
-        stems = {name.partition("_")[0] for name in self._rank}
-        written = "".join(self._symbols.values())
-        return next(x for x in "abcdefhjnuvw" if f">{x}<" not in written and x not in stems)
+        taken = {name.partition("_")[0] for name in self._rank}
+        taken.update(text for letter in self._symbols.values() for text in letter.texts())
+        return next(x for x in "abcdefhjnuvw" if x not in taken)
 
-    def _written(self, name: str) -> str:
+    def _written(self, name: str, part: str = "") -> Letter:
+        """A name; of a part of a system, ``part`` is in front of the names that are declared."""
+        owner, dot, inner = name.partition("[")[0].partition(".")
+        if dot:
+            letter = self._written(inner + name[len(owner) + 1 + len(inner) :], f"{owner}.")
+            return replace(letter, below=(*letter.below, Letter(owner)))
+        letters = self._letters
+        if part:
+            letters = letters | {k.removeprefix(part): v for k, v in letters.items() if k.startswith(part)}
         match = _NAME.fullmatch(name)
         assert match is not None  # names are not empty
         stem, prefix = match["stem"], list[str]()
         for ending, letter in (("_force", "Q"), ("_load", "F"), ("_power", "P"), ("_mismatch", "Δ")):
             if stem.endswith(ending):
                 stem = stem.removesuffix(ending)
-                prefix = ["λ" if ending == "_force" and stem in self._active else letter]
-        if stem.startswith("p_") and stem[2:] in self._letters:
+                prefix = ["λ" if ending == "_force" and part + stem in self._active else letter]
+        if stem.startswith("p_") and stem[2:] in letters:
             stem, prefix = stem[2:], ["p"]
-        head, *subscripts = prefix + self._letters.get(stem, stem).split("_")
-        is_word = not prefix and len(_greek(head)) > 1 and head not in self._letters
-        if is_word and subscripts and subscripts[-1] in self._letters:
+        head, *subscripts = prefix + letters.get(stem, stem).split("_")
+        is_word = not prefix and len(_greek(head)) > 1 and head not in letters
+        if is_word and subscripts and subscripts[-1] in letters:
             head, subscripts = subscripts[-1], [head, *subscripts[:-1]]  # the inertia of the hoop, I_hoop
-        base = _letter(self._letters.get(head, head))
-        if match["rate"]:
-            base = f"<mover>{base}<mo>{_DOTS[match['rate']]}</mo></mover>"
-        below = [_letter(part) for part in subscripts if part]
+        below = [Letter(_greek(text)) for text in subscripts if text]
         if match["index"]:
-            below += [self._written(part) for part in match["index"].split(",")]
+            below += [self._written(index) for index in match["index"].split(",")]
         if match["start"]:
-            below.append("<mn>0</mn>")
-        return f"<msub>{base}{_row(below, '<mo>,</mo>')}</msub>" if below else base
-
-
-def _letter(text: str) -> str:
-    return f"<mn>{text}</mn>" if text.isdecimal() else f"<mi>{escape(_greek(text))}</mi>"
+            below.append(Letter("0"))
+        return Letter(_greek(letters.get(head, head)), _ORDERS[match["rate"]], tuple(below))
 
 
 def _greek(text: str) -> str:
     """The letter that a word is the name of, else the word."""
     letter = unescape(f"&{text};")
     return letter if "Α" <= letter <= "ω" else text
-
-
-def _row(parts: list[str], between: str) -> str:
-    return parts[0] if len(parts) == 1 else f"<mrow>{between.join(parts)}</mrow>"

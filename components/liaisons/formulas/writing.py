@@ -7,7 +7,6 @@ from fractions import Fraction
 
 import casadi as ca
 
-from liaisons.formulas import mathml
 from liaisons.formulas.algebra import (
     GROUP,
     HALF,
@@ -22,6 +21,7 @@ from liaisons.formulas.algebra import (
     is_number,
     is_supported,
 )
+from liaisons.formulas.mathml import MathML
 from liaisons.formulas.notation import Notation
 from liaisons.formulas.terms import (
     Application,
@@ -56,22 +56,29 @@ WIDE = 60
 """Characters from which on a bracket gets a name even if it is not repeated: lines break outside of brackets."""
 
 
-def formula(expression: ca.SX, notation: Notation) -> Formula | None:
-    """The shortest form of a scalar expression; None if it takes more than ``LONGEST`` operations."""
+def formula(
+    expression: ca.SX, notation: Notation, longest: float = LONGEST, *, looser: float = LOOSER
+) -> Formula | None:
+    """The shortest form of a scalar expression; None if it takes more operations than ``longest``.
+
+    :param looser: how many times longer it may be if lines then break between terms.
+    """
     symbols = ca.symvar(expression)
     function = ca.Function("f", symbols, ca.cse([ca.densify(expression)]))
-    if function.n_instructions() > 2 * LONGEST or not is_supported(function):
+    if function.n_instructions() > 2 * longest or not is_supported(function):
         return None
     names = [symbol.name() for symbol in symbols]
-    writers = [_Writer(function, names, Algebra(limit), notation) for limit in EXPANSIONS]
+    writers = [_Writer(function, names, Algebra(limit), notation, looser) for limit in EXPANSIONS]
     shortest = min(writers, key=lambda writer: writer.operations)
-    return shortest.formula() if shortest.operations <= LONGEST else None
+    return shortest.formula() if shortest.operations <= longest else None
 
 
 class _Writer:
     """Writes one expression; repeated brackets of a long one get names."""
 
-    def __init__(self, function: ca.Function, names: list[str], algebra: Algebra, notation: Notation) -> None:
+    def __init__(
+        self, function: ca.Function, names: list[str], algebra: Algebra, notation: Notation, looser: float
+    ) -> None:
         self.algebra = algebra
         self.notation = notation
         self.abbreviations: dict[int, Name] = {}
@@ -80,7 +87,7 @@ class _Writer:
         collected = algebra.collected(plain)
         short, long = self._counted(collected), self._counted(plain)
         # What fits on one line is best short; beyond that, lines break between terms only.
-        self.polynomial = collected if short < min(long, ONE_LINE) or LOOSER * short < long else plain
+        self.polynomial = collected if short < min(long, ONE_LINE) or looser * short < long else plain
         self.operations = self._counted(self.polynomial)
 
     def formula(self) -> Formula:
@@ -113,7 +120,7 @@ class _Writer:
             atom = self.algebra.atoms[index]
             term = self._factor(index)
             repeated = long and count > 1 and sum(map(self._counted, atom.arguments)) >= WORTH_A_NAME
-            if repeated or mathml.width(term, self.notation) > WIDE:
+            if repeated or MathML(self.notation).width(term) > WIDE:
                 name = Name(f"{letter}_{len(self.abbreviations) + 1}")
                 self.abbreviations[index] = name
                 self.where.append((name, term))

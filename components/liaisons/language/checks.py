@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 import re
+import traceback
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, TypeVar
 
@@ -16,6 +18,7 @@ from liaisons import units
 from liaisons.errors import ComponentError, LiaisonsError, suggestion
 from liaisons.expressions.dimensions import Declared, check_units
 from liaisons.language.declarations import UNCHECKED, Declaration, InternalState, Symbol
+from liaisons.language.shapes import Shape
 from liaisons.language.variables import NEXT_EVENT_TIME, Variable
 
 D = TypeVar("D", bound=Declaration)
@@ -47,7 +50,7 @@ def call(instance: object, name: str, *arguments: Any) -> Any:
     except LiaisonsError:
         raise
     except Exception as error:
-        raise ComponentError(f"{type(instance).__name__}.{name}: {_reason(error)}") from error
+        raise ComponentError(f"{type(instance).__name__}.{name}: {_reason(error)}{_line(error)}") from error
 
 
 def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
@@ -69,6 +72,16 @@ def scalar(owner: type, name: str, value: Any, symbols: Mapping[str, ca.SX]) -> 
     if strangers:
         raise ComponentError(f"{label} contains the unknown symbol {strangers[0]!r}{suggestion(strangers[0], symbols)}")
     return expression
+
+
+def shapes_of(instance: object) -> Sequence[Shape]:
+    """Shapes of a component's picture; a ComponentError for any other return value."""
+    shapes = call(instance, "picture")
+    if isinstance(shapes, Sequence) and all(isinstance(shape, Shape) for shape in shapes):
+        return shapes
+    raise ComponentError(
+        f"{type(instance).__name__}.picture returns {shapes!r}; return a list of Rod, Ball, Box, Wire, Spring, Trail"
+    )
 
 
 def components_of(instance: object, name: str) -> Mapping[str, ca.SX]:
@@ -138,6 +151,13 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__}: {text[-1] if text else 'no reason is given'}"
 
 
+def _line(error: Exception) -> str:
+    """Line of the component's file at which an exception was raised."""
+    ours = str(Path(__file__).parent)
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((ours, "<string>"))]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+
+
 # ---- names and methods of a class ---------------------------------------------------------------------------------
 
 
@@ -203,13 +223,17 @@ def reject_reserved_names(cls: type) -> None:
             )
 
 
-def reject_clashes(cls: type, names: Iterable[str]) -> None:
-    """Raise a ComponentError for two variables of one name."""
-    seen: set[str] = set()
-    for name in [*names, "input_reconstruction", "symplectic_steps", "time", "picture", NEXT_EVENT_TIME]:
+def reject_clashes(cls: type, variables: Iterable[tuple[str, str]]) -> None:
+    """Raise a ComponentError for two variables of one name.
+
+    :param variables: names and descriptions.
+    """
+    reserved = ("input_reconstruction", "symplectic_steps", "time", "picture", NEXT_EVENT_TIME)
+    seen: dict[str, str] = dict.fromkeys(reserved, "which every FMU has")
+    for name, description in variables:
         if name in seen:
             raise ComponentError(
-                f"{cls.__name__}: two variables would be called {name!r}; rename the parameter, coordinate, "
-                "point or output that makes the second one"
+                f"{cls.__name__}: two variables would be called {name!r}: {seen[name]!r} and {description!r}; rename "
+                "the parameter, coordinate, point or output that makes one of them"
             )
-        seen.add(name)
+        seen[name] = description

@@ -73,7 +73,7 @@ class Component(ABC):
             reject_reserved_names(cls)
             instance = cls()
             layout = instance.layout()
-            reject_clashes(cls, [*(v.name for v in layout.variables), *(d.name for d in layout.dimensions)])
+            reject_clashes(cls, [(v.name, v.description) for v in (*layout.variables, *layout.dimensions)])
             instance._check()
 
     @abstractmethod
@@ -98,8 +98,14 @@ class Component(ABC):
         # Only called for names that do not exist: a misspelt symbol in a method of the component.
         if name.startswith("__") or "symbols" not in self.__dict__:
             raise AttributeError(name)
-        names = [*self.symbols, *(n for n in dir(type(self)) if not n.startswith("_"))]
-        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{suggestion(name, names)}")
+        names = [n for n in dir(type(self)) if not n.startswith("_")]
+        coordinate, _, order = name.rpartition("_")
+        if name in self.symbols and coordinate in names and order in ("dot", "ddot"):
+            rate = f"self.dot(self.{coordinate})"
+            fix = f"; write {rate if order == 'dot' else f'self.dot({rate})'}"
+        else:
+            fix = suggestion(name, names)
+        raise ComponentError(f"{type(self).__name__}: unknown symbol self.{name}{fix}")
 
     def _symbols(self, names: Iterable[str]) -> ca.SX:
         column = [ca.SX.sym(name) for name in names]

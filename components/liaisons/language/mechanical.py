@@ -11,7 +11,7 @@ import casadi as ca
 from liaisons import units
 from liaisons.errors import ComponentError
 from liaisons.language import layout
-from liaisons.language.checks import Formulas, components_of, declared, require_units
+from liaisons.language.checks import Formulas, components_of, declared, require_units, shapes_of
 from liaisons.language.component import Component, DeclarationsOf
 from liaisons.language.declarations import (
     ActiveCoordinate,
@@ -214,9 +214,10 @@ class MechanicalComponent(Component, abstract=True):
             yield Variable(item.name, item.unit, item.description, "calculatedParameter", "fixed")
 
     def _check_points(self, formulas: Formulas, configuration: Mapping[str, ca.SX]) -> None:
-        if not self.coordinates and not self.orientations:
-            raise ComponentError(f"{type(self).__name__}: declare at least one Coordinate that moves freely")
+        if not (self.coordinates or self.orientations or (self.actives and self.dimension is None)):
+            raise ComponentError(f"{type(self).__name__}: declare at least one Coordinate")
         require_units(type(self))
         for item in self.points:
             for axis, component in components_of(self, item.name).items():
                 formulas.take(f"{item.name}[{axis!r}]", component, configuration, item.unit)
+        shapes_of(self)

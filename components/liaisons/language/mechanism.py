@@ -240,19 +240,32 @@ def _check_mass_matrix(m: Mechanism, lagrangian: ca.SX, kinetic: ca.SX, motion: 
             "give another start, and exclude the singularity by above=, below= or an @assertion"
         )
     if still:
-        raise ComponentError(
-            f"{name}: mass matrix is singular at the start ({at_start}): no kinetic energy belongs to {still[0]}; "
-            "let kinetic_energy depend on it, or make its coordinate an ActiveCoordinate"
-        )
+        why = _singular(m, lagrangian, motion[still[0]])
+        raise ComponentError(f"{name}: mass matrix is singular at the start ({at_start}): {why}")
     raise ComponentError(
         f"{name}: {what} at the start ({at_start}); check the masses and that every free coordinate moves one"
+    )
+
+
+def _singular(m: Mechanism, lagrangian: ca.SX, rate: ca.SX) -> str:
+    """What is wrong with a rate whose row of the mass matrix is zero, and what to do."""
+    if ca.depends_on(gradient(lagrangian, rate), m.active.s_dot):
+        return (
+            f"{rate} is multiplied by rates of active coordinates alone, so that Lagrange's equation is a condition on "
+            "the operator, and leaves the motion and the operator's force open (M eq. 39); give it a kinetic energy of "
+            "its own"
+        )
+    return (
+        f"no kinetic energy belongs to {rate}; let kinetic_energy depend on it, or make its coordinate an "
+        "ActiveCoordinate"
     )
 
 
 def _is_inertia(matrix: np.ndarray) -> bool:
     """Whether a mass matrix is finite and positive definite."""
     finite = bool(np.all(np.isfinite(matrix)))
-    return finite and bool(np.min(np.linalg.eigvalsh(matrix)) > 1e-14 * np.max(np.abs(matrix)))
+    least = np.min(np.linalg.eigvalsh(matrix), initial=np.inf)  # all coordinates may be prescribed
+    return finite and bool(least > 1e-14 * np.max(np.abs(matrix), initial=0.0))
 
 
 def _other_values(m: Mechanism) -> Iterator[tuple[Parameter | Coordinate | ActiveCoordinate, float]]:

@@ -59,6 +59,12 @@ class Box:
     axes: ca.SX
     size: tuple[Number, Number, Number]
 
+    def __post_init__(self) -> None:
+        if getattr(self.axes, "shape", None) != (3, 3) or len(self.size) != 3:
+            raise TypeError(
+                "Box: axes are a rotation matrix (3, 3), e.g. turned('y', self.theta), and size has 3 lengths"
+            )
+
     def document(self, named: Named) -> dict[str, Any]:
         """Entry of the picture's file."""
         axes = [[named(self.axes[i, j]) for i in range(3)] for j in range(3)]

@@ -18,7 +18,7 @@ import numpy as np
 from liaisons.errors import ComponentError, suggestion
 from liaisons.language.variables import Experiment, Terminal, TerminalMember, Variable
 from liaisons.mechanics.energy_accounting import function
-from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Model, State
+from liaisons.mechanics.model import NEXT_EVENT, ActiveInput, Equation, Model, State
 
 
 def compose(
@@ -67,7 +67,20 @@ def compose(
         active=tuple(a for a in _all(parts, "active") if a.value not in connections),
         ports=tuple(p for p in _all(parts, "ports") if not any(m.variable in connections for m in p.members)),
         experiment=experiment or replace(longest, reference={}),  # the start values are those of the whole
+        equations=tuple(_equations(models, connections)),
     )
+
+
+def _equations(models: Mapping[str, Model], connections: Mapping[str, str]) -> Iterator[Equation]:
+    """Those of the parts, with the name of the part in front of all names, and the connections."""
+    for part, model in models.items():
+        for e in model.equations:
+            own = [symbol for symbol in ca.symvar(e.right) if symbol.name() != "t"]
+            full = [ca.SX.sym(f"{part}.{symbol.name()}") for symbol in own]
+            right = ca.substitute(e.right, ca.vertcat(*own), ca.vertcat(*full))
+            yield Equation(e.section, e.left if e.left == "0" else f"{part}.{e.left}", right)
+    for target, source in connections.items():
+        yield Equation("connections", target, ca.SX.sym(source))
 
 
 def _named(part: str, model: Model) -> Model:

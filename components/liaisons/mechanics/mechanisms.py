@@ -120,7 +120,7 @@ def _nominals(equations: Equations) -> ca.SX:
     count, orientations, internal = len(m.coordinates), len(m.orientations), len(m.internal_states)
     sizes = ca.SX([*(q.nominal for q in m.coordinates), *([1.0] * 3 * orientations)])
     inertia = ca.diag(equations.mass_matrix)
-    energy = ca.dot(inertia, sizes**2) / 2
+    energy = ca.dot(inertia, sizes**2) / 2 if inertia.shape[0] else ca.SX(1)  # all coordinates may be prescribed
     positions = ca.vertcat(sizes[:count, 0], ca.SX.ones(4 * orientations, 1))
     return ca.vertcat(positions, inertia * sizes, ca.SX.ones(internal, 1), energy, energy)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, final
 
@@ -13,7 +13,7 @@ from liaisons.errors import ComponentError
 from liaisons.expressions.algebra import stack
 from liaisons.expressions.rows import Vector, keys, substituted
 from liaisons.language.chain import Chain
-from liaisons.language.checks import call
+from liaisons.language.checks import shapes_of
 from liaisons.language.component import Component
 from liaisons.language.shapes import Named, Rod, Shape, Spring
 from liaisons.language.variables import Variable, element
@@ -82,7 +82,7 @@ def mechanism_picture(m: Component, variables: Mapping[str, ca.SX]) -> Drawing:
     :raises ComponentError: if it returns anything but shapes, or a shape holds what is no scalar.
     """
     drawing = Drawing({ca.SX(expression).element_hash(): name for name, expression in variables.items()})
-    drawing.add(m, _shapes(m), drawing.named)
+    drawing.add(m, shapes_of(m), drawing.named)
     return drawing
 
 
@@ -94,7 +94,7 @@ def chain_picture(
     :param variables: expressions by name, in the symbols of a link.
     :param vectors: t, y, u, k.
     """
-    n, drawing, shapes, base = m.sizes["n"], Drawing(), _shapes(m), m.base()
+    n, drawing, shapes, base = m.sizes["n"], Drawing(), shapes_of(m), m.base()
     whole = {name: ca.SX.sym(name, vector.offsets(n)[-1]) for name, vector in vectors.items()}
     flagged = (pair for v in vectors.values() for pair in zip(ca.vertsplit(v.entries), v.each, strict=True))
     of_links = keys(ca.vertcat(m.w, *(symbol for symbol, each in flagged if each)))
@@ -144,19 +144,6 @@ class _Link:
         for symbol, (name, expression) in zip(ca.vertsplit(w), ends, strict=False):
             self.joint[symbol.element_hash()] = name
             self.pairs.append((symbol, expression))
-
-
-def _shapes(m: Component) -> Sequence[Shape]:
-    """Shapes that the method returns.
-
-    :raises ComponentError: if it is anything but shapes.
-    """
-    shapes = call(m, "picture")
-    if isinstance(shapes, Sequence) and all(isinstance(shape, Shape) for shape in shapes):
-        return shapes
-    raise ComponentError(
-        f"{type(m).__name__}.picture returns {shapes!r}; return a list of Rod, Ball, Box, Wire, Spring, Trail"
-    )
 
 
 def _hangs(shape: Shape, m: Chain) -> bool:

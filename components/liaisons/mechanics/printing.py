@@ -9,13 +9,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import casadi as ca
+import numpy as np
 
-from liaisons.expressions.algebra import gradient, stack
+from liaisons.errors import ComponentError
+from liaisons.expressions.algebra import gradient, solve_symmetric, stack
 from liaisons.language.chain import Chain
 from liaisons.language.declarations import ParameterArray
 from liaisons.language.operator import Operator
+from liaisons.mechanics.constraints import STABILISATION
 from liaisons.mechanics.equations import Equations
 from liaisons.mechanics.model import Equation
+
+_TOGETHER = 3
+"""Constraints whose multipliers are solved for in symbols."""
 
 
 def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
@@ -37,13 +43,13 @@ def of_mechanism(equations: Equations) -> tuple[Equation, ...]:
         Equation("energy", "energy", equations.energy),
         *_friction("friction", "D", equations.friction.function),
         *_rows("momenta", momenta, m.free.frame @ equations.momenta),
-        *_rows("velocities", rates, equations.velocities),
-        *_rows("velocities", [f"{name}_dot" for name in names[len(m.coordinates) :]], turning[len(m.coordinates) :, 0]),
+        *_rows("rates", rates, equations.unconstrained_velocities),  # the same on the constraints
+        *_rows("rates", [f"{name}_dot" for name in names[len(m.coordinates) :]], turning[len(m.coordinates) :, 0]),
         *_rows("motion", momentum_rates, m.free.frame @ balances[: len(rates), 0]),
         *_rows("internal", [f"{x.name}_dot" for x in m.internal_states], equations.internal_rates),
         *_constraints(equations),
-        *_rows("operators", [f"{name}_force" for name in adapted], balances[len(rates) :, 0]),
-        *_effective_mass(equations.effective_mass, actives),
+        *_rows("forces", [f"{name}_force" for name in adapted], balances[len(rates) :, 0]),
+        *_effective_mass(_theta(equations, balances[len(rates) :, 0]), actives),
         *_rows("points", equations.points, stack(equations.points.values())),
         *(Equation("outputs", item.name, ca.SX(getattr(m, item.name))) for item in m.outputs),
     )
@@ -78,10 +84,86 @@ def _friction(section: str, name: str, function: ca.SX) -> Iterator[Equation]:
         yield Equation(section, name, function)
 
 
-def _balances(equations: Equations) -> ca.SX:
-    """∂L/∂x + Q + Cᵀ λ, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
+def of_operators(equations: Equations) -> tuple[Equation, ...]:
+    """Power of each operator, and multipliers of the constraints solved for."""
+    m, lambdas = equations.mechanism, _multipliers(equations)
+    powers = _rows("power", [f"{s.name}_power" for s in m.actives], m.active.force * m.active.s_dot)
+    kept = [f"lambda_{item.name}" for item in (*m.constraints, *m.non_holonomic)]
+    kept += [f"{item.name}_force" for item in m.rheonomic_constraints]
+    return (*powers, *(() if lambdas is None else _rows("multipliers", kept, lambdas)))
+
+
+def _multipliers(equations: Equations) -> ca.SX | None:
+    """λ of all constraints, without what keeps solvers on them and lets them lose rank; None for too many."""
+    constraints, A = equations.constraints, equations.mass_matrix
+    C = constraints.matrix
+    if not 0 < C.shape[0] <= _TOGETHER:
+        return None
+    first, second = STABILISATION * constraints.residuals, STABILISATION * constraints.rate_residuals
+    targets = [
+        target + (2 * second[i] + STABILISATION * first[i] if i in constraints.holonomic else first[i])
+        for i, target in enumerate(ca.vertsplit(constraints.targets))
+    ]
+    return solve_symmetric(C @ solve_symmetric(A, C.T), stack(targets) - C @ solve_symmetric(A, equations.forces))
+
+
+def of_hamiltonian(equations: Equations) -> tuple[Equation, ...]:
+    """H of all coordinates, prescribed ones included, and the canonical equations (M eq. 36-38).
+
+    :raises ComponentError: where Legendre's transformation does not exist.
+    """
     m, L = equations.mechanism, equations.lagrangian
-    free, active, constraints = m.free, m.active, equations.constraints
+    if m.orientations or m.rheonomic_constraints:
+        kept = [item.name for item in (*m.orientations, *m.rheonomic_constraints)]
+        raise ComponentError(f"{equations.name}: {kept[0]} is no coordinate, of which the canonical equations are")
+    names = [item.name for item in (*m.coordinates, *m.actives)]
+    x, rates = ca.vertcat(m.free.q, m.active.s), ca.vertcat(m.free.q_dot, m.active.s_dot)
+    momenta = gradient(L, rates)
+    metric = ca.jacobian(momenta, rates)
+    if ca.depends_on(metric, rates):
+        raise ComponentError(f"{equations.name}: L is not quadratic in the rates, and not inverted here")
+    if (rank := _rank(metric)) < len(names):
+        raise ComponentError(
+            f"{equations.name}: L is not hyper-regular: its kinetic energy has rank {rank} in {len(names)} rates, so "
+            "that no Hamiltonian of all momenta exists"
+        )
+    p = ca.vertcat(m.free.p, stack(ca.SX.sym(f"p_{s.name}") for s in m.actives))
+    still = ca.substitute(ca.vertcat(momenta, L), rates, ca.SX.zeros(rates.shape))
+    moving = p - still[:-1]
+    solved = solve_symmetric(metric, moving)
+    pulled = ca.substitute(gradient(L, x), rates, solved)  # -∂H/∂x by Legendre's transformation
+    applied = ca.vertcat(*_applied(equations)) + ca.vertcat(ca.SX.zeros(m.free.q.shape), m.active.force)
+    return (
+        Equation("hamiltonian", "H", ca.dot(solved, moving) / 2 - still[-1]),
+        *_rows("canonical", [f"{name}_dot" for name in names], solved),
+        *_rows("canonical", [f"p_{name}_dot" for name in names], pulled + applied),
+    )
+
+
+def _rank(matrix: ca.SX) -> int:
+    """Rank of a matrix at almost all values of its symbols."""
+    symbols, rng = ca.symvar(matrix), np.random.default_rng(0)
+    function = ca.Function("matrix", symbols, [ca.densify(matrix)])
+    return max(
+        int(np.linalg.matrix_rank(np.array(function.call(rng.uniform(0.5, 1.5, len(symbols)).tolist())[0])))
+        for _ in range(3)
+    )
+
+
+def _balances(equations: Equations) -> ca.SX:
+    """∂L/∂x + Q, then d/dt ∂L/∂σ̇ − ∂L/∂s − Q_s, with ẍ and all λ as symbols; one row for each rate."""
+    m, L = equations.mechanism, equations.lagrangian
+    adapted = len(m.actives) - len(m.rheonomic_constraints)
+    s, s_dot = m.active.s[:adapted, 0], m.active.s_dot[:adapted, 0]
+    on_free, on_active = _applied(equations)
+    force = m.free.kinematics.T @ gradient(L, m.free.q) + on_free
+    return ca.vertcat(force, m.dot(gradient(L, s_dot)) - gradient(L, s) - on_active)
+
+
+def _applied(equations: Equations) -> tuple[ca.SX, ca.SX]:
+    """Q and Q_s: drives, loads (K eq. 14), friction and forces of constraints, whose λ are symbols."""
+    m, constraints = equations.mechanism, equations.constraints
+    free, active = m.free, m.active
     adapted = len(m.actives) - len(m.rheonomic_constraints)
     s, s_dot = active.s[:adapted, 0], active.s_dot[:adapted, 0]
     points = stack(equations.points.values())
@@ -89,18 +171,23 @@ def _balances(equations: Equations) -> ca.SX:
     multipliers = ca.vertcat(m.multipliers, active.force[adapted:, 0])
 
     drives = ca.vertcat(equations.drives - equations.loads, ca.SX.zeros(free.q_dot.shape[0] - len(m.coordinates), 1))
-    force = drives + constraints.matrix.T @ multipliers + free.kinematics.T @ _pulled(L, points, equations, free.q)
-    force -= equations.friction.against(free.q_dot)
-    on_operator = m.dot(gradient(L, s_dot)) - _pulled(L, points, equations, s)
-    on_operator += equations.friction.against(s_dot)
+    on_free = drives + constraints.matrix.T @ multipliers - equations.friction.against(free.q_dot)
+    on_free -= free.kinematics.T @ (ca.jacobian(points, free.q).T @ equations.point_loads)
     rigid = [i for i in constraints.holonomic if i < passive or i >= passive + len(m.non_holonomic)]
-    on_operator -= ca.jacobian(constraints.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
-    return ca.vertcat(force, on_operator)
+    on_active = ca.jacobian(constraints.residuals[rigid, 0], s).T @ multipliers[rigid, 0]
+    on_active -= equations.friction.against(s_dot) + ca.jacobian(points, s).T @ equations.point_loads
+    return on_free, on_active
 
 
-def _pulled(L: ca.SX, points: ca.SX, equations: Equations, where: ca.SX) -> ca.SX:
-    """∂L/∂x less the generalised force of the loads at the points (K eq. 14)."""
-    return gradient(L, where) - ca.jacobian(points, where).T @ equations.point_loads
+def _theta(equations: Equations, forces: ca.SX) -> ca.SX:
+    """Θ = ∂λ/∂σ̈, from the forces on adapted coordinates with ẍ and λ as symbols."""
+    m, lambdas = equations.mechanism, _multipliers(equations)
+    if lambdas is None:
+        return equations.effective_mass
+    symbols = ca.vertcat(m.multipliers, m.active.force[forces.shape[0] :, 0])
+    accelerations = solve_symmetric(equations.mass_matrix, equations.forces + equations.constraints.matrix.T @ lambdas)
+    solved = ca.substitute(ca.vertcat(forces, m.active.force[forces.shape[0] :, 0]), symbols, lambdas)
+    return ca.jacobian(ca.substitute(solved, m.free.q_ddot, accelerations), m.active.s_ddot)
 
 
 def _effective_mass(theta: ca.SX, actives: list[str]) -> Iterator[Equation]:
@@ -108,7 +195,7 @@ def _effective_mass(theta: ca.SX, actives: list[str]) -> Iterator[Equation]:
     for i, row in enumerate(actives):
         for k, column in enumerate(actives[i:], i):
             if theta.sparsity().has_nz(i, k):
-                yield Equation("effective mass", f"Theta[{row},{column}]" if len(actives) > 1 else "Theta", theta[i, k])
+                yield Equation("effective_mass", f"Theta[{row},{column}]" if len(actives) > 1 else "Theta", theta[i, k])
 
 
 def _constraints(equations: Equations) -> Iterator[Equation]:

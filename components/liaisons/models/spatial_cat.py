@@ -16,7 +16,8 @@ class SpatialCat(Mechanism):
 
     Half A has its axis a along its own z; half B relative to it is turned by Rz(χ) Rx(κ) Rz(-χ + τ), which gives its
     axis b: bent by κ about a direction at the azimuth χ.  In the frame of A, with ω_B = ω + χ' a + κ' n + (τ' - χ') b,
-    n = (cos χ, sin χ, 0), and the distance d (a + b) between the centres of mass::
+    n = (cos χ, sin χ, 0), I and J the moments of inertia of each half across and about its axis, and d (a + b) the way
+    from one centre of mass to the other::
 
         T = m |v_G|² + ¼ m |d b' + ω × d (a + b)|²
             + ½ I (|ω|² + |ω_B|²) + ½ (J - I) ((ω·a)² + (ω_B·b)²),    V = 2 m g z_G       M eq. 58

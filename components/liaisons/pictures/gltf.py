@@ -215,7 +215,7 @@ def _coil() -> Mesh:
     z = np.linspace(0, 1, 24 * _COILS + 1)
     phase = 2 * pi * _COILS * z
     outward = np.column_stack([np.cos(phase), np.sin(phase), 0 * z])[:, None]
-    angle, upward = np.linspace(0, 2 * pi, 7)[:, None], np.array([0.0, 0.0, 1.0])
+    angle, upward = np.linspace(2 * pi, 0, 7)[:, None], np.array([0.0, 0.0, 1.0])  # so that triangles face outwards
     wire = 0.2 * np.cos(angle) * outward + 0.012 * np.sin(angle) * upward
     return _surface(outward + z[:, None, None] * upward + wire, np.cos(angle) * outward + np.sin(angle) * upward)
 

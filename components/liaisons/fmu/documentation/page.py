@@ -18,7 +18,7 @@ from liaisons.fmu.documentation.sources import cited
 from liaisons.fmu.jumps import jump_effects
 from liaisons.fmu.layout import index_ranges
 from liaisons.fmu.reference_results import Trajectory, trajectory
-from liaisons.formulas import LAWS, Formula, Notation, Term, formula, mathml
+from liaisons.formulas import MathML, Notation, of_model
 from liaisons.language import Terminal, Variable
 from liaisons.language.variables import Dimension
 from liaisons.mechanics.model import Model
@@ -67,13 +67,13 @@ _RECONSTRUCTION = (
 @lru_cache(maxsize=1)  # the FMUs of one component are built one after the other
 def index_page(model: Model) -> bytes:
     """The page, in UTF-8; the same bytes for the same model."""
-    notation = Notation.from_model(model)
+    printer = MathML(Notation.from_model(model))
     results = trajectory(model)
     sections = {
         "Picture": _picture(model, results),
         "About": _text(model.documentation.removeprefix(model.description)),
-        "Equations": _equations(model, notation),
-        "Variables": _variables(model, notation),
+        "Equations": of_model(model).html(),
+        "Variables": _variables(model, printer),
         "Ports": _ports(model.ports, {v.name: v for v in model.variables}),
         "Inputs inside a step": _reconstruction(model) if model.inputs else [],
         "Checked against": _closed_form(model),
@@ -145,46 +145,10 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
     return ["<div class=wide><table>", row(head, "th"), *(row(cells, "td") for cells in rows), "</table></div>"]
 
 
-# ---- equations ---------------------------------------------------------------------------------------------------
-
-
-def _equations(model: Model, notation: Notation) -> list[str]:
-    """Each law in its general form, then for this component."""
-    lines: list[str] = []
-    for section in dict.fromkeys(equation.section for equation in model.equations):
-        law = LAWS[section]
-        general = f'<math display="block">{law.markup}</math>' if law.formula else ""
-        lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{general}</p>"]
-        equations = [equation for equation in model.equations if equation.section == section]
-        written = [(equation.left, formula(equation.right, notation)) for equation in equations]
-        shown = [line for left, right in written if right for line in _lines(left, right, notation)]
-        lines += ["<div class=equations>", *shown, "</div>"] if shown else []
-        dropped = [left for left, right in written if right is None]
-        if dropped:
-            names = ", ".join(f"<math>{notation[name]}</math>" for name in dropped)
-            lines.append(f"<p class=note>Too long to be read: {names}; the FMU's sources have them in C.</p>")
-    return lines
-
-
-def _lines(left: str, right: Formula, notation: Notation) -> list[str]:
-    """One equation and its abbreviations."""
-    where = [_equation(name.name, term, notation) for name, term in right.where]
-    return [_equation(left, right.term, notation), *(["<p>where</p>", *where] if where else [])]
-
-
-def _equation(left: str, right: Term, notation: Notation) -> str:
-    """An equation that breaks between its terms where the page ends."""
-    first, *further = mathml.terms(right, notation)
-    signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in further)  # spaced as between its neighbours
-    pieces = (f"{notation[left]}<mo>=</mo>{first}", *signed)
-    written = " ".join(f'<math displaystyle="true">{piece}</math>' for piece in pieces)
-    return f"<p class=formula>{written}</p>"
-
-
 # ---- variables and ports -----------------------------------------------------------------------------------------
 
 
-def _variables(model: Model, notation: Notation) -> list[str]:
+def _variables(model: Model, printer: MathML) -> list[str]:
     head = ("", "name", "unit", "kind", "start", "allowed", "meaning")
     lines = [
         f"<p class=field><code>{escape(size.name)}</code> = {size.count}: {escape(size.description)}; fixed</p>"
@@ -196,11 +160,11 @@ def _variables(model: Model, notation: Notation) -> list[str]:
         ("Outputs and local variables", (*model.outputs, *_together(model.drawn))),
     ):
         if variables:
-            lines += [f"<h3>{title}</h3>", *_table(head, (_variable(v, notation) for v in variables))]
+            lines += [f"<h3>{title}</h3>", *_table(head, (_variable(v, printer) for v in variables))]
     names = {v.name for v in model.variables}
     further = {symbol.name() for equation in model.equations for symbol in ca.symvar(equation.right)} - names
     if further:
-        rows = ((f"<math>{notation[name]}</math>", escape(name), _further(name, names)) for name in sorted(further))
+        rows = ((f"<math>{printer.name(name)}</math>", escape(name), _further(name, names)) for name in sorted(further))
         lines += ["<h3>Further symbols</h3>", *_table(("", "name", "meaning"), rows)]
     return lines
 
@@ -218,12 +182,12 @@ def _further(name: str, variables: Collection[str]) -> str:
     return f"that of a link: one of {name}[1], {name}[2], ..." if f"{name}[1]" in variables else _JOINT
 
 
-def _variable(variable: Variable, notation: Notation) -> tuple[str, ...]:
+def _variable(variable: Variable, printer: MathML) -> tuple[str, ...]:
     size = "" if variable.dimension is None else f"[1…{variable.dimension.name or variable.count}]"
     starts = variable.starts if len(set(variable.starts)) > 1 else variable.starts[:1]  # those of an array may be alike
     kind = variable.causality + (", tunable" if variable.variability == "tunable" else "")
     return (
-        f"<math>{notation[variable.name]}</math>",
+        f"<math>{printer.name(variable.name)}</math>",
         f"<code>{escape(variable.name)}{size}</code>",
         escape(variable.unit) or "any",
         kind,

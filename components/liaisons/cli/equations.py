@@ -1,0 +1,42 @@
+"""``liaisons equations``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from liaisons import interface, modelica_files, ssp
+from liaisons.cli._command import command, option, subject
+from liaisons.cli._subject import declared_system
+
+
+@command("""
+    liaisons equations Pendulum
+    liaisons equations Pendulum --part motion --latex
+    liaisons equations my_system.py:crane               of a whole system
+    liaisons equations my_component.py --html > equations.html
+""")
+def equations(
+    of: Annotated[str, subject("NAME|FILE.py|FILE.ssp", "a component, or a system of components")],
+    *,
+    part: Annotated[str | None, option("PART", "lagrangian, momenta, motion, forces, ... alone")] = None,
+    text: Annotated[bool, typer.Option("--text", help="for a terminal (the default)")] = False,
+    latex: Annotated[bool, typer.Option("--latex", help="for a document")] = False,
+    html: Annotated[bool, typer.Option("--html", help="for a browser")] = False,
+    modelica: Annotated[bool, typer.Option("--modelica", help="as Modelica text, without PART")] = False,
+) -> int:
+    """Show the equations of a component: Lagrangian, momenta, motion, forces of the operators, Hamiltonian."""
+    if text + latex + html + modelica > 1 or (modelica and part):
+        raise typer.BadParameter("choose one of --text, --latex, --html and --modelica, the last without --part")
+    system = ssp.read(of, interface.System) if of.lower().endswith(".ssp") else declared_system(of)
+    if modelica:
+        print(modelica_files.modelica(system or of))
+        return 0
+    shown = interface.equations(system or of)
+    shown = shown if part is None else shown[part]
+    if html:
+        print("<!DOCTYPE html>", '<meta charset="utf-8">', *shown.html(), sep="\n")
+    else:
+        print(shown.latex() if latex else shown.text())
+    return 0

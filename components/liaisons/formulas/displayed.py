@@ -1,0 +1,211 @@
+"""The equations of a component, to be read: in a terminal, a notebook, a document, SymPy."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+from liaisons.errors import ComponentError, ProjectError, suggestion
+from liaisons.formulas import symbolic
+from liaisons.formulas.latex import LaTeX
+from liaisons.formulas.laws import LAWS, Law
+from liaisons.formulas.mathml import MathML
+from liaisons.formulas.notation import Notation
+from liaisons.formulas.terms import Formula, Term
+from liaisons.formulas.unicode import Unicode, width, wrapped
+from liaisons.formulas.writing import formula
+from liaisons.language import Component, Mechanism
+from liaisons.mechanics import Equation, Model, assemble, derive
+from liaisons.mechanics.printing import of_hamiltonian, of_operators
+
+_TOO_LONG = "Too long to be read: {}; the FMU's sources have them in C."
+_PAGE = 72
+"""Characters of a formula in LaTeX up to which it stays on a line."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DisplayedEquations:
+    """The equations of a component, by parts: ``equations("Pendulum")["motion"]`` has those of motion alone.
+
+    A notebook typesets them, ``print`` writes them for a terminal.
+
+    :param notes: why there are no equations of a part.
+    """
+
+    name: str
+    equations: tuple[Equation, ...]
+    notation: Notation
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the parts: ``"lagrangian"``, ``"momenta"``, ``"motion"``, ``"forces"``, ..."""
+        return tuple(dict.fromkeys([*(equation.section for equation in self.equations), *self.notes]))
+
+    def __getitem__(self, part: str) -> DisplayedEquations:
+        if part not in self.parts:
+            raise ProjectError(f"{self.name} has no equations called {part!r}{suggestion(part, self.parts)}")
+        chosen = tuple(equation for equation in self.equations if equation.section == part)
+        return replace(self, equations=chosen, notes={k: v for k, v in self.notes.items() if k == part})
+
+    @cached_property
+    def _formulas(self) -> list[tuple[Equation, Formula | None]]:
+        return [(equation, formula(equation.right, self.notation)) for equation in self.equations]
+
+    def _sections(self) -> Iterator[tuple[Law, str, list[tuple[str, Formula]], list[str]]]:
+        """Of each part its law, a note, its equations, and the left sides of those that are too long."""
+        for part in self.parts:
+            own = [(equation.left, right) for equation, right in self._formulas if equation.section == part]
+            shown = [(left, right) for left, right in own if right is not None]
+            yield LAWS[part], self.notes.get(part, ""), shown, [left for left, right in own if right is None]
+
+    def html(self) -> list[str]:
+        """Lines of HTML with MathML: each law in its general form, then for this component."""
+        printer, lines = MathML(self.notation), list[str]()
+        for law, note, equations, dropped in self._sections():
+            general = f'<math display="block">{law.written(printer)}</math>' if law.formula else ""
+            lines += [f"<h3>{law.title}</h3>", f"<p>{law.text}{general}</p>"]
+            shown = [line for left, right in equations for line in _paragraphs(left, right, printer)]
+            lines += ["<div class=equations>", *shown, "</div>"] if shown else []
+            names = ", ".join(f"<math>{printer.name(name)}</math>" for name in dropped)
+            lines += [f"<p class=note>{text}</p>" for text in (note, names and _TOO_LONG.format(names)) if text]
+        return lines
+
+    def latex(self) -> str:
+        """Paragraphs of LaTeX, with the packages amsmath and amssymb."""
+        printer, lines = LaTeX(self.notation), list[str]()
+        for law, note, equations, dropped in self._sections():
+            general = f" ${_single(law.written(printer))}$" if law.formula else ""
+            lines.append(rf"\paragraph{{{law.title}}}{general}")
+            rows = [row for left, right in equations for row in self._rows(left, right, printer)]
+            lines += [r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"] if rows else []
+            names = ", ".join(f"${printer.name(name)}$" for name in dropped)
+            lines += [text for text in (note, names and _TOO_LONG.format(names)) if text]
+        return "\n".join(lines)
+
+    def _rows(self, left: str, right: Formula, printer: LaTeX) -> Iterator[str]:
+        """One equation and its abbreviations, broken between terms."""
+        plain = Unicode(self.notation)
+        for i, (name, term) in enumerate([(left, right.term), *((name.name, term) for name, term in right.where)]):
+            written = printer.terms(term)
+            ends = _ends([width(text) for text in plain.terms(term)], _PAGE)
+            lines = ["".join(written[a:b]).strip() for a, b in zip([0, *ends], [*ends, len(written)], strict=True)]
+            head = (r"\text{where } " if i == 1 else "") + printer.name(name)
+            yield f"{head} &= {lines[0]}"
+            yield from (rf"&\quad {line}" for line in lines[1:])
+
+    def text(self, width: int | None = None) -> str:
+        """Lines for a terminal.
+
+        :param width: columns; those of the terminal unless given, 80 where there is none.
+        """
+        columns = shutil.get_terminal_size((80, 24)).columns if width is None else width
+        return "\n\n".join("\n".join(self._lines(*section, columns)) for section in self._sections())
+
+    def _lines(
+        self, law: Law, note: str, equations: list[tuple[str, Formula]], dropped: list[str], columns: int
+    ) -> Iterator[str]:
+        printer = Unicode(self.notation)
+        general = _single(law.written(printer))
+        yield from textwrap.wrap(f"{law.title}: {general}" if general else law.title, columns)
+        rows = [(printer.name(left), right.term) for left, right in equations]
+        margin = max((width(name) for name, _ in rows), default=0)
+        for (name, term), (_, right) in zip(rows, equations, strict=True):
+            yield from _aligned(name, printer.terms(term), margin + 2, columns)
+            for i, (short, definition) in enumerate(right.where):
+                head = f"{'' if i else 'where '}{printer.name(short.name)}"
+                yield from _aligned(head, printer.terms(definition), margin + 8, columns)
+        names = ", ".join(map(printer.name, dropped))
+        for text in (note, names and _TOO_LONG.format(names)):
+            yield from textwrap.wrap(text, columns, initial_indent="  ", subsequent_indent="  ")
+
+    def sympy(self) -> list[Any]:
+        """Equations of SymPy, without those that are too long to be read.
+
+        Symbols have the names of the FMU's variables, ``theta_dot``.
+
+        :raises ProjectError: if SymPy is missing (``pip install 'liaisons[sympy]'``).
+        """
+        sympy = symbolic.sympy_package()
+        return [
+            sympy.Eq(symbolic.symbol(e.left) if e.left != "0" else 0, symbolic.expression(right), evaluate=False)
+            for e, right in self._formulas
+            if right is not None
+        ]
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_latex_(self) -> str:
+        return self.latex()
+
+    def _repr_html_(self) -> str:
+        return "\n".join(["<div>", *self.html(), "</div>"])
+
+
+def of_model(model: Model) -> DisplayedEquations:
+    """Equations of a model, as the page inside its FMU has them."""
+    return DisplayedEquations(model.name, model.equations, Notation.from_model(model))
+
+
+def of_component(component: type[Component]) -> DisplayedEquations:
+    """Equations of a component, those of Hamilton's mechanics included."""
+    shown = of_model(assemble(component))
+    if not issubclass(component, Mechanism):
+        return shown if shown.equations else replace(shown, notes={"signal": "It is read from a table."})
+    derived, notes = derive(component), dict[str, str]()
+    further = of_operators(derived)
+    try:
+        further += of_hamiltonian(derived)
+    except ComponentError as reason:
+        notes["hamiltonian"] = f"{reason}."
+    order = list(LAWS)
+    every = sorted((*shown.equations, *further), key=lambda equation: order.index(equation.section))
+    return replace(shown, equations=tuple(every), notes=notes)
+
+
+def _paragraphs(left: str, right: Formula, printer: MathML) -> list[str]:
+    """One equation and its abbreviations."""
+    where = [_paragraph(name.name, term, printer) for name, term in right.where]
+    return [_paragraph(left, right.term, printer), *(["<p>where</p>", *where] if where else [])]
+
+
+def _paragraph(left: str, right: Term, printer: MathML) -> str:
+    """An equation that breaks between its terms where the page ends."""
+    first, *further = printer.terms(right)
+    signed = (re.sub("^<mo>", '<mo form="infix">', term) for term in further)  # spaced as between its neighbours
+    pieces = (f"{printer.name(left)}<mo>=</mo>{first}", *signed)
+    written = " ".join(f'<math displaystyle="true">{piece}</math>' for piece in pieces)
+    return f"<p class=formula>{written}</p>"
+
+
+def _single(text: str) -> str:
+    """The text with single blanks, and none inside of brackets."""
+    return " ".join(text.split()).replace("( ", "(").replace(" )", ")")
+
+
+def _ends(widths: Sequence[int], room: int) -> list[int]:
+    """Indices of the terms that begin further lines."""
+    ends, used = list[int](), 0
+    for i, size in enumerate(widths):
+        if i and used + size > room:
+            ends.append(i)
+            used = 0
+        used += size
+    return ends
+
+
+def _aligned(left: str, terms: Sequence[str], margin: int, columns: int) -> Iterator[str]:
+    """An equation that breaks between its terms, its sign of equality behind the margin."""
+    head = " " * (margin - width(left)) + f"{left} = "
+    room = max(columns - width(head), 10)
+    ends = _ends([width(term) for term in terms], room)
+    for a, b in zip([0, *ends], [*ends, len(terms)], strict=True):
+        for line in wrapped("".join(terms[a:b]).strip(), room):
+            yield head + line
+            head = " " * width(head)

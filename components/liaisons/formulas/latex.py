@@ -1,0 +1,64 @@
+"""Formulas in LaTeX, as MathJax and matplotlib read it, too."""
+
+from __future__ import annotations
+
+import unicodedata
+from itertools import pairwise
+from typing import ClassVar
+
+from liaisons.formulas.notation import Letter
+from liaisons.formulas.printing import Printer
+from liaisons.formulas.terms import Addition, Product, Term
+
+_KNOWN = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "arcsin", "arccos", "arctan", "exp", "ln", "min", "max"}
+_WORD = r"\mathrm{"
+
+
+class LaTeX(Printer):
+    """Prints LaTeX; words are upright."""
+
+    plus, minus = " + ", " - "
+    signs: ClassVar = {
+        "∂": r"\partial ",
+        "−": "-",
+        "·": r" \cdot ",
+        "≤": r" \leq ",
+        "≠": r" \neq ",
+        "=": " = ",
+        "<": " < ",
+    }
+
+    def letter(self, letter: Letter) -> str:
+        text = "".join(map(_character, letter.text)).strip()
+        base = f"{_WORD}{text}}}" if letter.is_word else text
+        if letter.dots:
+            base = rf"\{'d' * letter.dots}ot{{{base}}}"
+        return f"{base}_{{{','.join(map(self.letter, letter.below))}}}" if letter.below else base
+
+    def function(self, name: str) -> str:
+        return rf"\{name}" if name in _KNOWN else rf"\operatorname{{{name}}}"
+
+    def product(self, factors: tuple[Term, ...]) -> str:
+        rows = [self.factor(factor, Addition, Product) for factor in factors]
+        beside = (r" \, " if _WORD in before + after else " " for before, after in pairwise(rows))
+        return rows[0] + "".join(gap + row for gap, row in zip(beside, rows[1:], strict=True))
+
+    def fraction(self, above: str, below: str) -> str:
+        return rf"\frac{{{above}}}{{{below}}}"
+
+    def root(self, inside: Term) -> str:
+        return rf"\sqrt{{{self.row(inside)}}}"
+
+    def raised(self, base: str, above: str) -> str:
+        return f"{base}^{{{above}}}"
+
+    def around(self, left: str, row: str, right: str) -> str:
+        return rf"\left{left} {row.strip()} \right{right}"
+
+
+def _character(character: str) -> str:
+    """A character: ``θ`` is a command."""
+    words = unicodedata.name(character).replace("LAMDA", "LAMBDA").split()
+    if words[0] != "GREEK" or len(words) != 4 or words[3] == "OMICRON":
+        return character
+    return f"\\{words[3].title() if words[1] == 'CAPITAL' else words[3].lower()} "

@@ -1,0 +1,146 @@
+"""What all printers of formulas share: the walk through a term, and where brackets are needed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+from liaisons.formulas.notation import Letter, Notation
+from liaisons.formulas.terms import (
+    Addition,
+    Application,
+    Name,
+    Negative,
+    Number,
+    Power,
+    Product,
+    Quotient,
+    Root,
+    Term,
+    summands,
+)
+
+_SPELLED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "log": "ln"}
+
+
+class Printer(ABC):
+    """Terms as text of one kind; abstract."""
+
+    plus: ClassVar[str]
+    minus: ClassVar[str]
+    space: ClassVar[str] = " "
+    between: ClassVar[str] = " "
+    signs: ClassVar[Mapping[str, str]] = {}
+
+    def __init__(self, notation: Notation) -> None:
+        self.notation = notation
+
+    def name(self, name: str) -> str:
+        """A variable."""
+        return self.letter(self.notation[name])
+
+    def terms(self, term: Term) -> tuple[str, ...]:
+        """Each term of a sum with its sign, so that a line may break before it."""
+        return tuple(
+            self.minus + self.factor(t.term, Addition)
+            if isinstance(t, Negative)
+            else (self.plus if i else "") + self.row(t)
+            for i, t in enumerate(summands(term))
+        )
+
+    def row(self, term: Term) -> str:  # noqa: PLR0911 - one for each kind
+        """A term on one line."""
+        match term:
+            case Number(value):
+                return self.number(value)
+            case Name(name):
+                return self.name(name)
+            case Addition() | Negative():
+                return "".join(self.terms(term))
+            case Product(factors):
+                return self.product(factors)
+            case Quotient(above, below):
+                return self.quotient(above, below)
+            case Root(inside):
+                return self.root(inside)
+            case Power(base, exponent):
+                return self._power(base, exponent)
+            case Application(function, arguments):
+                return self._application(function, arguments)
+
+    def factor(self, term: Term, *kinds: type[Term]) -> str:
+        """A term, in brackets if it is of these kinds."""
+        row = self.row(term)
+        return self.around("(", row, ")") if isinstance(term, kinds) else row
+
+    def number(self, value: float) -> str:
+        """A number that is not negative."""
+        mantissa, _, exponent = f"{value!r}".partition("e")
+        if not exponent:
+            return self.digits(mantissa)
+        return (
+            f"{self.digits(mantissa)}{self.sign('·')}{self.raised(self.digits('10'), self.digits(str(int(exponent))))}"
+        )
+
+    def quotient(self, above: Term, below: Term) -> str:
+        return self.fraction(self.row(above), self.row(below))
+
+    def exponent(self, exponent: Term) -> str:
+        return self.row(exponent)
+
+    def grouped(self, row: str) -> str:
+        return row
+
+    def sign(self, sign: str) -> str:
+        return self.signs.get(sign, sign)
+
+    def digits(self, digits: str) -> str:
+        return digits
+
+    def _power(self, base: Term, exponent: Term) -> str:
+        above = self.exponent(exponent)
+        if isinstance(base, Application) and base.function in ("sin", "cos") and exponent == Number(2):
+            return self._called(self.raised(self.function(base.function), above), base.arguments)
+        return self.raised(self.row(base) if isinstance(base, Name) else self.around("(", self.row(base), ")"), above)
+
+    def _application(self, function: str, arguments: tuple[Term, ...]) -> str:
+        inner = [self.row(argument) for argument in arguments]
+        if function == "abs":
+            return self.around("|", inner[0], "|")
+        if relation := {"lt": "<", "le": "≤", "eq": "=", "ne": "≠"}.get(function):
+            return self.around("[", self.sign(relation).join(inner), "]")
+        return self._called(self.function(_SPELLED.get(function, function)), arguments)
+
+    def _called(self, function: str, arguments: tuple[Term, ...]) -> str:
+        inner = self.sign(",").join(map(self.row, arguments))
+        is_name = len(arguments) == 1 and isinstance(arguments[0], Name)
+        return self.applied(function, self.space + inner if is_name else self.around("(", inner, ")"))
+
+    def applied(self, function: str, argument: str) -> str:
+        return function + argument
+
+    @abstractmethod
+    def letter(self, letter: Letter) -> str:
+        """A letter with its dots and subscripts."""
+
+    @abstractmethod
+    def function(self, name: str) -> str:
+        """The name of a function."""
+
+    @abstractmethod
+    def product(self, factors: tuple[Term, ...]) -> str: ...
+
+    @abstractmethod
+    def fraction(self, above: str, below: str) -> str: ...
+
+    @abstractmethod
+    def root(self, inside: Term) -> str: ...
+
+    @abstractmethod
+    def raised(self, base: str, above: str) -> str:
+        """A base with its exponent."""
+
+    @abstractmethod
+    def around(self, left: str, row: str, right: str) -> str:
+        """A row between brackets."""

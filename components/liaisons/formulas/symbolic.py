@@ -1,0 +1,65 @@
+"""Formulas as expressions of SymPy, an optional package."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import mul
+from typing import Any
+
+from liaisons.errors import ProjectError
+from liaisons.formulas import terms as kinds
+from liaisons.formulas.terms import Formula, Term
+
+_NAMES = {"abs": "Abs", "min": "Min", "max": "Max", "ceil": "ceiling"}
+_RELATIONS = {"lt": "Lt", "le": "Le", "eq": "Eq", "ne": "Ne"}
+
+
+def sympy_package() -> Any:
+    """The package.
+
+    :raises ProjectError: if it is missing.
+    """
+    try:
+        import sympy
+    except ImportError:
+        raise ProjectError("equations(...).sympy() needs SymPy; pip install 'liaisons[sympy]'") from None
+    return sympy
+
+
+def symbol(name: str) -> Any:
+    """Symbol of a variable."""
+    return sympy_package().Symbol(name, real=True)
+
+
+def expression(formula: Formula) -> Any:  # noqa: C901 - one for each kind
+    """A formula without abbreviations; its symbols are real and have the names of the variables."""
+    sympy = sympy_package()
+    known = {"π": sympy.pi}
+
+    def value(term: Term) -> Any:  # noqa: C901, PLR0911
+        match term:
+            case kinds.Number(number):
+                return sympy.sympify(number)
+            case kinds.Name(name):
+                return known[name] if name in known else symbol(name)
+            case kinds.Negative(subtracted):
+                return -value(subtracted)
+            case kinds.Addition(terms):
+                return sum(map(value, terms), sympy.S.Zero)
+            case kinds.Product(factors):
+                return reduce(mul, map(value, factors))
+            case kinds.Quotient(above, below):
+                return value(above) / value(below)
+            case kinds.Power(base, exponent):
+                return value(base) ** value(exponent)
+            case kinds.Root(inside):
+                return sympy.sqrt(value(inside))
+            case kinds.Application(function, arguments):
+                x = map(value, arguments)
+                if function in _RELATIONS:  # 1 where it holds
+                    return sympy.Piecewise((1, getattr(sympy, _RELATIONS[function])(*x)), (0, True))
+                return getattr(sympy, _NAMES.get(function, function))(*x)
+
+    for name, term in formula.where:
+        known[name.name] = value(term)
+    return value(formula.term)

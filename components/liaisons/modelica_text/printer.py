@@ -1,0 +1,99 @@
+"""Formulas as Modelica expressions."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from liaisons.formulas.terms import (
+    Addition,
+    Application,
+    Name,
+    Negative,
+    Number,
+    Power,
+    Product,
+    Quotient,
+    Root,
+    Term,
+    summands,
+)
+
+_RESERVED = re.compile(
+    "algorithm|and|annotation|assert|block|break|class|connect|connector|constant|constrainedby|"
+    "der|discrete|each|else|elseif|elsewhen|encapsulated|end|enumeration|equation|expandable|"
+    "extends|external|false|final|flow|for|function|if|import|impure|in|initial|inner|input|"
+    "loop|model|not|operator|or|outer|output|package|parameter|partial|protected|public|pure|"
+    "record|redeclare|replaceable|return|stream|then|time|true|type|when|while|within"
+)
+
+_CALLED = re.compile(r"a?(sin|cos|tan)|(sin|cos|tan)h|atan2|exp|log|abs|sign|floor|ceil|min|max")
+_SPELLED = {"fmod": "rem", "or": "max"}
+_WRITTEN = {
+    "asinh": "log({0} + sqrt(({0})^2 + 1))",
+    "acosh": "log({0} + sqrt(({0})^2 - 1))",
+    "atanh": "log((1 + {0})/(1 - ({0})))/2",
+}
+_RELATIONS = {
+    "lt": "{0} < {1}",
+    "le": "{0} <= {1}",
+    # Real numbers are not compared by == outside of functions.
+    "eq": "abs({0} - ({1})) <= 0",
+    "ne": "abs({0} - ({1})) > 0",
+}
+
+
+class UnsupportedError(Exception):
+    """A function that the language does not have."""
+
+
+def identifier(name: str) -> str:
+    """A name that is no reserved word."""
+    return f"'{name}'" if _RESERVED.fullmatch(name) else name
+
+
+def expression(term: Term, names: Mapping[str, str], *, events: bool = True) -> str:  # noqa: C901, PLR0911 - by kind
+    """Modelica expression of a term.
+
+    :param names: what some of its names are written as.
+    :param events: whether relations are events.
+    :raises UnsupportedError: for a function that Modelica does not have.
+    """
+
+    def factor(part: Term, *bracketed: type[Term]) -> str:
+        text = expression(part, names, events=events)
+        return f"({text})" if isinstance(part, bracketed) else text
+
+    match term:
+        case Number(value):
+            return f"{value!r}" if isinstance(value, int) else f"{float(value)!r}"
+        case Name(name):
+            return repr(math.pi) if name == "π" else names.get(name, identifier(name))
+        case Addition() | Negative():
+            parts = summands(term)
+            signs = [isinstance(part, Negative) for part in parts]
+            texts = [
+                factor(p.term, Addition) if isinstance(p, Negative) else expression(p, names, events=events)
+                for p in parts
+            ]
+            first, *further = zip(signs, texts, strict=True)
+            return "".join(["-" * first[0] + first[1], *(f" {'-' if sign else '+'} {text}" for sign, text in further)])
+        case Product(factors):
+            return "*".join(factor(part, Addition) for part in factors)
+        case Quotient(above, below):
+            return f"{factor(above, Addition)}/{factor(below, Addition, Product, Quotient)}"
+        case Root(inside):
+            return f"sqrt({expression(inside, names, events=events)})"
+        case Power(base, exponent):
+            return f"{factor(base, Addition, Product, Quotient, Power)}^{factor(exponent, Addition, Product, Quotient)}"
+        case Application(function, arguments):
+            texts = [expression(argument, names, events=events) for argument in arguments]
+            if function in _RELATIONS:
+                relation = _RELATIONS[function].format(*texts)
+                return f"(if {relation if events else f'noEvent({relation})'} then 1 else 0)"
+            if function in _WRITTEN:
+                return _WRITTEN[function].format(*texts)
+            if function not in _SPELLED and not _CALLED.fullmatch(function):
+                raise UnsupportedError(function)
+            return f"{_SPELLED.get(function, function)}({', '.join(texts)})"

@@ -1,0 +1,192 @@
+"""Modelica text, compiled and simulated by rumoca, against the FMUs; pymoca reads it, too.
+
+The FMU and rumoca integrate at 1e-11; trajectories of a few seconds amplify that less than a hundredfold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from liaisons import modelica
+from liaisons.cosim import Result, simulate
+from liaisons.language import Chain, Mechanism, Operator, ParameterArray
+from liaisons.language.component import Component
+from liaisons.language.mechanical import MechanicalComponent
+from liaisons.mechanics import assemble
+from liaisons.models import (
+    CATALOGUE,
+    CartesianPendulum,
+    IsokineticOscillator,
+    OscillatorChain,
+    Pendulum,
+    PendulumChain,
+    PlannedMotion,
+    SmoothStep,
+)
+
+rumoca = pytest.importorskip("rumoca")
+pymoca = pytest.importorskip("pymoca.parser")
+
+BOUND = 1e-8
+QUICK = (Pendulum, IsokineticOscillator, OscillatorChain, PlannedMotion, SmoothStep)
+ALL = [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow, id=c.__name__) for c in CATALOGUE]
+MECHANICAL = [p for p, c in zip(ALL, CATALOGUE, strict=True) if issubclass(c, MechanicalComponent)]
+KNOTS = {
+    "instant": (0.0, 1.0, 2.5, 2.5, 4.0),
+    "value": (0.0, 1.0, -0.5, 0.3, 0.4),
+    "rate": (0.1, 0.0, 0.7, 0.0, -0.2),
+    "acceleration": (0.0, 1.0, 0.0, -1.0, 0.3),
+}
+FORCE = 0.05
+SPANS = {PendulumChain: 1.0, CartesianPendulum: 1.0}  # [s]; large motions are chaotic, projections are dear
+
+
+def span(component: type[Component]) -> float:
+    return SPANS.get(component, min(component.experiment.stop_time, 4.0))
+
+
+def parameters(component: type[Component]) -> dict[str, float]:
+    """The parameters that are 0 by default have another value, so that no term is missing."""
+    scalars = [p for p in component.parameters if not isinstance(p, ParameterArray)]
+    return {p.name: 0.05 for p in scalars if p.start == 0}
+
+
+def sigma(component: type[MechanicalComponent]) -> dict[str, tuple[float, float, float]]:
+    """For each active coordinate a, d, w of a + d (1 - cos wt), which starts at rest."""
+    return {s.name: (s.start, 0.05, 2.0 + k) for k, s in enumerate(component.actives)}
+
+
+def pushed(component: type[MechanicalComponent]) -> list[str]:
+    """Free coordinates and components of points, each of which a load pulls."""
+    return [port.name for port in assemble(component).ports if port.kind != "active"]
+
+
+def spread(component: type[Component], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of arrays in the length that the FMU has."""
+    counts = {v.name: v.count for v in assemble(component).variables if v.dimension is not None}
+    return {
+        name: np.pad(value, (0, counts[name] - len(value)), "edge")
+        if isinstance(value, tuple)
+        else np.full(counts[name], value)
+        if name in counts
+        else value
+        for name, value in values.items()
+    }
+
+
+def by_fmu(path: Path, component: type[Component]) -> Result:
+    values: dict[str, Any] = parameters(component) | (KNOTS if component is PlannedMotion else {})
+    inputs: dict[str, Callable[[float], tuple[float, float, float]]] = {}
+    if issubclass(component, MechanicalComponent):
+        values |= {f"{name}_load": FORCE for name in pushed(component)}
+        for name, (a, d, w) in sigma(component).items():
+            inputs[name] = lambda t, a=a, d=d, w=w: (
+                a + d * (1 - np.cos(w * t)),
+                d * w * np.sin(w * t),
+                d * w**2 * np.cos(w * t),
+            )
+    return simulate(
+        path,
+        stop_time=span(component),
+        step_size=span(component) / 200,
+        tolerance=1e-11,
+        inputs=inputs,
+        start_values=spread(component, values),
+    )
+
+
+def literal(value: Any) -> str:
+    return f"{{{', '.join(map(str, value))}}}" if isinstance(value, tuple) else f"{value!r}"
+
+
+def signals(component: type[Component], force: float = FORCE) -> str:
+    """Model of the component with its inputs prescribed."""
+    modified = {name: literal(value) for name, value in parameters(component).items()}
+    modified |= {name: literal(value) for name, value in KNOTS.items() if component is PlannedMotion}
+    if issubclass(component, MechanicalComponent):
+        for name, (a, d, w) in sigma(component).items():
+            modified[f"u_{name}"] = (
+                f"{{{a} + {d}*(1 - cos({w}*time)), {d * w}*sin({w}*time), {d * w**2}*cos({w}*time)}}"
+            )
+        constant = f"fill({force}, 10)" if issubclass(component, Chain) else f"{force}"
+        modified |= {f"{name}_load": constant for name in pushed(component)}
+    values = ", ".join(f"{name}={value}" for name, value in modified.items())
+    return f"model Test\n  {component.__name__}.Signals m({values});\nend Test;\n"
+
+
+def flanges(component: type[MechanicalComponent]) -> str:
+    """Models of the component with sources of motion at its flanges, and nothing at the others."""
+    own, units = component.__name__, {v.name: v.unit for v in assemble(component).variables}
+    values = ", ".join(f"{name}={value}" for name, value in parameters(component).items())
+    lines, joined, sources = [f"{own}.Flanges m({values});"], [], []
+    for name, (a, d, w) in sigma(component).items():
+        kind, position = ("Rotation", "phi") if units[name] == "rad" else ("Translation", "s")
+        motion = f"{own}.{kind} flange({position}={a} + {d}*(1 - cos({w}*time)));"
+        sources.append(f"model Move_{name} {motion} end Move_{name};")
+        lines.append(f"Move_{name} at_{name};")
+        joined.append(f"connect(at_{name}.flange, m.flange_{name});")
+    return "\n".join([*sources, "model Test", *lines, "equation", *joined, "end Test;", ""])
+
+
+def compiled(text: str, model: str) -> Any:
+    assert [d.message for d in rumoca.validate_source(text, model=model, filename="text.mo")] == []
+    return rumoca.Session().loads(text, model=model, filename="text.mo")
+
+
+def simulated(text: str, times: np.ndarray, model: str = "Test") -> dict[str, np.ndarray]:
+    """Signals at these times; at an event, after it."""
+    settings = rumoca.SimConfig(solver="rk-like", rtol=1e-11, atol=1e-11)  # the defaults are looser
+    result = compiled(text, model).simulate((0.0, times[-1]), dt=times[1], config=settings)
+    rows = np.searchsorted(result.time, times + 1e-9) - 1
+    np.testing.assert_allclose(np.asarray(result.time)[rows], times, atol=1e-9)
+    return {name: np.asarray(result[name])[rows] for name in result.names}
+
+
+def differences(result: Mapping[str, np.ndarray], run: Result, names: Mapping[str, str]) -> dict[str, float]:
+    """Largest difference of each signal, relative to its largest value above 1, by the names in the FMU."""
+    return {
+        name: float(np.max(np.abs(result[other] - run[name])) / max(1.0, np.max(np.abs(run[name]))))
+        for name, other in names.items()
+        if other in result
+    }
+
+
+def names_of(component: type[Component]) -> dict[str, str]:
+    if issubclass(component, Operator):
+        states = {state.name: f"m.{state.name}" for state in component.internal_states}
+        return states | {name: f"m.y[{i}]" for i, name in enumerate(("y", "y_dot", "y_ddot"), start=1)}
+    return {v.name: f"m.{v.name}" for v in assemble(component).flat().outputs}
+
+
+@pytest.mark.parametrize("component", ALL)
+def test_signals_move_as_the_fmu(component: type[Component], fmu: Callable[..., Path]) -> None:
+    run = by_fmu(fmu(component), component)
+    found = differences(simulated(modelica(component) + signals(component), run.time), run, names_of(component))
+    expected = {"y", "y_dot", "y_ddot"}
+    if issubclass(component, MechanicalComponent):
+        first = "[1]" if issubclass(component, Chain) else ""
+        expected = {"kinetic_energy", "potential_energy", "energy", *(f"{s.name}_force" for s in component.actives)}
+        for q in component.coordinates:
+            expected |= {f"{name}{first}" for name in (q.name, f"{q.name}_dot", f"{q.name}_ddot", f"p_{q.name}")}
+        if issubclass(component, Mechanism):
+            expected |= {name for o in component.orientations for name in (*o.quaternion, *o.rates, *o.momenta)}
+    assert expected <= found.keys()
+    assert {name: error for name, error in found.items() if error > BOUND} == {}
+
+
+@pytest.mark.parametrize("component", MECHANICAL)
+def test_flanges_move_as_the_signals(component: type[MechanicalComponent]) -> None:
+    """Here the tool differentiates and reduces the index; what the signals do is compared with the FMU."""
+    times, text = np.linspace(0, min(span(component), 2.0), 101), modelica(component)
+    one, other = simulated(text + signals(component, 0.0), times), simulated(text + flanges(component), times)
+    shared = [name for name in one if name.startswith("m.") and name in other]
+    assert {f"m.{s.name}_force" for s in component.actives} <= {*shared}
+    assert len(shared) > 5
+    for name in shared:
+        scale = max(1.0, float(np.max(np.abs(one[name]))))
+        np.testing.assert_allclose(other[name], one[name], atol=BOUND * scale, err_msg=name)
